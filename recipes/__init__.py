@@ -1,0 +1,1 @@
+"""What shall be done: recipe and bench schemas, units, the strict loader, and the shipped files."""

@@ -46,7 +46,7 @@ class BenchModel:
         self.frozen: dict[str, float] = {}
 
     def read(self) -> Image:
-        image = self.image._replace(command=self.command, **self.frozen)
+        image = self.image._replace(**{"command": self.command, **self.frozen})
         self.command = Command.NONE
         return image
 

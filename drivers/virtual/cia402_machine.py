@@ -67,6 +67,7 @@ class Cia402Machine:
         self._motor = MotorView(0, 0, 0, limited=False)
         self._home_counts = 0
         self._controlword = 0
+        self._settled: PowerState | None = None
         self._mode = 0
         self._target_torque = 0
         self._target_velocity = 0
@@ -84,7 +85,10 @@ class Cia402Machine:
 
     def write_controlword(self, value: int, now_ns: int) -> None:
         """Take a control word; levels act by `TRANSITIONS`, bits 4 and 7 by their rising edges."""
+        if value == self._controlword and self.state is self._settled:
+            return  # the usual case: the same word again, in a state that it did not change
         rising = value & ~self._controlword
+        before = self.state
         self._controlword = value
         if rising & tables.FAULT_RESET_BIT:
             self._command(PowerCommand.FAULT_RESET, now_ns)
@@ -96,6 +100,7 @@ class Cia402Machine:
             self._halt = self._begin(tables.HALT_OPTIONS[self.objects.halt_option], now_ns)
         if rising & tables.START_HOMING_BIT and self.mode_display is Mode.HOMING:
             self._home(now_ns)
+        self._settled = self.state if self.state is before else None
         self._update_demand()
 
     def write_mode(self, value: int) -> None:
@@ -110,13 +115,15 @@ class Cia402Machine:
 
     def write_target_torque(self, permille: int) -> None:
         """Take a target torque in 0.1 % of rated torque."""
-        self._target_torque = permille
-        self._update_demand()
+        if permille != self._target_torque:
+            self._target_torque = permille
+            self._update_demand()
 
     def write_target_velocity(self, counts_s: int) -> None:
         """Take a target velocity."""
-        self._target_velocity = counts_s
-        self._update_demand()
+        if counts_s != self._target_velocity:
+            self._target_velocity = counts_s
+            self._update_demand()
 
     def consume_heartbeats_of(self, node_id: int, timeout_ms: int) -> None:
         """Supervise a node's heartbeat (0x1016); 0 ms ends it. Supervision starts with the first heartbeat."""
@@ -187,13 +194,14 @@ class Cia402Machine:
             self._controller_lost(tables.SETPOINT_TIMEOUT, text, now_ns)
         if self._halt is not None:
             self._halt.carry_on(motor, now_ns)
+            self._update_demand()
         if self._stop is not None:
             overdue = self._stop.overdue(now_ns)
             if overdue:
                 self._event(now_ns, "stop_cut", 0, "the stop did not end in time: power off")
             if overdue or self._stop.carry_on(motor, now_ns):
                 self._enter(self._after_stop, now_ns)
-        self._update_demand()
+            self._update_demand()
 
     # What the network reads ------------------------------------------------------------------------------------
 
@@ -333,7 +341,7 @@ class Cia402Machine:
 
     def _enter(self, state: PowerState, now_ns: int) -> None:
         if state is not self.state:
-            self._event(now_ns, "drive_state", self.error_code, f"{self.state.value} -> {state.value}")
+            self._event(now_ns, "drive_state", self.error_code, f"{self.state.text} -> {state.text}")
         self.state = state
         self._stop = None
         if state is not PowerState.OPERATION_ENABLED:

@@ -9,28 +9,33 @@ from __future__ import annotations
 from enum import Enum, IntEnum
 
 
-class PowerState(Enum):
+class PowerState(IntEnum):
     """States of the drive's power machine."""
 
-    NOT_READY_TO_SWITCH_ON = "not ready to switch on"
-    SWITCH_ON_DISABLED = "switch on disabled"
-    READY_TO_SWITCH_ON = "ready to switch on"
-    SWITCHED_ON = "switched on"
-    OPERATION_ENABLED = "operation enabled"
-    QUICK_STOP_ACTIVE = "quick stop active"
-    FAULT_REACTION_ACTIVE = "fault reaction active"
-    FAULT = "fault"
+    NOT_READY_TO_SWITCH_ON = 0
+    SWITCH_ON_DISABLED = 1
+    READY_TO_SWITCH_ON = 2
+    SWITCHED_ON = 3
+    OPERATION_ENABLED = 4
+    QUICK_STOP_ACTIVE = 5
+    FAULT_REACTION_ACTIVE = 6
+    FAULT = 7
+
+    @property
+    def text(self) -> str:
+        """Name as the profile writes it."""
+        return self.name.lower().replace("_", " ")
 
 
-class PowerCommand(Enum):
+class PowerCommand(IntEnum):
     """What a control word asks of the power machine."""
 
-    DISABLE_VOLTAGE = "disable voltage"
-    QUICK_STOP = "quick stop"
-    SHUTDOWN = "shutdown"
-    SWITCH_ON = "switch on"
-    ENABLE_OPERATION = "enable operation"
-    FAULT_RESET = "fault reset"
+    DISABLE_VOLTAGE = 0
+    QUICK_STOP = 1
+    SHUTDOWN = 2
+    SWITCH_ON = 3
+    ENABLE_OPERATION = 4
+    FAULT_RESET = 5
 
 
 class Mode(IntEnum):

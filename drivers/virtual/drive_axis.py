@@ -48,14 +48,14 @@ class DriveAxis:
 
     def tick(self, now_ns: int) -> None:
         """Measure the motor, let the machine look at it and at the time, and apply what it then demands."""
-        plant = self._plant
-        if plant.take_limited():
+        torque_nm, angle_rad, velocity_rad_s, limited = self._plant.motor()
+        if limited:
             self._limit_until_ns = now_ns + LIMIT_SHOWN_NS
         view = MotorView(
-            round(plant.motor_torque_nm / self._torque_unit_nm),
-            round(plant.motor_angle_rad * self._counts_per_rad),
-            round(plant.motor_velocity_rad_s * self._counts_per_rad_s),
-            limited=now_ns <= self._limit_until_ns,
+            round(torque_nm / self._torque_unit_nm),
+            round(angle_rad * self._counts_per_rad),
+            round(velocity_rad_s * self._counts_per_rad_s),
+            now_ns <= self._limit_until_ns,
         )
         self.machine.step(now_ns, view)
         self.apply()

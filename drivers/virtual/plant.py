@@ -41,6 +41,9 @@ GEARBOX_VISCOUS_NMS_RAD = 1.0
 ADC_BITS = 20
 SATURATION = 1.1  # of full scale
 MIN_LAG_S = 1e-6
+# Plain ints: an enum member as an index costs three times as much, and these are read in every scan.
+STEP, LIMITED, SAMPLE_COUNTER = int(S.STEP), int(S.LIMITED), int(S.SAMPLE_COUNTER)
+MOTOR_NM, DRIVEN_RAD, DRIVEN_RAD_S = int(S.MOTOR_NM), int(S.DRIVEN_RAD), int(S.DRIVEN_RAD_S)
 CHANNELS = ("torque_in", "torque_out", "angle_in", "angle_out")
 
 
@@ -72,11 +75,12 @@ class Plant:
         self._noise: FloatArray = np.zeros((NOISE_ROWS, len(CHANNELS)))
         self._out: FloatArray = np.zeros(len(CHANNELS) + 1)
         self._pending_ns = 0
+        self._gear = config.drive.gear_ratio
 
     @property
     def now_ns(self) -> int:
         """Simulated time, a whole number of inner steps."""
-        return int(self.state[S.STEP]) * STEP_NS
+        return int(self.state[STEP]) * STEP_NS
 
     def advance(self, duration_ns: int) -> None:
         """Move on by `duration_ns`; what is left over below an inner step is kept for the next call."""
@@ -106,26 +110,13 @@ class Plant:
         """Current in the brake's coil."""
         return float(self.control[C.BRAKE_CURRENT_A])
 
-    def take_limited(self) -> bool:
-        """Return whether a torque or speed limit has acted since the last call."""
-        limited = self.state[S.LIMITED] != 0.0
-        self.state[S.LIMITED] = 0.0
-        return bool(limited)
-
-    @property
-    def motor_torque_nm(self) -> float:
-        """Torque in the motor's air gap."""
-        return float(self.state[S.MOTOR_NM])
-
-    @property
-    def motor_angle_rad(self) -> float:
-        """Angle of the motor since the plant was built."""
-        return float(self.state[S.DRIVEN_RAD] * self.params[P.GEAR_RATIO])
-
-    @property
-    def motor_velocity_rad_s(self) -> float:
-        """Speed of the motor."""
-        return float(self.state[S.DRIVEN_RAD_S] * self.params[P.GEAR_RATIO])
+    def motor(self) -> tuple[float, float, float, bool]:
+        """Return the motor's torque, angle and speed, and whether a limit has acted since the last call."""
+        values = self.state.tolist()
+        limited = values[LIMITED] != 0.0
+        if limited:
+            self.state[LIMITED] = 0.0
+        return values[MOTOR_NM], values[DRIVEN_RAD] * self._gear, values[DRIVEN_RAD_S] * self._gear, limited
 
     @property
     def housing_temp_c(self) -> float:
@@ -142,7 +133,7 @@ class Plant:
 
     def sample(self) -> Sample:
         """Return the newest sample of the amplifier: all channels latched at one instant, at most 0.1 ms ago."""
-        counter = int(self.state[S.SAMPLE_COUNTER])
+        counter = int(self.state[SAMPLE_COUNTER])
         block, row = divmod(counter, NOISE_ROWS)
         if block != self._noise_block:
             generator = np.random.Generator(np.random.PCG64([block, *self._noise_seed]))

@@ -11,6 +11,7 @@ from analysis.runs import commanded_runs
 from analysis.segment_fit import MeanCurve
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
+from analysis.trace_files import read_trace, segment_name
 from analysis.verdict import Verdict
 
 __all__ = [
@@ -38,4 +39,6 @@ __all__ = [
     "commanded_runs",
     "fit_quadrants",
     "fit_torque_ratio",
+    "read_trace",
+    "segment_name",
 ]

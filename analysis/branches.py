@@ -16,7 +16,7 @@ from analysis.method import Method
 from analysis.trace import Trace
 from analysis.units import ARCMIN_PER_RAD, FloatArray
 
-MOST_BLOCKS = 2000
+MOST_BLOCKS = 3000
 """Points per branch at most; a branch with fewer samples keeps them all."""
 
 LEAST_POINTS = 20

@@ -135,7 +135,7 @@ def evaluate(
         ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant)
         of_ratio = row.estimate is None
         measured = _from_ratio(wanted.id, ask.side, quadrants) if of_ratio else _from_loops(row, ask, loops)
-        found.append(_judged(wanted, row, side, measured, decision, invalid=invalid))
+        found.append(_judged(wanted, side, measured, decision, invalid=invalid))
     return MetricResult(wanted, row, branch, _estimator(row, variant), band, torque, tuple(found))
 
 
@@ -177,9 +177,7 @@ def _from_ratio(name: str, side: int, quadrants: Quadrants | AnalysisError) -> _
     return _Measured((side * line.offset_nm,), None if fit is None else COVERAGE_FACTOR * fit.u_offset_nm, "")
 
 
-def _judged(
-    wanted: MetricWanted, row: Definition, side: str, measured: _Measured, decision: Decision, *, invalid: bool
-) -> SideValue:
+def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:
     """Judge one side and word the reason when it does not pass."""
     values, expanded, trouble = measured
     value = float(np.mean(values)) if values else None

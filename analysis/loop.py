@@ -21,6 +21,10 @@ MIDDLE_OF_LOOP = (0.25, 0.75)
 """Share of the angle between the turning points over which the friction torque is read."""
 
 
+STEEP = 3.0
+"""A branch leaves its turn steeply when it is this much stiffer than the one that arrived, over twice the friction."""
+
+
 @dataclass(frozen=True)
 class Loop:
     """Forward and return branch of one cycle, evaluated by one method."""
@@ -40,9 +44,22 @@ class Loop:
         return max(0.0, float(np.median(height)) / 2.0)
 
     @cached_property
-    def exclusion_nm(self) -> float:
-        """Torque next to a turning point in which friction is still reversing, N·m."""
-        return self.method.reversal_exclusion * self.friction_nm
+    def exclusion_nm(self) -> tuple[float, float]:
+        """Torque in which friction still reverses after the turn at the negative and at the positive end, N·m.
+
+        Zero where the branch does not leave the turn steeply: the friction of that loop does not reverse there.
+        """
+        return self._excluded(-1), self._excluded(1)
+
+    def _excluded(self, end: int) -> float:
+        leaving, arriving = (self.backward, self.forward) if end > 0 else (self.forward, self.backward)
+        turn = float(leaving.torque_nm[-1 if end > 0 else 0])
+        span = min(2.0 * self.friction_nm, abs(turn) / 2.0)
+        inner = turn - end * span
+        arrived = abs(float(np.interp(turn, arriving.torque_nm, arriving.angle_arcmin)
+                            - np.interp(inner, arriving.torque_nm, arriving.angle_arcmin)))  # fmt: skip
+        left = abs(self._measured(leaving, turn) - self._measured(leaving, inner))
+        return self.method.reversal_exclusion * self.friction_nm if arrived > STEEP * left else 0.0
 
     @cached_property
     def fit(self) -> SixSegmentFit:
@@ -57,13 +74,13 @@ class Loop:
 
     def rising_at(self, torque_nm: float) -> float:
         """f(T) [arcmin]; next to the turning point that the branch starts from, its fitted segment instead."""
-        if torque_nm < float(self.forward.torque_nm[0]) + self.exclusion_nm and torque_nm < 0.0:
+        if torque_nm < float(self.forward.torque_nm[0]) + self.exclusion_nm[0] and torque_nm < 0.0:
             return self._fitted(torque_nm, self.fit.forward[0])
         return self._measured(self.forward, torque_nm)
 
     def falling_at(self, torque_nm: float) -> float:
         """r(T) [arcmin]; next to the turning point that the branch starts from, its fitted segment instead."""
-        if torque_nm > float(self.backward.torque_nm[-1]) - self.exclusion_nm and torque_nm > 0.0:
+        if torque_nm > float(self.backward.torque_nm[-1]) - self.exclusion_nm[1] and torque_nm > 0.0:
             return self._fitted(torque_nm, self.fit.backward[2])
         return self._measured(self.backward, torque_nm)
 
@@ -100,8 +117,8 @@ class Loop:
     def _fitted(self, torque_nm: float, segment: FloatArray) -> float:
         if not self.method.break_nm <= abs(torque_nm) <= 1.05 * self.method.fit_nm:
             raise AnalysisError(
-                f"at {torque_nm:.4g} N·m friction is still reversing ({self.exclusion_nm:.3g} N·m next to the turning "
-                "point are excluded); load the unit further beyond the torques that are evaluated"
+                f"at {torque_nm:.4g} N·m friction is still reversing ({max(self.exclusion_nm):.3g} N·m next to the "
+                "turning point are excluded); load the unit further beyond the torques that are evaluated"
             )
         return float(np.polynomial.polynomial.polyval(torque_nm, segment))
 

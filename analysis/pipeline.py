@@ -146,9 +146,10 @@ def _loops(
     notes.append(f"cycles: {len(loops)}")
     if method.output_torque == "calibrated" and isinstance(quadrants, Quadrants):
         notes.append(_transition_note(quadrants, masked))
+    below, above = loops[0].exclusion_nm
     notes.append(
-        f"reversal: {loops[0].exclusion_nm:.3g} N·m next to each turning point are not fitted "
-        f"({method.reversal_exclusion:g} × friction of {loops[0].friction_nm:.3g} N·m)"
+        f"reversal: {below:.3g} N·m after the negative and {above:.3g} N·m after the positive turning point are taken "
+        f"from the fit ({method.reversal_exclusion:g} × friction of {loops[0].friction_nm:.3g} N·m where it reverses)"
     )
     return loops
 

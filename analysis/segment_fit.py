@@ -75,17 +75,21 @@ class SixSegmentFit:
 
 
 def fit_six_segments(
-    forward: Branch, backward: Branch, break_nm: float, end_nm: float, exclusion_nm: float
+    forward: Branch, backward: Branch, break_nm: float, end_nm: float, exclusion_nm: tuple[float, float]
 ) -> SixSegmentFit:
-    """Fit both branches to ±end_nm, without exclusion_nm [N·m] of torque next to the turning point each starts from.
+    """Fit both branches to ±end_nm, without the torque excluded at the turn that each starts from.
 
     forward: rising branch, starts from its most negative torque; backward: falling branch, starts from its highest.
+    exclusion_nm: torque excluded at the negative end of forward and at the positive end of backward, N·m.
     Raises AnalysisError when less than a quarter of a segment is left to be fitted.
     """
-    forward_ends = (max(-end_nm, float(forward.torque_nm[0]) + exclusion_nm), min(end_nm, float(forward.torque_nm[-1])))
+    forward_ends = (
+        max(-end_nm, float(forward.torque_nm[0]) + exclusion_nm[0]),
+        min(end_nm, float(forward.torque_nm[-1])),
+    )
     backward_ends = (
         max(-end_nm, float(backward.torque_nm[0])),
-        min(end_nm, float(backward.torque_nm[-1]) - exclusion_nm),
+        min(end_nm, float(backward.torque_nm[-1]) - exclusion_nm[1]),
     )
     rising = _fit_branch(forward, break_nm, end_nm, forward_ends)
     falling = _fit_branch(backward, break_nm, end_nm, backward_ends)

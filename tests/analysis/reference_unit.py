@@ -77,9 +77,7 @@ class Bench:
     dwell_s: float = 0.1
 
 
-def bench_trace(  # noqa: PLR0914 - the path of one run
-    unit: ReferenceUnit, peak: float, cycles: int = 3, bench: Bench | None = None, seed: int = 1
-) -> Trace:
+def bench_trace(unit: ReferenceUnit, peak: float, cycles: int = 3, bench: Bench | None = None, seed: int = 1) -> Trace:
     """Run of the inverse bench: calibrate (0, +, 0, -, 0), virgin quarter, cycles, unload; all channels, with noise."""
     bench = bench or Bench()
     random = np.random.default_rng(seed)

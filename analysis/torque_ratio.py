@@ -26,8 +26,8 @@ class RatioFit:
     """Ordinary least squares of output torque on input torque: T_out = offset_nm + slope · T_in.
 
     residual_sd_nm s, standard uncertainties u_offset_nm and u_slope, correlation of the two, r_squared, externally
-    studentised residuals and the indices flagged by them, and the Theil–Sen line (intercept: median of the points'
-    own intercepts) as a check that outliers cannot move.
+    studentised residuals and the indices flagged by them, and the Theil–Sen line (through
+    the medians of both torques) as a check that outliers cannot move.
     """
 
     offset_nm: float
@@ -120,4 +120,4 @@ def _theil_sen(x: FloatArray, y: FloatArray) -> tuple[float, float]:
         picked = np.linspace(0, x.size - 1, THEIL_SEN_POINTS).astype(np.int64)
         x, y = x[picked], y[picked]
     slope = float(stats.theilslopes(y, x).slope)
-    return float(np.median(y - slope * x)), slope
+    return float(np.median(y)) - slope * float(np.median(x)), slope

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.errors import AnalysisError
 from analysis.loop import Loop
 
 LSQ_BAND = (0.2, 0.8)
@@ -68,6 +69,11 @@ def stiffness_end_point(loop: Loop, ask: Ask) -> float:
 
 def stiffness_at(loop: Loop, ask: Ask) -> float:
     """1 / F′(T) of the fitted mean curve, N·m/arcmin."""
+    if ask.torque_nm > loop.method.fit_nm:
+        raise AnalysisError(
+            f"the mean curve is fitted to {loop.method.fit_nm:.4g} N·m and asked for {ask.torque_nm:.4g} N·m; choose a "
+            "torque within, or a higher reference torque"
+        )
     return loop.fit.mean.stiffness_at(ask.side * ask.torque_nm)
 
 

@@ -126,7 +126,7 @@ def evaluate(
     row = definition(wanted)
     check_limits(wanted.id, wanted.min, wanted.max)
     sides = row.sides if wanted.side is None else (wanted.side,)
-    band = row.band if wanted.band is None or row.band is None else wanted.band
+    band = row.band if wanted.band is None else wanted.band
     torque = _torque(wanted, row, method)
     variant = wanted.variant or row.variants[0]
     branch = wanted.branch or row.branch

@@ -6,6 +6,7 @@ Results print the definition beside the number.
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -36,13 +37,15 @@ class Definition(NamedTuple):
     sides: tuple[str, ...]
     branch: str
     branches: tuple[str, ...]
-    """Branches that may be chosen; the first of `branch` when only one."""
+    """Branches that may be chosen."""
     estimator: str
     variants: tuple[str, ...]
     """The first one is taken when none is asked for."""
     band: float | None
     torque: float | None
-    """Torque in fractions of the reference torque where a metric is read, if it can be chosen."""
+    """Torque in fractions of the reference torque where a metric is read."""
+    free: tuple[str, ...]
+    """Of "band" and "torque_nm", what may be chosen; the others are part of the definition."""
     too_low: str
     too_high: str
 
@@ -64,11 +67,12 @@ def _row(
     variants: tuple[str, ...] = ("",),
     band: float | None = None,
     torque: float | None = None,
+    free: tuple[str, ...] = (),
     words: tuple[str, str] = (_SOFT, _STIFF),
 ) -> Definition:
     allowed = branches or (branch,)
     return Definition(
-        unit, text, source, estimate, sides, branch, allowed, estimator, variants, band, torque, words[0], words[1]
+        unit, text, source, estimate, sides, branch, allowed, estimator, variants, band, torque, free, *words
     )
 
 
@@ -91,7 +95,7 @@ METRICS: dict[str, Definition] = {
         "arcmin",
         "centreline of the loop between plus and minus the band (3 % unless chosen): m(+b·T) − m(−b·T)",
         "Nabtesco, SPINEA",
-        estimators.lost_motion, band=0.03, words=(_TIGHT, _PLAY),
+        estimators.lost_motion, band=0.03, free=("band",), words=(_TIGHT, _PLAY),
     ),
     "stiffness_lsq": _row(
         STIFFNESS,
@@ -123,7 +127,7 @@ METRICS: dict[str, Definition] = {
         STIFFNESS,
         "1 / F′(T) of the six-segment mean curve at the chosen torque (50 % of the reference torque unless chosen)",
         "inverse loading",
-        estimators.stiffness_at, sides=SIDED, estimator="six-segment fit", torque=0.5,
+        estimators.stiffness_at, sides=SIDED, estimator="six-segment fit", torque=0.5, free=("torque_nm",),
     ),
     "spring_constant": _row(
         STIFFNESS,
@@ -183,4 +187,13 @@ def definition(wanted: MetricWanted) -> Definition:
     ):
         if found is not None and found not in allowed:
             raise AnalysisError(f"metric {wanted.id}: {name}: found '{found}'; allowed: {', '.join(allowed) or 'none'}")
+    for name, chosen, most in (("band", wanted.band, 1.0), ("torque_nm", wanted.torque_nm, math.inf)):
+        if chosen is not None and name not in row.free:
+            raise AnalysisError(
+                f"metric {wanted.id}: {name}: found {chosen:g}; it is part of the definition: leave it out"
+            )
+        if chosen is not None and not 0.0 < chosen <= most:
+            raise AnalysisError(
+                f"metric {wanted.id}: {name}: found {chosen:g}; needed is a number above 0, at most {most:g}"
+            )
     return row

@@ -40,11 +40,12 @@ class Curves:
 
 @dataclass(frozen=True)
 class Result:
-    """Metrics, the verdict with its reasons, the curves, the torque ratio if there is one, and what each stage did."""
+    """Metrics, verdict with reasons and rule, curves, the torque ratio if there is one, and what each stage did."""
 
     metrics: tuple[MetricResult, ...]
     verdict: Verdict
     reasons: tuple[str, ...]
+    decision: Decision
     curves: Curves
     quadrants: Quadrants | None
     notes: tuple[str, ...]
@@ -54,6 +55,7 @@ class Result:
         return {
             "verdict": self.verdict.value,
             "reasons": list(self.reasons),
+            "decision": {"rule": self.decision.rule, "guard_factor": self.decision.guard_factor},
             "metrics": [metric.to_dict() for metric in self.metrics],
             "notes": list(self.notes),
         }
@@ -77,7 +79,7 @@ def analyse(
     with np.errstate(all="ignore"):
         notes: list[str] = []
         runs = _runs(trace, method, notes)
-        needs_ratio = method.output_torque == "calibrated" or any(row.estimate is None for row in rows)
+        needs_ratio = _converts(trace, method) or any(row.estimate is None for row in rows)
         quadrants = _torque_ratio(trace, method, runs, notes) if needs_ratio else AnalysisError("not asked for")
         loops = _loops(trace, method, runs, quadrants, notes)
         problems = [*invalid, *_wrong_way(loops)]
@@ -85,7 +87,7 @@ def analyse(
         curves = _curves(loops)
     verdict, reasons = _overall(metrics, problems)
     ratio = quadrants if isinstance(quadrants, Quadrants) else None
-    return Result(metrics, verdict, tuple(reasons), curves, ratio, tuple(notes))
+    return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, tuple(notes))
 
 
 def _runs(trace: Trace, method: Method, notes: list[str]) -> list[Run]:
@@ -93,7 +95,7 @@ def _runs(trace: Trace, method: Method, notes: list[str]) -> list[Run]:
     if runs:
         notes.append("branches: from the commanded segments")
     else:
-        column = "torque_out_nm" if method.output_torque == "reaction" else "torque_in_nm"
+        column = "torque_in_nm" if _converts(trace, method) else "torque_out_nm"
         runs = found_runs(trace.channel(column, "the turning points"))
         notes.append("branches: turning points found on the curve, no segments in the trace")
     dropped = [run.role for run in runs if run.role not in ("measure", "calibrate")]
@@ -144,8 +146,10 @@ def _loops(
             branches.append(make_branch(torque, angle, run.direction, f"{where} (from row {run.first_row})"))
         loops.append(Loop(branches[0], branches[1], method))
     notes.append(f"cycles: {len(loops)}")
-    if method.output_torque == "calibrated" and isinstance(quadrants, Quadrants):
+    if _converts(trace, method) and isinstance(quadrants, Quadrants):
         notes.append(_transition_note(quadrants, masked))
+    elif method.output_torque == "calibrated":
+        notes.append("output torque: torque_out_nm as given; there is no input torque in the trace to convert")
     below, above = loops[0].exclusion_nm
     notes.append(
         f"reversal: {below:.3g} N·m after the negative and {above:.3g} N·m after the positive turning point are taken "
@@ -158,13 +162,18 @@ def _branch_torque(
     trace: Trace, method: Method, run: Run, quadrants: Quadrants | AnalysisError
 ) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.bool_]] | None]:
     """Output torque of a run, and which of its samples count (None: all)."""
-    if method.output_torque == "reaction":
+    if not _converts(trace, method):
         return run.take(trace.channel("torque_out_nm", "the torque at the output")), None
     torque_in = run.take(trace.channel("torque_in_nm", "the output torque by calibration"))
     if isinstance(quadrants, AnalysisError):
         raise quadrants
     angle = None if trace.angle_in_rad is None else run.take(trace.angle_in_rad)
     return output_torque(quadrants, torque_in, run.direction, angle)
+
+
+def _converts(trace: Trace, method: Method) -> bool:
+    """Say whether input torque is to be converted; output torque alone was converted by somebody before."""
+    return method.output_torque == "calibrated" and not (trace.torque_in_nm is None and trace.torque_out_nm is not None)
 
 
 def _transition_note(quadrants: Quadrants, masked: Sequence[int]) -> str:

@@ -102,16 +102,35 @@ def test_one_quadrant_missing_is_named() -> None:
         fit_quadrants(TRACE, runs[:1])
 
 
-@pytest.mark.parametrize(("missing", "said"), [("torque_in_nm", "column torque_in_nm"), ("segment", "calibrate")])
-def test_what_the_method_needs_and_the_trace_lacks_is_named(missing: str, said: str) -> None:
+def without(*missing: str) -> Trace:
     channels = {
         name: getattr(TRACE, name)
         for name in ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "segment")
-        if name != missing
+        if name not in missing
     }
-    segments = {} if missing == "segment" else TRACE.segments
+    return Trace(**channels, segments={} if "segment" in missing else TRACE.segments)
+
+
+@pytest.mark.parametrize(
+    ("missing", "said"),
+    [
+        (("torque_in_nm", "torque_out_nm"), "column torque_in_nm"),
+        (("segment",), "no calibrate segment"),
+        (("torque_out_nm",), "column torque_out_nm"),
+    ],
+)
+def test_what_the_method_needs_and_the_trace_lacks_is_named(missing: tuple[str, ...], said: str) -> None:
     with pytest.raises(AnalysisError, match=said):
-        analyse(Trace(**channels, segments=segments), METHOD, WANTED)
+        analyse(without(*missing), METHOD, WANTED)
+
+
+def test_output_torque_alone_is_taken_as_converted_before() -> None:
+    result = analyse(without("torque_in_nm"), METHOD, WANTED)
+    measured = analyse(TRACE, dataclasses.replace(METHOD, output_torque="reaction"), WANTED)
+    assert [metric.headline.value for metric in result.metrics] == [
+        metric.headline.value for metric in measured.metrics
+    ]
+    assert any("as given" in note for note in result.notes)
 
 
 def test_line_that_cannot_be_inverted_is_refused() -> None:

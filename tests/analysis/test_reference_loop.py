@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference_unit import ARC, RATIO, ReferenceUnit, bench_trace, exact_trace
 
-from analysis import Method, MetricWanted, Result, Trace, analyse
+from analysis import Method, MetricWanted, Result, SegmentInfo, Trace, analyse
 
 METHOD = Method(ratio=121, rated_torque_nm=412)
 P1 = ReferenceUnit()
@@ -107,6 +107,38 @@ def test_turning_points_found_agree_with_commanded_ones() -> None:
     one, other = values(analyse(named, METHOD, wanted)), values(analyse(found, METHOD, wanted))
     for name, value in one.items():
         assert other[name] == pytest.approx(value, rel=2e-3)
+
+
+def test_steps_with_dwell_are_one_branch() -> None:
+    """Each level is a ramp and a dwell of its own; the loop is the same."""
+    trace = bench_trace(P1, 453.2, cycles=2)
+    segment, table = trace.segment.copy(), dict(trace.segments)
+    for key, info in trace.segments.items():
+        if info.role == "measure":
+            samples = np.flatnonzero(segment == key)
+            for step in range(1, 10):
+                ramp, dwell = len(table), len(table) + 1
+                table |= {ramp: info, dwell: SegmentInfo("dwell")}
+                begin = samples.size * step // 10
+                segment[samples[begin:]] = ramp
+                segment[samples[begin : begin + 20]] = dwell
+    stepped = dataclasses.replace(trace, segment=segment, segments=table)
+    wanted = [MetricWanted(name) for name in BENCH]
+    one, other = analyse(trace, METHOD, wanted), analyse(stepped, METHOD, wanted)
+    assert [len(metric.headline.per_cycle) for metric in other.metrics] == [2] * len(wanted)
+    for name, value in values(one).items():
+        assert values(other)[name] == pytest.approx(value, rel=1e-2)
+
+
+def test_the_virgin_quarter_does_not_count() -> None:
+    trace = bench_trace(P1, 453.2, cycles=1)
+    roles = {key: info for key, info in trace.segments.items() if info.role == "measure"}
+    assert trace.segment is not None
+    keep = np.isin(trace.segment, list(roles))
+    channels = ("t_s", "torque_out_nm", "angle_in_rad", "angle_out_rad", "segment")
+    alone = Trace(**{name: getattr(trace, name)[keep] for name in channels}, segments=trace.segments)
+    wanted = [MetricWanted(name) for name in BENCH]
+    assert values(analyse(alone, METHOD, wanted)) == values(analyse(trace, METHOD, wanted))
 
 
 def test_a_cracked_unit_fails_on_its_soft_side() -> None:

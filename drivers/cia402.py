@@ -46,6 +46,7 @@ INTERNAL_LIMIT_BIT = 1 << 11
 MODE_BIT_12 = 1 << 12
 MODE_BIT_13 = 1 << 13
 
+_WORDS = {int(command): word for command, word in CONTROL_WORDS.items()}
 _STATE_MASK = 0x6F
 _CYCLIC_MODES = frozenset({int(DriveMode.CYCLIC_SYNC_VELOCITY), int(DriveMode.CYCLIC_SYNC_TORQUE)})
 
@@ -67,10 +68,7 @@ def decode_state(statusword: int) -> DriveState:
 
 def control_word(command: int) -> int:
     """Control word 0x6040 of a `DriveCommand`; a number that is none disables the voltage."""
-    try:
-        return CONTROL_WORDS[command]  # type: ignore[index]
-    except KeyError:
-        return 0x00
+    return _WORDS.get(command, 0x00)
 
 
 def internal_limit(statusword: int) -> int:

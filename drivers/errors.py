@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Problem:
-    """One finding: what is wrong, where (node and object, or address and register), found, expected, what to do next."""
+    """One finding: what is wrong, where (node and object, or address and unit), found, expected, what to do next."""
 
     what: str
     where: str

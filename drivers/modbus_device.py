@@ -70,7 +70,7 @@ class RegisterWriter:
         self._swap_bytes = profile.byte_order == "little"
 
     def registers(self, orders: Mapping[str, float]) -> list[int]:
-        """Registers for these orders, all fields of the write block by name."""
+        """Encode these orders, all fields of the write block by name."""
         words: list[int] = []
         for field in self._fields:
             number, clamped = to_integer(orders[field.name] / (field.scale or 1.0), field.type)
@@ -114,6 +114,7 @@ class ModbusDevice:
         self._pending_is_write = False
         self._last_was_write = False
         self._read_scan: int | None = None
+        self._orders: dict[str, float] = {}
         self._wanted: list[int] = []
         self._acknowledged: list[int] = []
         self._write_request: Request | None = None
@@ -128,6 +129,11 @@ class ModbusDevice:
         return self.reader.names.index(name) if name in self.reader.names else NO_FIELD
 
     @property
+    def trusted(self) -> bool:
+        """True while the device's identity is proven for the line as it is now."""
+        return self._trusted_epoch == self.line.epoch
+
+    @property
     def lost(self) -> bool:
         """True while the connection is down or the device answers with exceptions only."""
         return self.line.lost or self._exceptions_in_a_row >= EXCEPTIONS_IN_A_ROW
@@ -138,6 +144,9 @@ class ModbusDevice:
 
     def order(self, orders: Mapping[str, float]) -> None:
         """Take the orders of this scan; they are written when the line has time."""
+        if orders == self._orders:
+            return
+        self._orders = dict(orders)
         wanted = self.writer.registers(orders)
         if wanted != self._wanted:
             self._wanted = wanted
@@ -147,12 +156,13 @@ class ModbusDevice:
 
     def poll(self, scan: int) -> None:
         """Take the reply to this device's request, if it came."""
-        if self._pending is None:
+        request = self._pending
+        if request is None:
             return
         reply = self.line.poll(scan)
         if reply is None:
             return
-        request, self._pending = self._pending, None
+        self._pending = None
         if reply.outcome is Outcome.DATA:
             self._exceptions_in_a_row = 0
             self.replies += 1
@@ -188,19 +198,20 @@ class ModbusDevice:
         self.values = values
 
     def urgency(self, scan: int) -> int:
-        """Scans since the next request became due; negative when none is due."""
+        """Tell how many scans the next request is overdue; negative when none is due."""
         if self._pending is not None:
             return -1
-        if self._write_due(scan) or self._read_scan is None:
-            return self._poll_scans
-        return scan - self._read_scan - self._poll_scans
+        overdue = self._read_overdue(scan)
+        if self.trusted and self._write_due(scan):
+            return max(overdue, 0)
+        return overdue
 
     def send(self, scan: int) -> None:
-        """Send the most urgent request, if one is due and the line is free."""
-        if self._pending is not None or not self.line.idle:
+        """Send the next request, if one is due; the line must be ready."""
+        if self._pending is not None:
             return
-        read_due = self._read_scan is None or scan - self._read_scan >= self._poll_scans
-        if self._trusted_epoch != self.line.epoch:
+        read_due = self._read_overdue(scan) >= 0
+        if not self.trusted:
             if read_due:
                 self._read_scan = scan
                 self._start(self._identity_request, scan)
@@ -211,6 +222,9 @@ class ModbusDevice:
         elif read_due:
             self._read_scan = scan
             self._start(self._read_request, scan)
+
+    def _read_overdue(self, scan: int) -> int:
+        return 0 if self._read_scan is None else scan - self._read_scan - self._poll_scans
 
     def _write_due(self, scan: int) -> bool:
         if self._write_request is None:

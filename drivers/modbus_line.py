@@ -19,6 +19,8 @@ import logging
 import os
 import select
 import socket
+import time
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -48,7 +50,7 @@ _READ_REQUESTS: dict[str, type[ModbusPDU]] = {
     "input": ReadInputRegistersRequest,
 }
 _NOT_A_FRAME = (ModbusException, ValueError, IndexError, KeyError, TypeError)
-_NO_PARITY_NEXT = "check cable, power, address and unit id of the device"
+_CHECK_NEXT = "check cable, power, address and unit id of the device"
 
 
 class Outcome(IntEnum):
@@ -61,13 +63,14 @@ class Outcome(IntEnum):
     LOST = 4
 
 
-class Request(NamedTuple):
-    """A request ready to send: the frame (its first two bytes are the transaction id on TCP) and what must answer it."""
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A request ready to send: its frame (on TCP the first two bytes are the transaction id), what must answer it."""
 
     unit_id: int
     function: int
     address: int
-    count: int
+    register_count: int
     frame: bytes
     reply_bytes: int
     """Length of the expected reply's unit, function and data, without header or check sum."""
@@ -136,7 +139,7 @@ class ModbusLine:
             self.attach(_open_serial(self.config) if self.rtu else _open_socket(self.config))
         except (OSError, ValueError) as error:
             raise ModbusError(
-                Problem("no connection", self.config.where, str(error), "an open connection", _NO_PARITY_NEXT)
+                Problem("no connection", self.config.where, str(error), "an open connection", _CHECK_NEXT)
             ) from error
 
     def close(self) -> None:
@@ -148,14 +151,24 @@ class ModbusLine:
         self._descriptor = -1
         self._lose("closed")
 
-    @property
-    def idle(self) -> bool:
-        """True when a request may be sent."""
-        return self._pending is None and self._drain_until is None and not self.lost
+    def ready(self, scan: int) -> bool:
+        """Tell whether a request may be sent; while an RTU line discards late replies, go on with that."""
+        if self._pending is not None or self.lost:
+            return False
+        if self.rtu:
+            if self._arrived():
+                # Nothing was asked: a reply later than the worst case, or another master on the line.
+                if self._drain_until is None:
+                    self.strangers += 1
+                    self.epoch += 1
+                self._drain_until = max(self._drain_until or 0, scan + QUIET_SCANS)
+            elif self._drain_until is not None and scan >= self._drain_until:
+                self._drain_until = None
+        return self._drain_until is None and not self.lost
 
     def send(self, request: Request, scan: int) -> bool:
-        """Send a request if the line is idle; False when it is not or when the line broke."""
-        if self._pending is not None or self._drain_until is not None or self.lost:
+        """Send a request if the line is ready; False when it is not or when it broke."""
+        if not self.ready(scan):
             return False
         frame = request.frame
         if not self.rtu:
@@ -175,23 +188,12 @@ class ModbusLine:
 
     def poll(self, scan: int) -> Reply | None:
         """Take what has arrived; the reply when the transaction in flight ended, else None."""
-        if self._pending is None and self._drain_until is None:
-            return None
-        try:
-            arrived = os.read(self._descriptor, READ_SIZE)
-        except BlockingIOError:
-            arrived = b""
-        except OSError as error:
-            return self._end_lost(f"the connection broke: {error}")
-        else:
-            if not arrived and not self.rtu:
-                return self._end_lost("the device closed the connection")
-        if self._drain_until is not None:
-            self._drain(bool(arrived), scan)
-            return None
         request = self._pending
         if request is None:
             return None
+        arrived = self._arrived()
+        if self.lost:
+            return Reply(Outcome.LOST, [])
         if arrived:
             self._received += arrived
             reply = self._match_rtu(request) if self.rtu else self._match_tcp(request)
@@ -206,11 +208,26 @@ class ModbusLine:
         """Blocking transaction for use before the scan; `timeout_s` bounds the wait."""
         if not self.send(request, 0):
             return Reply(Outcome.LOST, [])
-        while select.select([self._descriptor], [], [], timeout_s)[0]:
+        deadline = time.monotonic() + timeout_s
+        while (left := deadline - time.monotonic()) > 0:
+            select.select([self._descriptor], [], [], left)
             reply = self.poll(0)
             if reply is not None:
                 return reply
         return self.poll(self.timeout_scans) or Reply(Outcome.TIMEOUT, [])
+
+    def _arrived(self) -> bytes:
+        """Take the bytes that are there; none when the line broke, which it then knows."""
+        try:
+            arrived = os.read(self._descriptor, READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            self._lose(f"the connection broke: {error}")
+            return b""
+        if not arrived and not self.rtu:  # a terminal reads empty when nothing is there, a socket when it was closed
+            self._lose("the device closed the connection")
+        return arrived
 
     def _match_tcp(self, request: Request) -> Reply | None:
         received = self._received
@@ -257,8 +274,8 @@ class ModbusLine:
             return self._spoilt()
         registers = list(pdu.registers)
         if request.function in {3, 4}:
-            return Reply(Outcome.DATA, registers) if len(registers) == request.count else self._spoilt()
-        same = pdu.address == request.address and pdu.count == request.count
+            return Reply(Outcome.DATA, registers) if len(registers) == request.register_count else self._spoilt()
+        same = pdu.address == request.address and pdu.count == request.register_count
         return Reply(Outcome.DATA, registers) if same else self._spoilt()
 
     def _spoilt(self) -> Reply:
@@ -273,19 +290,6 @@ class ModbusLine:
             self.epoch += 1
             self._drain_until = max(self._sent_scan + self.drain_scans, scan + QUIET_SCANS)
         return reply
-
-    def _drain(self, arrived: bool, scan: int) -> None:  # noqa: FBT001
-        if self._drain_until is None:
-            return
-        if arrived:
-            self._drain_until = max(self._drain_until, scan + QUIET_SCANS)
-        elif scan >= self._drain_until:
-            self._drain_until = None
-
-    def _end_lost(self, because: str) -> Reply | None:
-        pending = self._pending
-        self._lose(because)
-        return None if pending is None else Reply(Outcome.LOST, [])
 
     def _lose(self, because: str) -> None:
         self._pending = None

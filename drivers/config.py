@@ -27,7 +27,7 @@ class CanConfig:
     serial_baudrate: int = 115_200
     connect_timeout_s: float = 3.0
     send_timeout_s: float = 0.002
-    """Longest time that one send may hold the scan; beyond it the bus counts as lost. Kernels round it up to their tick."""
+    """Longest time that one send may hold the scan; beyond it the bus is lost. Kernels round up to their tick."""
 
     @property
     def where(self) -> str:

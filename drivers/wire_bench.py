@@ -92,9 +92,9 @@ class WireBench:
 
     @property
     def drive(self) -> CanDrive:
-        """The drive, once the bench is open."""
+        """The drive, once the bench has been opened."""
         if self._drive is None:
-            raise RuntimeError("the bench is not open")
+            raise RuntimeError("the bench was never opened: call open() before read() and write()")
         return self._drive
 
     def open(self) -> list[str]:
@@ -104,6 +104,7 @@ class WireBench:
         """
         log: list[str] = []
         problems: list[Problem] = []
+        self._drive = None
         for line in self._lines.values():
             try:
                 line.open()
@@ -206,7 +207,6 @@ class WireBench:
             self._link.send(can.Message(arbitration_id=0, is_extended_id=False, data=stop))
             self._link.close()
         self._link = None
-        self._drive = None
         for line in self._lines.values():
             line.close()
 

@@ -44,6 +44,7 @@ class DurandDrive:
         self.bus = can.Bus(interface="virtual", channel=channel)
         self.network = CANBusNetwork(self.bus)
         self.network._notifier.timeout = 0.01  # its default of 1 s is how long stopping takes
+        self._waker = can.Bus(interface="virtual", channel=channel)
         self.node = MinimalNode(self.network, NODE_ID)
         self.od = self.node.object_dictionary
         for index, (kind, access, value) in VARIABLES.items():
@@ -52,6 +53,7 @@ class DurandDrive:
         for index in (0x1400, 0x1401, 0x1402, 0x1403):
             self.od[index][5] = Variable(Type.UNSIGNED16, "rw", 0)
         self.identify(0x4C4D0001, 0x402)
+        self._waker.send(can.Message(arbitration_id=0x080, is_extended_id=False))  # ends the first wait of 1 s
         self.heartbeats = True
         self._stopped = threading.Event()
         self._heart = threading.Thread(target=self._beat, daemon=True)
@@ -77,4 +79,5 @@ class DurandDrive:
         if self._heart.is_alive():
             self._heart.join()
         self.network.stop()
+        self._waker.shutdown()
         self.bus.shutdown()

@@ -46,8 +46,12 @@ class ReadBack(NamedTuple):
 
 def read_table(path: Path) -> Table:
     """Return all complete records of a file; a last one that was cut off is left out."""
-    data = path.read_bytes()
-    return np.frombuffer(data[: len(data) - len(data) % RECORD_BYTES], dtype=RECORD_DTYPE)
+    return table_of(path.read_bytes())
+
+
+def table_of(content: bytes) -> Table:
+    """Return all complete records in `content`; a last one that was cut off is left out."""
+    return np.frombuffer(content, dtype=RECORD_DTYPE, count=len(content) // RECORD_BYTES)
 
 
 def _broken(data: memoryview) -> list[int]:

@@ -78,7 +78,7 @@ def _drive(bench: Bench, profile: DriveProfile) -> DriveConfig:
 
 
 def _modbus(device: ModbusDevice, profiles: Mapping[str, Path], ports: Ports | None, part: str) -> ModbusConfig:
-    there = {"host": device.host, "port": device.port} if ports is None else ports[part]
+    there: Mapping[str, Any] = {"host": device.host, "port": device.port} if ports is None else ports[part]
     return ModbusConfig(
         transport=device.transport if ports is None else "tcp",
         host=there["host"],

@@ -23,7 +23,7 @@ def state_name(state: int) -> str:
     return State(state).name.lower()
 
 
-def _row(table: Table, index: int, kind: str) -> dict[str, Any]:
+def _row(table: Table, index: Any, kind: str) -> dict[str, Any]:
     return {"scan": int(table["scan"][index]), "kind": kind}
 
 

@@ -23,6 +23,7 @@ import mmap
 import os
 import tempfile
 import zlib
+from collections.abc import Callable
 from enum import IntEnum
 from pathlib import Path
 
@@ -196,12 +197,12 @@ class RingReader(_Mapped):
         """Records that found the ring full."""
         return int(self._words[W_LOST])
 
-    def drain(self) -> bytes:
-        """Take all records appended since the last call."""
+    def drain(self, keep: Callable[[bytes], None]) -> None:
+        """Hand all records appended since the last call to `keep`; their room is free once it has returned."""
         words = self._words
         written, read = words[W_WRITTEN], words[W_READ]
         if written == read:
-            return b""
+            return
         first, last = read % self.capacity, written % self.capacity
         start = HEADER_BYTES + first * RECORD_BYTES
         if first < last:
@@ -209,8 +210,8 @@ class RingReader(_Mapped):
         else:
             end = HEADER_BYTES + self.capacity * RECORD_BYTES
             data = bytes(self._bytes[start:end]) + bytes(self._bytes[HEADER_BYTES : HEADER_BYTES + last * RECORD_BYTES])
+        keep(data)
         words[W_READ] = written
-        return data
 
     def send(self, command: Command) -> None:
         """Put a command into the mailbox; the scan takes one per scan, in this order.

@@ -142,10 +142,7 @@ class FaultReaction:
 
     def _unload(self, image: Image) -> None:
         context, program = self._context, self._context.program
-        if image.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE:
-            done = self._unloading.follow()
-        else:
-            done = False
+        done = image.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE and self._unloading.follow()
         if done or self._waited > program.unload_limit_scans or image.drive_state != DriveState.OPERATION_ENABLED:
             context.phase = self.POWERLESS
             context.disable_drive()

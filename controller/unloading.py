@@ -1,8 +1,8 @@
 """Torque to zero so that it stays zero: friction would hold a rest in the unit once the drive lets go.
 
 When the output torque has come to zero, the input still carries its friction torque. Switching the drive off there
-lets the output torque rise again by what the friction held. So the drive's torque is relaxed to zero first, the rest is read,
-and the unloading is repeated past zero by that rest until it is small. A handful of passes is enough for any unit.
+would let the output torque rise again by what the friction held. So the drive's torque is relaxed to zero first, the
+rest is read, and the unloading is repeated past zero by that rest until it is small. A handful of passes is enough.
 """
 
 from __future__ import annotations

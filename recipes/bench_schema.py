@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -136,8 +136,8 @@ class Calibration(Section):
 
     id: Name
     model: str
-    made: datetime.date
-    due: datetime.date
+    made: dt.date
+    due: dt.date
     load_positive: QuadrantLine
     unload_positive: QuadrantLine
     load_negative: QuadrantLine

@@ -5,7 +5,7 @@ Each check is a function of recipe and bench that yields findings; `CHECKS` list
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -35,14 +35,12 @@ class Finding(NamedTuple):
     hint: str = ""
 
 
-def check(
-    recipe: Recipe, bench: Bench, path: str | Path | None = None, today: datetime.date | None = None
-) -> list[Problem]:
+def check(recipe: Recipe, bench: Bench, path: str | Path | None = None, today: dt.date | None = None) -> list[Problem]:
     """All that speaks against this recipe on this bench; `path` gives the places in the recipe's file."""
     places = read_source(path).places if path is not None else {}
     shown = str(path) if path is not None else recipe.recipe.name
     problems = []
-    for finding in _findings(recipe, bench, today or datetime.datetime.now(tz=datetime.UTC).date()):
+    for finding in _findings(recipe, bench, today or dt.datetime.now(tz=dt.UTC).date()):
         option = finding.path
         while option and option not in places:
             option = option[:-1]
@@ -51,7 +49,7 @@ def check(
     return sorted(problems)
 
 
-def _findings(recipe: Recipe, bench: Bench, today: datetime.date) -> Iterator[Finding]:
+def _findings(recipe: Recipe, bench: Bench, today: dt.date) -> Iterator[Finding]:
     for function in CHECKS:
         yield from function(recipe, bench)
     yield from _calibration(recipe, bench, today)
@@ -65,7 +63,7 @@ def _loaded(recipe: Recipe) -> Iterator[tuple[Path_, Loaded]]:
 
 def _side(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     if recipe.loading != bench.bench.loading:
-        found = f"found '{recipe.loading}', but the servo of bench '{bench.bench.name}' drives the {bench.bench.loading} shaft"
+        found = f"found '{recipe.loading}', but bench '{bench.bench.name}' drives the {bench.bench.loading} shaft"
         yield Finding(("loading",), found, bench.bench.loading, "Choose a bench that loads this side.")
     if bench.bench.models and recipe.unit_under_test.model not in bench.bench.models:
         found = f"found '{recipe.unit_under_test.model}', which bench '{bench.bench.name}' does not take"
@@ -166,7 +164,7 @@ def _reaches(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     for path, step in _loaded(recipe):
         for name, limit_nm in (("alarm", limits.torque_out_alarm_nm), ("trip", limits.torque_out_trip_nm)):
             if step.peak_torque_nm >= limit_nm:
-                found = f"found {step.peak_torque_nm:.6g} N·m, never reached: the {name} at {limit_nm:.6g} N·m stops it first"
+                found = f"found {step.peak_torque_nm:.6g} N·m, never reached: the {name} at {limit_nm:.6g} N·m is first"
                 yield Finding((*path, "peak_torque"), found, f"below {limit_nm:.6g} N·m, or a higher {name} limit")
                 break
         if isinstance(step, SpeedCycles):
@@ -201,7 +199,8 @@ def _period(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     if not 0.5e-3 <= period_s <= 20e-3:
         yield Finding(("sampling", "period"), f"found {period_s:g} s", "from 0.5 ms to 20 ms")
     if recipe.interlocks.sample_age_s < 2 * max(period_s, bench.amplifier.poll_every_s):
-        found = f"found {recipe.interlocks.sample_age_s:g} s, too short for samples every {bench.amplifier.poll_every_s:g} s"
+        every_s = bench.amplifier.poll_every_s
+        found = f"found {recipe.interlocks.sample_age_s:g} s, too short for samples every {every_s:g} s"
         yield Finding(("interlocks", "sample_age"), found, "at least twice the period and the amplifier's poll_every")
 
 
@@ -246,7 +245,7 @@ def _home(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
                     yield Finding(("sequence", index, "home", name), found, f"up to {0.1 * sensor.full_scale_nm:g} N·m")
 
 
-def _calibration(recipe: Recipe, bench: Bench, today: datetime.date) -> Iterator[Finding]:
+def _calibration(recipe: Recipe, bench: Bench, today: dt.date) -> Iterator[Finding]:
     path = ("measurement", "calibration")
     if recipe.measurement.calibration == "stored":
         mine = [item for item in bench.calibrations if item.model == recipe.unit_under_test.model]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class MetricKind(NamedTuple):
-    """Row: unit of the value in reports, kind of quantity of its limits, and what it needs ("", "torque", "calibrate")."""
+    """Row: unit of the value in reports, kind of quantity of its limits, and what it needs ("torque", "calibrate")."""
 
     unit: str
     quantity: str

@@ -59,7 +59,7 @@ class QuantityError(ValueError):
 
 
 @cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> pint.UnitRegistry[float]:
     import pint  # noqa: PLC0415 - a fifth of a second that `--help` does not pay
 
     return pint.UnitRegistry(cache_folder=None)
@@ -144,7 +144,7 @@ def _to_base(number: float, unit: str, text: str, kind: Kind, allowed: str) -> f
         raise QuantityError(f"found {_show(text)}, which cannot be converted", allowed) from None
 
 
-def _noun_of(quantity: pint.Quantity) -> str:
+def _noun_of(quantity: pint.Quantity[float]) -> str:
     for kind in KINDS.values():
         if quantity.check(_registry().Unit(kind.unit).dimensionality):
             return kind.noun

@@ -8,7 +8,6 @@ from pydantic import Field
 
 from recipes.quantity import (
     Acceleration,
-    Angle,
     PositiveAngle,
     PositiveTime,
     PositiveTorque,

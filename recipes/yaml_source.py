@@ -5,8 +5,9 @@ Stricter than YAML: UTF-8 only, no duplicated keys, no anchors and aliases, one 
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,13 @@ _INTEGER = re.compile(r"^[+-]?\d+$")
 _HEXADECIMAL = re.compile(r"^0x[0-9A-Fa-f]+$")
 _FLOAT = re.compile(r"^[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?$")
 _DATE = re.compile(r"^\d{4}-\d{2}-\d{2}$")
+_PLAIN: tuple[tuple[re.Pattern[str], Callable[[str], Any]], ...] = (
+    (_INTEGER, int),
+    (_HEXADECIMAL, lambda text: int(text, 16)),
+    (_FLOAT, float),
+    (_DATE, dt.date.fromisoformat),
+)
+LONGEST_NUMBER = 40
 _WORDS: dict[str, Any] = {"true": True, "false": False, "null": None, "~": None, "": None}
 
 
@@ -152,19 +160,12 @@ def _scalar(node: ScalarNode) -> Any:
         return text
     if text.lower() in _WORDS:
         return _WORDS[text.lower()]
-    if len(text) > 40:
-        return text
-    if _INTEGER.match(text):
-        return int(text)
-    if _HEXADECIMAL.match(text):
-        return int(text, 16)
-    if _FLOAT.match(text):
-        return float(text)
-    if _DATE.match(text):
-        try:
-            return datetime.date.fromisoformat(text)
-        except ValueError:
-            return text
+    for pattern, convert in _PLAIN:
+        if len(text) <= LONGEST_NUMBER and pattern.match(text):
+            try:
+                return convert(text)
+            except ValueError:
+                return text  # 2026-02-31 has the form of a date only
     return text
 
 

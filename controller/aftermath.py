@@ -6,6 +6,7 @@ from controller.context import RUNNING, Context, Outcome
 from controller.faults import FAULT_BY_ID
 from controller.image import DriveCommand, DriveMode, DriveState, Image, Reaction
 from controller.ramp import TorqueRamp
+from controller.unloading import Unloading
 
 DRIVE_IS_OFF = frozenset(
     {DriveState.SWITCH_ON_DISABLED, DriveState.NOT_READY_TO_SWITCH_ON, DriveState.FAULT, DriveState.READY_TO_SWITCH_ON},
@@ -16,9 +17,9 @@ DRIVE_FAULT_BIT = 1 << FAULT_BY_ID["drive_fault"].number | 1 << FAULT_BY_ID["dri
 
 
 class Release:
-    """Torque proven low, drive off, then the lock opens. In this order, because a wound-up reducer stores energy."""
+    """Torque proven low, drive off, proven again, then the lock opens: a wound-up reducer stores energy."""
 
-    PROVE, DRIVE_OFF, OPEN = 1, 2, 3
+    PROVE, DRIVE_OFF, PROVE_OFF, OPEN = 1, 2, 3, 4
     PROVE_SCANS = 50
 
     def __init__(self, context: Context) -> None:
@@ -37,12 +38,14 @@ class Release:
         if self._waited > context.program.release_scans:
             return Outcome(fault="unload_failed" if context.phase != self.OPEN else "brake_stays_closed")
         if context.phase == self.PROVE:
-            self._low = self._low + 1 if context.torque_is_low() and not image.sample_age_scans > 2 else 0
-            if self._low >= self.PROVE_SCANS:
+            if self._proven_low(image):
                 context.phase = self.DRIVE_OFF
         elif context.phase == self.DRIVE_OFF:
             context.disable_drive()
             if image.drive_state in DRIVE_IS_OFF:
+                context.phase = self.PROVE_OFF
+        elif context.phase == self.PROVE_OFF:
+            if self._proven_low(image):
                 context.phase = self.OPEN
                 context.measured.brake_current_expected_a = 0.0
                 context.brake_on = 0
@@ -50,6 +53,15 @@ class Release:
         elif not image.brake_on and image.brake_current_a <= context.program.lock.tolerance_a:
             return Outcome(trigger="stopped" if context.stopping else "complete")
         return RUNNING
+
+    def _proven_low(self, image: Image) -> bool:
+        """Low in enough fresh samples in a row; the count starts anew for the next proof."""
+        fresh = image.sample_age_scans <= self._context.program.limits.sample_late_scans
+        self._low = self._low + 1 if fresh and self._context.torque_is_low() else 0
+        if self._low < self.PROVE_SCANS:
+            return False
+        self._low = 0
+        return True
 
 
 class FaultReaction:
@@ -64,6 +76,7 @@ class FaultReaction:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._torque = TorqueRamp(context.program.control, context.program.period_s)
+        self._unloading = Unloading(context, self._torque)
         self._waited = 0
         self.reaction = Reaction.NONE
         self.acknowledged = False
@@ -96,9 +109,9 @@ class FaultReaction:
             context.control_from_input = not context.program.has_torque_out
             measured = context.measured
             here_nm = context.program.control.slope * measured.torque_in_nm
-            self._torque.begin(
-                here_nm if context.control_from_input else measured.torque_out_nm, context.drive_torque_nm
-            )
+            measured.controlled_nm = here_nm if context.control_from_input else measured.torque_out_nm
+            self._torque.begin(measured.controlled_nm, context.drive_torque_nm)
+            self._unloading.begin()
         elif reaction == Reaction.POWER_OFF:
             context.phase = self.POWERLESS
             context.disable_drive()
@@ -129,17 +142,7 @@ class FaultReaction:
 
     def _unload(self, image: Image) -> None:
         context, program = self._context, self._context.program
-        if image.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE:
-            rate_nm_s = program.segments[program.unload_segment].rate_nm_s
-            target_nm = 0.0
-            if context.control_from_input:
-                offset_nm = context.loading_offset_nm
-                target_nm = offset_nm if context.measured.controlled_nm > 0.0 else -offset_nm
-            done = self._torque.follow(target_nm, rate_nm_s, context.measured.controlled_nm, hold=False)
-            context.drive_torque_nm = self._torque.drive_nm
-            context.reference_nm = self._torque.reference_nm
-        else:
-            done = False
+        done = image.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE and self._unloading.follow()
         if done or self._waited > program.unload_limit_scans or image.drive_state != DriveState.OPERATION_ENABLED:
             context.phase = self.POWERLESS
             context.disable_drive()

@@ -8,6 +8,9 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
+from controller.image import State
+from controller.program import Limits, Lock, Program, Segment, Tare, TorqueControl
+from recipes import Bench, Recipe
 from recipes.sequence_schema import (
     Calibrate,
     FatigueCycles,
@@ -19,10 +22,6 @@ from recipes.sequence_schema import (
 )
 from recipes.sequence_schema import Lock as LockStep
 from recipes.sequence_schema import Release as ReleaseStep
-
-from controller.image import State
-from controller.program import Limits, Lock, Program, Segment, Tare, TorqueControl
-from recipes import Bench, Recipe
 
 ARCMIN_PER_RAD = 10800.0 / math.pi
 

@@ -9,6 +9,7 @@ from controller.preparation import ENABLE_PATH
 from controller.program import Segment
 from controller.ramp import SpeedRamp, TorqueRamp
 from controller.states import TRIGGER_INTO
+from controller.unloading import Unloading
 
 TIMEOUT_FAULT: dict[State, str] = {
     State.LOCK: "lock_unproven",
@@ -31,6 +32,7 @@ class Loading:
         self._torque = TorqueRamp(context.program.control, context.program.period_s)
         self._speed = SpeedRamp(context.program.control, context.program.period_s)
         self._line = LoadingLine()
+        self._unloading = Unloading(context, self._torque)
         self._waited = 0
         self._target_nm = 0.0
         self._regulating: tuple[int, bool] = (DriveMode.NONE, False)
@@ -71,7 +73,7 @@ class Loading:
             return self._switch_mode(image, segment)
         if segment.state == State.CALIBRATE and segment.role == "calibrate":
             self._line.add(segment, context.measured.torque_in_nm, context.measured.torque_out_nm)
-        if self._run(segment):
+        if self._unloading.follow() if segment.state == State.UNLOAD else self._run(segment):
             return self._advance()
         if self._waited > segment.limit_scans and not segment.dwell_scans:
             return Outcome(fault=TIMEOUT_FAULT[segment.state])
@@ -87,15 +89,15 @@ class Loading:
         if not context.control_from_input:
             return target_nm
         offset_nm = context.loading_offset_nm
-        if target_nm == 0.0:
-            # the output comes to zero only when the input has crossed its friction
-            return offset_nm if context.measured.controlled_nm > 0.0 else -offset_nm
         return target_nm - offset_nm if target_nm > 0.0 else target_nm + offset_nm
 
     def _take_over(self) -> None:
         context = self._context
         context.phase = self.RUN
         context.measured.mode_expected = context.drive_mode
+        if context.segment.state == State.UNLOAD:
+            context.measured.controlled_nm = self._controlled_now()
+            self._unloading.begin()
         regulating = (context.drive_mode, context.control_from_input)
         if regulating == self._regulating:
             return  # the reference goes on in value and rate

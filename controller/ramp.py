@@ -70,6 +70,13 @@ class TorqueRamp:
         self.drive_nm = min(limit_nm, max(-limit_nm, self.drive_nm + drive_rate * period_s))
         return abs(target_nm - self.reference_nm) <= 1e-9 and abs(error_nm) <= control.tolerance_nm
 
+    def relax(self) -> bool:
+        """Take the drive's torque towards zero at the largest slew, whatever the unit does; True once it is zero."""
+        step = self._control.slew_nm_s * self._period_s
+        self.drive_nm -= min(step, max(-step, self.drive_nm))
+        self._rate = 0.0
+        return self.drive_nm == 0.0
+
 
 class SpeedRamp:
     """Velocity of a ramp at constant speed until a torque; speeds of the loaded shaft in rad/s."""

@@ -100,7 +100,7 @@ class Sequence:
             model=self,
             states=list(State),
             initial=State.IDLE,
-            transitions=[[row.trigger, row.source, row.dest] for row in TRANSITIONS],
+            transitions=[{"trigger": row.trigger, "source": row.source, "dest": row.dest} for row in TRANSITIONS],
             auto_transitions=False,
             queued=False,
             send_event=False,

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
+from programs import short_program
+from timeline import Timeline
+
 from controller.faults import FAULT_BY_ID, FAULTS
 from controller.image import (
     AGE_NEVER,
@@ -18,8 +22,6 @@ from controller.image import (
     State,
 )
 from controller.interlocks import INTERLOCKS, RAISED_BY_STEPS
-from programs import short_program
-from timeline import Timeline
 
 S = State
 
@@ -150,7 +152,7 @@ def test_unload_reaction_brings_the_torque_to_zero_and_then_switches_the_drive_o
     assert abs(run.images[off].torque_out_nm) < 0.02 * 412.0
     slew = run.controller.program.control.slew_nm_s * 1e-3
     torques = [o.drive_target_torque_nm for o in run.orders[:off]]
-    assert max(abs(b - a) for a, b in zip(torques, torques[1:], strict=False)) <= slew * 1.001
+    assert max(abs(b - a) for a, b in itertools.pairwise(torques)) <= slew * 1.001
 
 
 def test_the_strongest_reaction_wins_and_a_weaker_one_never_softens_it():

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 from bench_model import READY
-from controller.controller import Controller
-from controller.image import AGE_NEVER, Command, DriveCommand, DriveMode, DriveState, Image, Reaction, State
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import short_program
 from timeline import Timeline
+
+from controller.controller import Controller
+from controller.image import AGE_NEVER, Command, DriveCommand, DriveMode, DriveState, Image, Reaction, State
 
 PROGRAM = short_program()
 TORQUES = st.one_of(st.floats(-600.0, 600.0), st.sampled_from([math.nan, math.inf, -math.inf]))

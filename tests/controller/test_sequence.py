@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
-from controller.controller import Controller
-from controller.image import ORDERS_STRUCT, Command, DriveCommand, DriveState, Reaction, State
 from programs import PEAK_NM, short_program
 from timeline import Timeline
+
+from controller.controller import Controller
+from controller.image import ORDERS_STRUCT, Command, DriveCommand, DriveState, Reaction, State
 
 S = State
 FULL_RUN = [
@@ -69,12 +72,12 @@ def test_set_points_are_continuous_in_value_and_rate(options):
     torques = [o.drive_target_torque_nm for o in active]
     speeds = [o.drive_target_velocity_rad_s for o in active]
     if not options:
-        assert max(abs(b - a) for a, b in zip(torques, torques[1:], strict=False)) <= slew * 1.001
-    assert max(abs(b - a) for a, b in zip(speeds, speeds[1:], strict=False)) <= 2.0 * program.period_s * 1.001
+        assert max(abs(b - a) for a, b in itertools.pairwise(torques)) <= slew * 1.001
+    assert max(abs(b - a) for a, b in itertools.pairwise(speeds)) <= 2.0 * program.period_s * 1.001
     references = [o.reference_torque_nm for o in active]
     if not options:
-        rates = [b - a for a, b in zip(references, references[1:], strict=False)]
-        rate_steps = [abs(b - a) for a, b in zip(rates, rates[1:], strict=False)]
+        rates = [b - a for a, b in itertools.pairwise(references)]
+        rate_steps = [abs(b - a) for a, b in itertools.pairwise(rates)]
         # a rate of 800 N·m/s is reached in 0.15 s; slowing down in the window before the friction may be twice as quick
         assert max(rate_steps) <= 800.0 / 0.15 * program.period_s**2 * 40.0
         assert max(abs(rate) for rate in rates) <= 800.0 * program.period_s * 1.001

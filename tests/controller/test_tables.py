@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from programs import ROWS
+from transitions import MachineError
+
 from controller.compiler import BUDGETS
+from controller.faults import FAULT_BY_ID
 from controller.image import (
     IMAGE_FIELDS,
     IMAGE_STRUCT,
@@ -16,12 +20,9 @@ from controller.image import (
     State,
 )
 from controller.loading import TIMEOUT_FAULT
-from controller.faults import FAULT_BY_ID
 from controller.preparation import ENABLE_PATH
 from controller.program import ROLES
 from controller.states import END_STATES, TRANSITIONS, TRIGGER_INTO, Sequence
-from programs import ROWS
-from transitions import MachineError
 
 S = State
 
@@ -85,5 +86,5 @@ def test_small_tables():
     assert {row[1] for row in ROWS} <= set(ROLES)
     assert all(reason for _, reason in BUDGETS.values())
     assert ENABLE_PATH.keys().isdisjoint({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE, DriveState.UNKNOWN})
-    assert END_STATES == {S.COMPLETE, S.STOPPED}
+    assert {S.COMPLETE, S.STOPPED} == END_STATES
     assert {mode.value for mode in DriveMode} == {0, 6, 9, 10}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bench_model import BenchModel
+
 from controller.context import Event
 from controller.controller import Controller
 from controller.image import Command, Image, Orders, State

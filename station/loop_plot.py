@@ -1,0 +1,145 @@
+"""The picture of a run: the hysteresis loop, its branches, mean curve and limits; made without a display."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis import Result, Trace
+from analysis.branches import measured_windup
+from analysis.errors import AnalysisError
+from analysis.method import Method
+
+INK, GRID, RAW = "#1f2933", "#d9dee4", "#b8c2cc"
+LOADING, UNLOADING, MEAN = "#0b6e99", "#c2571a", "#1f2933"
+SIZE_INCH = (8.4, 5.6)
+MOST_POINTS = 6000
+
+STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+}
+
+
+def loop_figure(trace: Trace | None, analysis: Result | None, method: Method, title: str) -> Figure:
+    """Return the figure; without an analysis it shows the raw trace alone, without a trace the branches alone."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=SIZE_INCH, dpi=150, layout="constrained")
+        axes = figure.subplots()
+        _raw(axes, trace, method)
+        if analysis is not None:
+            _branches(axes, analysis)
+            _references(axes, analysis, method)
+            _zoom(axes, analysis, method)
+        axes.set_xlabel("torque at the output  [N·m]")
+        axes.set_ylabel("wind-up at the output  [arcmin]")
+        axes.set_title(title, loc="left", fontsize=11, fontweight="bold")
+        axes.grid(color=GRID, linewidth=0.6)
+        axes.axhline(0, color=INK, linewidth=0.7)
+        axes.axvline(0, color=INK, linewidth=0.7)
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor=GRID, fontsize=8.5)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as PNG bytes, without a date in them."""
+    stream = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(stream, format="png", metadata={"Software": "lostmotion"})
+    return stream.getvalue()
+
+
+def _raw(axes: Axes, trace: Trace | None, method: Method) -> None:
+    if trace is None or trace.torque_out_nm is None:
+        return
+    try:
+        windup, _, _ = measured_windup(trace, method)
+    except AnalysisError:
+        return
+    every = max(1, windup.size // MOST_POINTS)
+    axes.plot(trace.torque_out_nm[::every], windup[::every], color=RAW, linewidth=0.7, label="all samples", zorder=1)
+
+
+def _branches(axes: Axes, analysis: Result) -> None:
+    curves = analysis.curves
+    for branches, colour, name in (
+        (curves.forward, LOADING, "torque rising"),
+        (curves.backward, UNLOADING, "torque falling"),
+    ):
+        for number, branch in enumerate(branches):
+            label = name if number == 0 else None
+            axes.plot(branch.torque_nm, branch.angle_arcmin, color=colour, linewidth=1.3, alpha=0.85, label=label)
+    axes.plot(curves.mean.torque_nm, curves.mean.angle_arcmin, color=MEAN, linewidth=1.1, linestyle="--", label="mean")
+
+
+def _references(axes: Axes, analysis: Result, method: Method) -> None:
+    """Mark rated torque and the ±3 % band, where backlash and lost motion are read."""
+    reference = method.reference_nm
+    axes.axvspan(-0.03 * reference, 0.03 * reference, color=GRID, alpha=0.6, zorder=0)
+    for side in (-1, 1):
+        axes.axvline(side * reference, color=INK, linewidth=0.8, linestyle=":")
+    low = float(analysis.curves.mean.angle_arcmin.min())
+    axes.text(reference, low, f" {reference:g} N·m", fontsize=8, va="bottom", ha="left", rotation=90)
+
+
+def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
+    """Draw what decides on backlash, the few percent around zero, in a window of its own."""
+    band = 0.09 * method.reference_nm
+    curves = analysis.curves
+    inside = axes.inset_axes((0.055, 0.56, 0.36, 0.4))
+    torque = np.linspace(-band, band, 121)
+    first = curves.forward[0], curves.backward[0]
+    if not all(branch.covers(-band, band) for branch in first):
+        inside.remove()
+        return
+    rising, falling = (branch.at(torque) for branch in first)
+    inside.plot(torque, rising, color=LOADING, linewidth=1.4)
+    inside.plot(torque, falling, color=UNLOADING, linewidth=1.4)
+    inside.plot(torque, (rising + falling) / 2, color=MEAN, linewidth=1.0, linestyle="--")
+    for name, colour in (("backlash_width_3pct", INK), ("lost_motion", MEAN)):
+        metric = _metric(analysis, name)
+        if metric is not None and name == "backlash_width_3pct":
+            at = 0.03 * method.reference_nm
+            low, high = (float(branch.at(np.array([at]))[0]) for branch in first)
+            inside.annotate("", (at, high), (at, low), arrowprops={"arrowstyle": "<->", "color": colour, "lw": 1.1})
+            width = abs(high - low)
+            inside.text(at, (low + high) / 2, f"  {width:.3f}′", fontsize=8.5, va="center", fontweight="bold")
+    _limit_ghosts(inside, analysis, torque, rising, falling)
+    inside.axvspan(-band / 3, band / 3, color=GRID, alpha=0.6, zorder=0)
+    inside.axhline(0, color=INK, linewidth=0.6)
+    inside.axvline(0, color=INK, linewidth=0.6)
+    inside.tick_params(labelsize=7.5)
+    inside.set_title("around zero, ±3 % shaded", fontsize=8, loc="left")
+    inside.set_facecolor("#ffffffee")
+
+
+def _limit_ghosts(inside: Axes, analysis: Result, torque: Any, rising: Any, falling: Any) -> None:
+    """Show how wide the loop may be: the limit of the backlash, centred on the mean curve."""
+    metric = _metric(analysis, "backlash_width_3pct") or _metric(analysis, "backlash_width_zero")
+    if metric is None or metric.wanted.max is None:
+        return
+    mean = (rising + falling) / 2
+    half = metric.wanted.max / 2
+    style = {"color": "#b00020", "linewidth": 0.9, "linestyle": (0, (4, 2))}
+    inside.plot(torque, mean + half, **style)
+    inside.plot(torque, mean - half, **style)
+    text = f"limit {metric.wanted.max:g}′"
+    inside.text(torque[0], float(mean[0]) + half, text, fontsize=7.5, color="#b00020", va="bottom", ha="left")
+
+
+def _metric(analysis: Result, name: str) -> Any:
+    return next((metric for metric in analysis.metrics if metric.wanted.id == name), None)

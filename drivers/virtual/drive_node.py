@@ -10,8 +10,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from durand import Node, NodeCapabilities
+from durand import Node
 from durand.network import NetworkABC
+from durand.node import NodeCapabilities
 from durand.object_dictionary import Array, Record, Variable
 from durand.services.nmt import StateEnum
 from durand.services.sdo.server import SDODomainAbort

@@ -7,8 +7,6 @@ lost until the bench is opened anew. There is no thread.
 
 from __future__ import annotations
 
-from types import MappingProxyType
-
 import can
 
 from controller.image import DriveCommand, DriveMode, Image, Link, Orders
@@ -17,21 +15,12 @@ from drivers.can_drive import CanDrive
 from drivers.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
 from drivers.config import ModbusConfig, WireBenchConfig
 from drivers.drive_setup import set_up_drive
-from drivers.errors import DriverError, ModbusError, Problem, ProfileError
+from drivers.errors import DriverError, ModbusError, Problem
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
+from drivers.part_fields import PART_FIELDS, check_parts
 from drivers.sdo import NMT_ENTER_PRE_OPERATIONAL
 
-PART_FIELDS = MappingProxyType(
-    {
-        "amplifier": ("sample_counter",),
-        "brake": ("brake_on", "brake_current_a"),
-        "remote_io": ("estop_released", "guard_closed"),
-    }
-)
-"""What each part must deliver besides the measured channels; other fields may be missing and then read 0."""
-
-BRAKE_ORDERS = frozenset({"brake_on", "brake_current_a"})
 WORST_REPLY_TIMEOUTS = 3
 """RTU: a reply later than this many time-outs is taken for impossible, unless the bench file says otherwise."""
 
@@ -49,7 +38,7 @@ class WireBench:
     def __init__(self, config: WireBenchConfig) -> None:
         """Prepare everything that the scan needs; raises ProfileError when a profile does not fit its part."""
         self.config = config
-        _check_profiles(config)
+        check_parts(config)
         self._lines: dict[str, ModbusLine] = {}
         self._link: CanLink | None = None
         self._drive: CanDrive | None = None
@@ -247,35 +236,3 @@ def _identify(device: ModbusDevice, log: list[str]) -> list[Problem]:
         return [Problem("another device answers", where, found, expected, "check address, unit id and profile")]
     log.append(f"{where} identity = {found}: checked")
     return []
-
-
-def _check_profiles(config: WireBenchConfig) -> None:
-    parts = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
-    problems: list[Problem] = []
-    for part, device in parts.items():
-        delivers = {field.name for field in device.profile.read.fields}
-        needed = {*PART_FIELDS[part], *(config.channels if part == "amplifier" else ())}
-        if missing := sorted(needed - delivers):
-            problems.append(
-                Problem(
-                    f"does not deliver {', '.join(missing)}",
-                    f"{part} profile {device.profile.profile.name}",
-                    ", ".join(sorted(delivers)),
-                    ", ".join(sorted(needed)),
-                    "add the fields to the profile, or remove the sensors from the bench file",
-                )
-            )
-    write = config.brake.profile.write
-    takes = {field.name for field in write.fields} if write else set()
-    if takes != BRAKE_ORDERS:
-        problems.append(
-            Problem(
-                "the brake's orders cannot be written",
-                f"brake profile {config.brake.profile.profile.name}",
-                ", ".join(sorted(takes)) or "nothing to write",
-                ", ".join(sorted(BRAKE_ORDERS)),
-                "correct the write section of the profile",
-            )
-        )
-    if problems:
-        raise ProfileError(*problems)

@@ -140,10 +140,10 @@ def test_a_peer_that_does_not_read_holds_no_scan(server: Server, link: CanLink) 
             break
     assert link.lost
     assert link.lost_because.startswith("sending failed")
-    assert longest < 0.1  # 2 ms asked for; a kernel with 100 Hz ticks and a busy machine need more
-    start = time.monotonic()
+    assert longest < 0.5  # 2 ms asked for; the kernel's tick and a busy machine add to it
+    assert not link._sendable
     assert not link.send(FRAME)
-    assert time.monotonic() - start < 0.001
+    assert link.sends_failed == 2
 
 
 @pytest.mark.parametrize("garbage", [b"< frame xyz 1 00 >", b"< frame 185 1.0 0 >", b"\xff\xfe", b"< frame >"])

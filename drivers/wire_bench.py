@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import can
 
-from controller.image import DriveCommand, DriveMode, Image, Link, Orders
+from controller.image import AGE_NEVER, DriveCommand, DriveMode, DriveState, Image, Link, Orders
 from drivers.can_bus import CanLink, open_can
 from drivers.can_drive import CanDrive
 from drivers.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
@@ -19,7 +19,7 @@ from drivers.errors import DriverError, ModbusError, Problem
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
 from drivers.part_fields import PART_FIELDS, check_parts
-from drivers.sdo import NMT_ENTER_PRE_OPERATIONAL
+from drivers.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 
 WORST_REPLY_TIMEOUTS = 3
 """RTU: a reply later than this many time-outs is taken for impossible, unless the bench file says otherwise."""
@@ -127,6 +127,7 @@ class WireBench:
         brake.poll(scan)
         remote_io.poll(scan)
         statusword = drive.value("statusword")
+        drive_age_scans = drive.age_scans(scan)
         mode = drive.value("mode_display")
         units = drive.units
         sample = amplifier.values
@@ -141,7 +142,7 @@ class WireBench:
         return Image(
             missed_periods=missed_periods,
             command=command,
-            drive_state=decode_state(statusword),
+            drive_state=decode_state(statusword) if drive_age_scans != AGE_NEVER else DriveState.UNKNOWN,
             drive_statusword=statusword,
             drive_mode=mode,
             drive_internal_limit=internal_limit(statusword) | drive.setpoint_is_clamped,
@@ -151,7 +152,7 @@ class WireBench:
             drive_torque_nm=drive.value("actual_torque") * units.torque_nm_per_count,
             drive_angle_rad=drive.value("actual_position") * units.angle_rad_per_count,
             drive_velocity_rad_s=drive.value("actual_velocity") * units.velocity_rad_s_per_count,
-            drive_age_scans=drive.age_scans(scan),
+            drive_age_scans=drive_age_scans,
             drive_nmt_state=drive.nmt_state,
             drive_heartbeat_age_scans=drive.heartbeat_age_scans(scan),
             drive_emcy_code=drive.emcy_code,
@@ -192,8 +193,10 @@ class WireBench:
                     drive_command=DriveCommand.DISABLE_VOLTAGE, drive_mode=DriveMode.CYCLIC_SYNC_TORQUE
                 )
                 self._drive.send(off, 0)
-            stop = bytes((NMT_ENTER_PRE_OPERATIONAL, self.config.drive.node_id))
-            self._link.send(can.Message(arbitration_id=0, is_extended_id=False, data=stop))
+            # the reset ends the supervision of our heartbeat too: a regular end is not an emergency
+            for nmt_command in (NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION):
+                data = bytes((nmt_command, self.config.drive.node_id))
+                self._link.send(can.Message(arbitration_id=0, is_extended_id=False, data=data))
             self._link.close()
         self._link = None
         for line in self._lines.values():

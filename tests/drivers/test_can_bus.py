@@ -64,6 +64,7 @@ def server() -> Iterator[Server]:
 def link(server: Server) -> Iterator[CanLink]:
     one = open_can(server.client())
     yield one
+    server.close()  # first, so that the link need not wait for it
     one.close()
 
 

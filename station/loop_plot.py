@@ -20,7 +20,7 @@ LOADING, UNLOADING, MEAN = "#0b6e99", "#c2571a", "#1f2933"
 SIZE_INCH = (8.4, 5.6)
 MOST_POINTS = 6000
 
-STYLE = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "axes.edgecolor": INK,
@@ -110,14 +110,10 @@ def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
     inside.plot(torque, rising, color=LOADING, linewidth=1.4)
     inside.plot(torque, falling, color=UNLOADING, linewidth=1.4)
     inside.plot(torque, (rising + falling) / 2, color=MEAN, linewidth=1.0, linestyle="--")
-    for name, colour in (("backlash_width_3pct", INK), ("lost_motion", MEAN)):
-        metric = _metric(analysis, name)
-        if metric is not None and name == "backlash_width_3pct":
-            at = 0.03 * method.reference_nm
-            low, high = (float(branch.at(np.array([at]))[0]) for branch in first)
-            inside.annotate("", (at, high), (at, low), arrowprops={"arrowstyle": "<->", "color": colour, "lw": 1.1})
-            width = abs(high - low)
-            inside.text(at, (low + high) / 2, f"  {width:.3f}′", fontsize=8.5, va="center", fontweight="bold")
+    at = 0.03 * method.reference_nm
+    low, high = (float(branch.at(np.array([at]))[0]) for branch in first)
+    inside.annotate("", (at, high), (at, low), arrowprops={"arrowstyle": "<->", "color": INK, "lw": 1.1})
+    inside.text(at, (low + high) / 2, f"  {abs(high - low):.3f}′", fontsize=8.5, va="center", fontweight="bold")
     _limit_ghosts(inside, analysis, torque, rising, falling)
     inside.axvspan(-band / 3, band / 3, color=GRID, alpha=0.6, zorder=0)
     inside.axhline(0, color=INK, linewidth=0.6)
@@ -134,7 +130,7 @@ def _limit_ghosts(inside: Axes, analysis: Result, torque: Any, rising: Any, fall
         return
     mean = (rising + falling) / 2
     half = metric.wanted.max / 2
-    style = {"color": "#b00020", "linewidth": 0.9, "linestyle": (0, (4, 2))}
+    style: dict[str, Any] = {"color": "#b00020", "linewidth": 0.9, "linestyle": (0, (4, 2))}
     inside.plot(torque, mean + half, **style)
     inside.plot(torque, mean - half, **style)
     text = f"limit {metric.wanted.max:g}′"

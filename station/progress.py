@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from rich.align import Align
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
@@ -109,7 +109,7 @@ def panel(view: LiveView, title: str) -> Panel:
         Text(clock(view.left_s), style="bold"),
     )
     numbers.add_row(*(Text(name, style="dim") for name in ("torque", "wind-up", "cycle", "left")))
-    parts = [
+    parts: list[RenderableType] = [
         Align.center(word),
         Align.center(Text(view.words, style=colour)),
         Text(""),

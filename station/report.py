@@ -15,7 +15,7 @@ TEMPLATE = "report.html.j2"
 
 RULES = {
     "simple": "Simple acceptance: the measured value itself is compared with the limit.",
-    "guard_band": "Guard band: limits are moved in by w = r·U to accept and out by w to reject; between is not decidable.",
+    "guard_band": "Guard band: limits are moved in by w = r·U to accept, out by w to reject; between is not decidable.",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -64,7 +65,7 @@ def plot(points: Sequence[tuple[float, float]], units: tuple[str, str], columns:
 
     for x in range(0, canvas.width, 4):
         canvas.dot(x, round(middle))
-    for start, end in zip(points[:-1], points[1:], strict=True):
+    for start, end in itertools.pairwise(points):
         canvas.line(place(start), place(end))
     labels = {0: f"{top:+g}", rows // 2: "0", rows - 1: f"{-top:+g}"}
     width = max(len(label) for label in labels.values())

@@ -13,9 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from drivers.virtual.server import log_line, run
-
 from drivers.virtual.errors import VirtualBenchError
+from drivers.virtual.server import log_line, run
 from recipes import RecipeError, load_bench
 from station.assemble_virtual import load_scenario, server_config
 

@@ -1,0 +1,126 @@
+"""`lostmotion show` and `lostmotion list`: what was measured."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from station.errors import RecordError
+from station.record_check import check_file
+from station.record_store import RESULT, RunRecord, Store
+from station.result_view import VERDICT_STYLES, show_result
+
+STATE_STYLES = {
+    "complete": "",
+    "recording": "cyan",
+    "interrupted": "bold red",
+    "fault": "bold red",
+    "stopped": "yellow",
+}
+
+
+def show(name: str, data: Path, *, as_json: bool) -> int:
+    """Print a stored run; its record is read back first, and a damaged one says so.
+
+    Raises:
+        StationError: there is no such run.
+
+    """
+    run = Store(data).find(name)
+    found = stored_result(run)
+    if as_json:
+        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+        return 0
+    console = Console()
+    manifest = run.manifest()
+    console.print(
+        f"{run.id}  attempt {manifest['attempt']}, started {manifest['started']}, {run.records()} scans on disk",
+        highlight=False,
+        soft_wrap=True,
+    )
+    show_result(console, found)
+    return 0
+
+
+def stored_result(run: RunRecord) -> dict[str, Any]:
+    """Return a run's result; for a run without one, what is known; for a damaged record, no verdict."""
+    manifest, state = run.manifest(), run.state()
+    if run.has(RESULT):
+        result: dict[str, Any] = run.read_json(RESULT)
+        read_back = check_file(run.samples, manifest.get("records"))
+        if not read_back.sound:
+            damage = [f"the record is damaged: {problem}" for problem in read_back.problems]
+            result |= {"verdict": "NOT DECIDABLE", "reasons": [*damage, *result["reasons"]]}
+        return result
+    reasons = {
+        "recording": "the run is still going on",
+        "interrupted": "the run was interrupted before it was evaluated; its samples are kept",
+    }
+    trouble = manifest.get("trouble")
+    return {
+        "run": run.id,
+        "serial": manifest["serial"],
+        "recipe": {key: manifest["recipe"][key] for key in ("name", "revision", "sha256")},
+        "state": state,
+        "verdict": "NOT DECIDABLE",
+        "reasons": [reasons.get(state, f"the run ended as {state} without a result"), *([trouble] if trouble else [])],
+        "metrics": [],
+        "timing": None,
+        "alarms": [],
+        "record": str(run.folder),
+        "records": run.records(),
+    }
+
+
+def row(run: RunRecord) -> dict[str, Any]:
+    """Return one run as a row of the list; a manifest that cannot be read is a row as well."""
+    try:
+        manifest = run.manifest()
+        return {
+            "run": run.id,
+            "serial": manifest["serial"],
+            "attempt": manifest["attempt"],
+            "recipe": manifest["recipe"]["name"],
+            "revision": manifest["recipe"]["revision"],
+            "started": manifest["started"],
+            "state": run.state(),
+            "verdict": manifest["verdict"],
+            "records": run.records(),
+        }
+    except (RecordError, KeyError) as error:
+        damaged = dict.fromkeys(("serial", "attempt", "recipe", "revision", "started", "verdict"))
+        return {"run": run.id, **damaged, "state": "damaged", "records": run.records(), "error": str(error)}
+
+
+def list_runs(data: Path, *, as_json: bool) -> int:
+    """Print all runs, newest last."""
+    rows = [row(run) for run in Store(data).runs()]
+    if as_json:
+        sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
+        return 0
+    if not rows:
+        sys.stdout.write(f"{data}: holds no runs\n")
+        return 0
+    table = Table(box=None, padding=(0, 2), header_style="dim")
+    for name in ("run", "serial", "attempt", "recipe", "state", "verdict", "scans"):
+        table.add_column(name, justify="right" if name in ("attempt", "scans") else "left", overflow="fold")
+    for one in rows:
+        verdict = one["verdict"] or ""
+        style = VERDICT_STYLES.get(verdict, "").split()[-1:]
+        table.add_row(
+            one["run"],
+            one["serial"] or "",
+            str(one["attempt"] or ""),
+            f"{one['recipe']} r{one['revision']}",
+            Text(one["state"], style=STATE_STYLES.get(one["state"], "bold red")),
+            Text(verdict, style=" ".join(style)),
+            str(one["records"]),
+        )
+    Console(soft_wrap=not sys.stdout.isatty()).print(table)
+    return 0

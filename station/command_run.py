@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
-from station.conclusion import Conclusion, conclude, finite
+from station.conclusion import Conclusion, Ending, conclude, finite
 from station.errors import BenchFaultError, StationError
 from station.evaluation import method_of
 from station.live import LiveReader
@@ -71,7 +71,7 @@ def run(options: Options) -> int:
                 progress.say(f"{title}: {record.id}")
                 conclusion = _conclude(options, job, record, unit, progress)
         except BaseException as error:
-            log.error("run failed", error=str(error), kind=type(error).__name__)
+            log.exception("run failed", kind=type(error).__name__)
             if record.manifest()["state"] == "recording":
                 record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
             raise
@@ -110,6 +110,13 @@ def _scenario(options: Options, job: Job) -> Source | None:
     return Source.read(options.scenario)
 
 
+def _version() -> str:
+    try:
+        return importlib.metadata.version("lostmotion")
+    except importlib.metadata.PackageNotFoundError:
+        return "from its source folder"
+
+
 def _create(options: Options, job: Job, serial: str, unit: str | None, scenario: Source | None) -> RunRecord:
     recipe, bench = job.recipe, job.bench
     manifest = {
@@ -127,7 +134,7 @@ def _create(options: Options, job: Job, serial: str, unit: str | None, scenario:
         },
         "software": {
             "name": "lostmotion",
-            "version": importlib.metadata.version("lostmotion"),
+            "version": _version(),
             "python": platform.python_version(),
             "platform": platform.platform(),
         },
@@ -161,7 +168,11 @@ def _conclude(
     else:
         from station.desk import Desk  # noqa: PLC0415 - not needed in virtual time
 
-        ending = Desk(job, record, progress.show, progress.say).run(unit, scenario)
+        try:
+            ending = Desk(job, record, progress.show, progress.say).run(unit, scenario)
+        except BenchFaultError as error:
+            record.samples.touch()
+            ending = Ending(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)
     progress.say("evaluating, reading the record back")
     return conclude(record, job, ending)
 
@@ -178,9 +189,3 @@ def _illustrate(job: Job, record: RunRecord, conclusion: Conclusion) -> None:
     events = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()]
     files = {name: (record.folder / name).read_text() for name in ("recipe.yaml", "bench.yaml")}
     record.write_bytes("report.html", report_html(result, record.manifest(), events, files, picture))
-
-
-def refuse(error: BenchFaultError) -> int:
-    """Tell that the bench could not be used; return the exit code for it."""
-    sys.stderr.write(f"{error}\n")
-    return EXIT_BENCH

@@ -16,13 +16,7 @@ from station.record_check import check_file
 from station.record_store import RESULT, RunRecord, Store
 from station.result_view import VERDICT_STYLES, show_result
 
-STATE_STYLES = {
-    "complete": "",
-    "recording": "cyan",
-    "interrupted": "bold red",
-    "fault": "bold red",
-    "stopped": "yellow",
-}
+STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
 
 
 def show(name: str, data: Path, *, as_json: bool) -> int:

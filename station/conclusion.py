@@ -33,13 +33,17 @@ VIRTUAL_REALTIME: dict[str, object] = {
 
 @dataclass(frozen=True)
 class Ending:
-    """How the scan ended: records it says it wrote, those it lost, its report, and why it ended early if it did."""
+    """How the scan ended: records it says it wrote, those it lost, its report, and why it ended early if it did.
+
+    `refused`: the bench could not be opened, nothing has moved.
+    """
 
     written: int
     lost: int = 0
     realtime: dict[str, object] = field(default_factory=lambda: dict(VIRTUAL_REALTIME))
     notes: list[dict[str, Any]] = field(default_factory=list)
     trouble: str = ""
+    refused: bool = False
     counters: dict[str, int] = field(default_factory=dict)
 
 
@@ -61,7 +65,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     period_ns = int(run["period_ns"])
     timing = timing_block(table, period_ns, run["clock"], ending.realtime) | {"wires": ending.counters}
     events = events_of(table, period_ns, ending.notes)
-    state = _end_state(table)
+    state = "fault" if ending.refused else _end_state(table)
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     if ending.lost:
         broken.append(f"{ending.lost} records were lost because they were not taken from the ring in time")
@@ -114,6 +118,8 @@ def _end_state(table: Table) -> str:
 
 def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> list[str]:
     reasons = [ending.trouble] if ending.trouble else []
+    if ending.refused:
+        return reasons
     if state == "fault":
         first = alarms_in(events)[:1]
         reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in first]

@@ -10,7 +10,6 @@ from rich.table import Table
 from rich.text import Text
 
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
-SUBSCRIPT_SIDES = {"both": "", "": ""}
 
 
 def number(value: float | None) -> str:
@@ -38,7 +37,7 @@ def metric_name(metric: dict[str, Any]) -> str:
         parts.append(f"at {metric['torque_nm']:g} N·m")
     side = metric["side"]
     parts += [f"side {side}"] if side not in ("", "both") else []
-    return metric["id"] + (f" ({', '.join(parts)})" if parts else "")
+    return str(metric["id"]) + (f" ({', '.join(parts)})" if parts else "")
 
 
 def uncertainty_text(metric: dict[str, Any]) -> str:

@@ -11,12 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis import Result, Trace
-from analysis.branches import measured_windup
+from analysis.branches import Branch, measured_windup
 from analysis.errors import AnalysisError
 from analysis.method import Method
 
-INK, GRID, RAW = "#1f2933", "#d9dee4", "#b8c2cc"
-LOADING, UNLOADING, MEAN = "#0b6e99", "#c2571a", "#1f2933"
+INK, GRID, RAW = "#1f2933", "#d9dee4", "#9aa6b2"
+LOADING, UNLOADING, MEAN, LIMIT = "#0b6e99", "#c2571a", "#1f2933", "#b00020"
 SIZE_INCH = (8.4, 5.6)
 MOST_POINTS = 6000
 
@@ -71,7 +71,7 @@ def _raw(axes: Axes, trace: Trace | None, method: Method) -> None:
     except AnalysisError:
         return
     every = max(1, windup.size // MOST_POINTS)
-    axes.plot(trace.torque_out_nm[::every], windup[::every], color=RAW, linewidth=0.7, label="all samples", zorder=1)
+    axes.plot(trace.torque_out_nm[::every], windup[::every], color=RAW, linewidth=0.8, label="all samples", zorder=1)
 
 
 def _branches(axes: Axes, analysis: Result) -> None:
@@ -90,17 +90,19 @@ def _references(axes: Axes, analysis: Result, method: Method) -> None:
     """Mark rated torque and the ±3 % band, where backlash and lost motion are read."""
     reference = method.reference_nm
     axes.axvspan(-0.03 * reference, 0.03 * reference, color=GRID, alpha=0.6, zorder=0)
-    for side in (-1, 1):
-        axes.axvline(side * reference, color=INK, linewidth=0.8, linestyle=":")
-    low = float(analysis.curves.mean.angle_arcmin.min())
-    axes.text(reference, low, f" {reference:g} N·m", fontsize=8, va="bottom", ha="left", rotation=90)
+    for side, branch in ((1, analysis.curves.backward[0]), (-1, analysis.curves.forward[0])):
+        if branch.covers(side * reference, side * reference):
+            reached = float(branch.at(np.array([side * reference]))[0])
+            axes.vlines(side * reference, 0, reached, color=INK, linewidth=0.8, linestyle=":")
+            text = f"{side * reference:+g} N·m".replace("-", "−")
+            axes.text(side * reference, 0, text, fontsize=8, va="top" if side > 0 else "bottom", ha="center")
 
 
 def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
     """Draw what decides on backlash, the few percent around zero, in a window of its own."""
     band = 0.09 * method.reference_nm
     curves = analysis.curves
-    inside = axes.inset_axes((0.055, 0.56, 0.36, 0.4))
+    inside = axes.inset_axes((0.06, 0.6, 0.36, 0.36))
     torque = np.linspace(-band, band, 121)
     first = curves.forward[0], curves.backward[0]
     if not all(branch.covers(-band, band) for branch in first):
@@ -112,29 +114,32 @@ def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
     inside.plot(torque, (rising + falling) / 2, color=MEAN, linewidth=1.0, linestyle="--")
     at = 0.03 * method.reference_nm
     low, high = (float(branch.at(np.array([at]))[0]) for branch in first)
-    inside.annotate("", (at, high), (at, low), arrowprops={"arrowstyle": "<->", "color": INK, "lw": 1.1})
-    inside.text(at, (low + high) / 2, f"  {abs(high - low):.3f}′", fontsize=8.5, va="center", fontweight="bold")
-    _limit_ghosts(inside, analysis, torque, rising, falling)
+    arrow = {"arrowstyle": "<->", "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
+    inside.annotate("", (at, high), (at, low), arrowprops=arrow)
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    text = f"{abs(high - low):.3f}′"
+    inside.text(1.25 * at, (low + high) / 2, text, fontsize=8.5, va="center", fontweight="bold", bbox=box)
+    _limits(inside, analysis, at, *first)
     inside.axvspan(-band / 3, band / 3, color=GRID, alpha=0.6, zorder=0)
     inside.axhline(0, color=INK, linewidth=0.6)
     inside.axvline(0, color=INK, linewidth=0.6)
     inside.tick_params(labelsize=7.5)
     inside.set_title("around zero, ±3 % shaded", fontsize=8, loc="left")
-    inside.set_facecolor("#ffffffee")
 
 
-def _limit_ghosts(inside: Axes, analysis: Result, torque: Any, rising: Any, falling: Any) -> None:
-    """Show how wide the loop may be: the limit of the backlash, centred on the mean curve."""
-    metric = _metric(analysis, "backlash_width_3pct") or _metric(analysis, "backlash_width_zero")
+def _limits(inside: Axes, analysis: Result, at_nm: float, rising: Branch, falling: Branch) -> None:
+    """Show how wide the loop may be where its width is judged, centred on the mean curve."""
+    metric = _metric(analysis, "backlash_width_3pct")
     if metric is None or metric.wanted.max is None:
         return
-    mean = (rising + falling) / 2
-    half = metric.wanted.max / 2
-    style: dict[str, Any] = {"color": "#b00020", "linewidth": 0.9, "linestyle": (0, (4, 2))}
-    inside.plot(torque, mean + half, **style)
-    inside.plot(torque, mean - half, **style)
-    text = f"limit {metric.wanted.max:g}′"
-    inside.text(torque[0], float(mean[0]) + half, text, fontsize=7.5, color="#b00020", va="bottom", ha="left")
+    for side in (-at_nm, at_nm):
+        middle = float(rising.at(np.array([side]))[0] + falling.at(np.array([side]))[0]) / 2
+        half = metric.wanted.max / 2
+        inside.errorbar(
+            side, middle, yerr=half, color=LIMIT, capsize=7, linewidth=0, elinewidth=0, markersize=0, capthick=1.6
+        )
+    inside.plot([], [], color=LIMIT, linewidth=1.6, label=f"limit {metric.wanted.max:g}′")
+    inside.legend(loc="lower right", frameon=False, fontsize=7.5)
 
 
 def _metric(analysis: Result, name: str) -> Any:

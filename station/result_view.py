@@ -31,13 +31,15 @@ def limits_text(limits: dict[str, float | None]) -> str:
 
 
 def metric_name(metric: dict[str, Any]) -> str:
-    """Return a metric's id with branch, torque and side where they tell it from others."""
-    parts = [] if metric["branch"] in ("width", "mean") and metric["id"] != "stiffness_50_100" else [metric["branch"]]
+    """Return a metric's id with torque, branch and side where they tell it from others."""
+    parts = [str(metric["id"])]
     if metric.get("torque_nm") is not None:
-        parts.append(f"at {metric['torque_nm']:g} N·m")
-    side = metric["side"]
-    parts += [f"side {side}"] if side not in ("", "both") else []
-    return str(metric["id"]) + (f" ({', '.join(parts)})" if parts else "")
+        parts.append(f"{metric['torque_nm']:g} N·m")
+    if metric["branch"] in ("load", "unload") or metric["id"] == "stiffness_50_100":
+        parts.append(metric["branch"])
+    if metric["side"] in ("+", "-"):
+        parts.append(metric["side"].replace("-", "−"))
+    return " ".join(parts)
 
 
 def uncertainty_text(metric: dict[str, Any]) -> str:
@@ -52,10 +54,11 @@ def unit_text(unit: str) -> str:
 
 def metrics_table(metrics: list[dict[str, Any]]) -> Table:
     """Return the metrics as a table, those that decide first."""
-    table = Table(box=None, padding=(0, 2), header_style="dim")
-    for name, justify in (("metric", "left"), ("value", "right"), ("", "left"), ("unit", "left"), ("limit", "left")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    table.add_column("")
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column("metric", no_wrap=True)
+    table.add_column("value", justify="right", no_wrap=True)
+    for name in ("", "unit", "limit", ""):
+        table.add_column(name, no_wrap=True)
     for metric in sorted(metrics, key=lambda one: one["verdict"] is None):
         verdict = metric["verdict"]
         style = {"PASS": "green", "FAIL": "bold red", "NOT DECIDABLE": "yellow"}.get(verdict or "", "")

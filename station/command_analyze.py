@@ -8,8 +8,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from analysis import Method, Result, Trace, analyse, read_trace
 from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
 from station.command_run import exit_code
@@ -18,7 +16,7 @@ from station.evaluation import decision_of, evaluate_trace, method_of, trace_of,
 from station.record_check import check_file, read_table
 from station.record_store import MANIFEST, RunRecord, Store
 from station.request import recipe_path
-from station.result_view import show_result
+from station.result_view import result_console, show_result
 from station.timing_proof import timing_objections
 
 
@@ -42,7 +40,7 @@ def analyze(trace: str, recipe: str | None, bench: str | None, data: Path, *, as
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
     else:
-        show_result(Console(), result)
+        show_result(result_console(), result)
     return exit_code(result)
 
 

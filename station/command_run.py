@@ -10,8 +10,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from station.conclusion import Conclusion, Ending, conclude, finite
 from station.errors import BenchFaultError, StationError
 from station.evaluation import method_of
@@ -22,7 +20,7 @@ from station.progress import Progress
 from station.record_store import RunRecord, Store, check_serial, now_text
 from station.report import report_html
 from station.request import Job, Source, load_job
-from station.result_view import show_result
+from station.result_view import result_console, show_result
 
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
 EXIT_BENCH = 4
@@ -82,7 +80,7 @@ def run(options: Options) -> int:
     if options.json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
     else:
-        show_result(Console(), result)
+        show_result(result_console(), result)
     return exit_code(result)
 
 
@@ -172,9 +170,14 @@ def _conclude(
             ending = Desk(job, record, progress.show, progress.say).run(unit, scenario)
         except BenchFaultError as error:
             record.samples.touch()
-            ending = Ending(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)
+            ending = refused(record, error)
     progress.say("evaluating, reading the record back")
     return conclude(record, job, ending)
+
+
+def refused(record: RunRecord, error: BenchFaultError) -> Ending:
+    """Return the ending of a run whose bench could not be opened: nothing has moved."""
+    return Ending(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)
 
 
 def _illustrate(job: Job, record: RunRecord, conclusion: Conclusion) -> None:

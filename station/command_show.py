@@ -14,7 +14,7 @@ from rich.text import Text
 from station.errors import RecordError
 from station.record_check import check_file
 from station.record_store import RESULT, RunRecord, Store
-from station.result_view import VERDICT_STYLES, show_result
+from station.result_view import VERDICT_STYLES, result_console, show_result
 
 STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
 
@@ -31,7 +31,7 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
     if as_json:
         sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
         return 0
-    console = Console()
+    console = result_console()
     manifest = run.manifest()
     console.print(
         f"{run.id}  attempt {manifest['attempt']}, started {manifest['started']}, {run.records()} scans on disk",
@@ -92,6 +92,12 @@ def row(run: RunRecord) -> dict[str, Any]:
         return {"run": run.id, **damaged, "state": "damaged", "records": run.records(), "error": str(error)}
 
 
+def table_width(rows: list[dict[str, Any]]) -> int:
+    """Return the width in characters that the list needs."""
+    widest = max(len(f"{one['run']}{one['serial']}{one['recipe']}{one['state']}") for one in rows)
+    return widest + 60
+
+
 def list_runs(data: Path, *, as_json: bool) -> int:
     """Print all runs, newest last."""
     rows = [row(run) for run in Store(data).runs()]
@@ -101,9 +107,9 @@ def list_runs(data: Path, *, as_json: bool) -> int:
     if not rows:
         sys.stdout.write(f"{data}: holds no runs\n")
         return 0
-    table = Table(box=None, padding=(0, 2), header_style="dim")
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name in ("run", "serial", "attempt", "recipe", "state", "verdict", "scans"):
-        table.add_column(name, justify="right" if name in ("attempt", "scans") else "left", overflow="fold")
+        table.add_column(name, justify="right" if name in ("attempt", "scans") else "left", no_wrap=True)
     for one in rows:
         verdict = one["verdict"] or ""
         style = VERDICT_STYLES.get(verdict, "").split()[-1:]
@@ -116,5 +122,8 @@ def list_runs(data: Path, *, as_json: bool) -> int:
             Text(verdict, style=" ".join(style)),
             str(one["records"]),
         )
-    Console(soft_wrap=not sys.stdout.isatty()).print(table)
+    console = Console()
+    # A run id that is cut off cannot be copied: the table may be wider than the screen.
+    console.width = max(console.width, table_width(rows))
+    console.print(table)
     return 0

@@ -206,7 +206,7 @@ class Desk:
         return Ending(
             written=int(said.get("written", ring.written)) - ring.lost,
             lost=ring.lost,
-            realtime=said.get("realtime", {}),
+            realtime=said.get("realtime", {"details": {}}),
             notes=said.get("notes", []),
             trouble=trouble,
             counters=said.get("counters", {}),

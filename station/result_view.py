@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 from rich.console import Console
@@ -85,6 +86,11 @@ def timing_line(timing: dict[str, Any]) -> str:
         f"lateness {late['p50']:.0f} µs typical, {late['p99']:.0f} µs p99, {late['max']:.0f} µs worst, "
         f"work {work['p50']:.0f} µs, oldest sample {timing['oldest_sample_scans']} scans"
     )
+
+
+def result_console() -> Console:
+    """Return a console on standard output; into a file or a pipe it writes lines of 110 characters."""
+    return Console() if sys.stdout.isatty() else Console(width=110)
 
 
 def show_result(console: Console, result: dict[str, Any], *, files: bool = True) -> None:

@@ -50,6 +50,8 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         grants = realtime.request_all()
         fifo = any(grant.name == "fifo" and grant.granted for grant in grants)
         schedule = RealTimeSchedule(period_ns, spin_ns=spec["spin_ns"] if fifo else 0)
+        armed = {"realtime": realtime.as_json(grants), "verified": verified}
+        _tell(spec, {"state": "running", **armed})
         ring.set_state(ScanState.RUNNING)
         last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop)
         counters = bench.counters()
@@ -60,12 +62,19 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         "scans": last + 1,
         "written": ring.sequence,
         "lost": ring.lost,
-        "realtime": realtime.as_json(grants),
-        "verified": verified,
+        **armed,
         "counters": counters,
         "notes": [event._asdict() for event in controller.events if event.kind == "note"],
         "stopped_by_signal": stop.wanted,
     }
+
+
+def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
+    """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end."""
+    path = Path(spec["report"])
+    beside = path.with_suffix(".part")
+    beside.write_text(json.dumps(report, ensure_ascii=False))
+    beside.replace(path)
 
 
 def main() -> int:
@@ -89,7 +98,7 @@ def main() -> int:
             "traceback": traceback.format_exc(),
             "written": ring.sequence,
         }
-    Path(spec["report"]).write_text(json.dumps(report, ensure_ascii=False))
+    _tell(spec, report)
     ring.set_state(state)
     ring.close()
     return code

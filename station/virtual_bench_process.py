@@ -18,8 +18,8 @@ from drivers.virtual.server import log_line, run
 from recipes import RecipeError, load_bench
 from station.assemble_virtual import load_scenario, server_config
 
-NICENESS = -10
-"""The bench plays hardware, which never waits for a processor; where this is refused it runs as it is."""
+FIFO_PRIORITY = 60
+"""The bench plays hardware, which never waits for a processor: below the scan, above everything ordinary."""
 
 
 def serve(spec: dict[str, Any]) -> None:
@@ -35,9 +35,9 @@ def serve(spec: dict[str, Any]) -> None:
     )
     faults = None if scenario is None else load_scenario(scenario)
     try:
-        os.nice(NICENESS)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except OSError as error:
-        log_line("niceness_refused", str(error))
+        log_line("fifo_refused", str(error))
     asyncio.run(run(config, faults))
 
 

@@ -14,6 +14,7 @@ import contextlib
 import logging
 import socket
 import struct
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -25,6 +26,9 @@ from drivers.errors import BusError, Problem
 
 SOCKETCAND_SOCKET = "_SocketCanDaemonBus__socket"
 """The client's private socket; a contract test holds python-can to it."""
+
+CLOSE_TIMEOUT_S = 0.3
+"""Longest wait for the peer to take the last frames before the connection is closed."""
 
 _CLOSED_BY_PEER = "the peer closed the connection"
 _STREAM_INTERFACES = frozenset({"socketcand", "slcan"})
@@ -98,7 +102,9 @@ class CanLink:
         return False
 
     def close(self) -> None:
-        """Close the bus; safe to call twice and on a broken one."""
+        """Close the bus once its last frames are out (at most `CLOSE_TIMEOUT_S`); safe twice and on a broken one."""
+        if self._socket is not None and self._sendable:
+            _finish_stream(self._socket)
         self._sendable = self._receivable = False
         with contextlib.suppress(can.CanError, OSError):
             self.bus.shutdown()
@@ -107,6 +113,20 @@ class CanLink:
         if not self.lost:
             self.lost = True
             self.lost_because = because
+
+
+def _finish_stream(client: socket.socket) -> None:
+    """End our half of a connection and wait for the peer's end.
+
+    Closing with unread frames in the buffer resets the connection. A server that notices this while it sends gives the
+    connection up with all it had not yet read: the very frames that take the power away.
+    """
+    deadline = time.monotonic() + CLOSE_TIMEOUT_S
+    with contextlib.suppress(OSError):
+        client.shutdown(socket.SHUT_WR)
+        client.settimeout(CLOSE_TIMEOUT_S)
+        while client.recv(4096) and time.monotonic() < deadline:
+            pass
 
 
 def open_can(config: CanConfig) -> CanLink:

@@ -22,6 +22,8 @@ COB_INVALID = 1 << 31
 COB_NO_RTR = 1 << 30
 """TPDO COB-IDs carry it or not at the drive's choice: it is written, and left out of the comparison."""
 ALL_BITS = 0xFFFF_FFFF
+SYNC_BITS = ALL_BITS & ~(1 << 31)
+"""Bit 31 of 0x1005 has no meaning, and drives set it or not; bit 30 would make the drive send SYNC."""
 PDO_NUMBERS = range(1, 5)
 REQUIRED_MODES = (1 << 5) | (1 << 8) | (1 << 9)
 """Bits of 0x6502: homing, cyclic synchronous velocity, cyclic synchronous torque (CiA 402-2)."""
@@ -124,9 +126,19 @@ def identity_rows(config: DriveConfig) -> list[SetupRow]:
 
 
 def rating_rows(config: DriveConfig) -> list[SetupRow]:
-    """Rows that are read only: the drive's abilities and the base of its torque numbers."""
+    """Rows that are read only: whose SYNC it follows, its abilities, the base of its torque numbers."""
     rated = round(config.rated_torque_nm * 1000)
     return [
+        SetupRow(
+            0x1005,
+            0,
+            "u32",
+            SYNC_COB_ID,
+            "COB-ID of SYNC, which the drive receives and does not send",
+            Treatment.CHECK,
+            "set 0x1005 to 0x80 with the drive's own tool",
+            SYNC_BITS,
+        ),
         SetupRow(0x6502, 0, "u32", REQUIRED_MODES, "supported modes", Treatment.CHECK_BITS, _PROFILE_NEXT),
         SetupRow(0x6076, 0, "u32", rated, "rated torque of the motor (mN·m)", Treatment.CHECK),
     ]
@@ -155,7 +167,6 @@ def synchronisation_rows(period_ns: int) -> list[SetupRow]:
     """Rows that tie the drive to our SYNC; the periods are objects that drives may lack."""
     optional = Treatment.WRITE_IF_THERE
     rows = [
-        SetupRow(0x1005, 0, "u32", SYNC_COB_ID, "SYNC is received, not sent, by the drive"),
         SetupRow(0x1006, 0, "u32", period_ns // 1000, "period of SYNC (µs)", optional),
     ]
     if power := _interpolation_power(period_ns):

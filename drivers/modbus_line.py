@@ -36,6 +36,7 @@ from pymodbus.pdu.register_message import (
 
 from drivers.config import ModbusConfig
 from drivers.errors import ModbusError, Problem
+from drivers.modbus_port import open_port
 
 READ_SIZE = 4096
 TCP_HEADER_BYTES = 6
@@ -136,7 +137,7 @@ class ModbusLine:
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)  # it would format a line for every bad frame
         self.close()
         try:
-            self.attach(_open_serial(self.config) if self.rtu else _open_socket(self.config))
+            self.attach(open_port(self.config))
         except (OSError, ValueError) as error:
             raise ModbusError(
                 Problem("no connection", self.config.where, str(error), "an open connection", _CHECK_NEXT)
@@ -298,25 +299,3 @@ class ModbusLine:
         if not self.lost:
             self.lost = True
             self.lost_because = because
-
-
-def _open_socket(config: ModbusConfig) -> socket.socket:
-    client = socket.create_connection((config.host, config.port), timeout=config.connect_timeout_s)
-    client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    client.setblocking(False)  # noqa: FBT003
-    return client
-
-
-def _open_serial(config: ModbusConfig) -> serial.Serial:
-    # pyserial opens the port with O_NONBLOCK; the line then reads and writes its descriptor directly
-    port = serial.Serial(
-        config.serial_port,
-        config.baudrate,
-        parity=config.parity,
-        stopbits=config.stop_bits,
-        timeout=0,
-        write_timeout=0,
-        exclusive=True,
-    )
-    port.reset_input_buffer()
-    return port

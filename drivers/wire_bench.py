@@ -7,31 +7,20 @@ lost until the bench is opened anew. There is no thread.
 
 from __future__ import annotations
 
-from types import MappingProxyType
-
 import can
 
-from controller.image import DriveCommand, DriveMode, Image, Link, Orders
+from controller.image import AGE_NEVER, DriveCommand, DriveMode, DriveState, Image, Link, Orders
 from drivers.can_bus import CanLink, open_can
 from drivers.can_drive import CanDrive
 from drivers.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
 from drivers.config import ModbusConfig, WireBenchConfig
 from drivers.drive_setup import set_up_drive
-from drivers.errors import DriverError, ModbusError, Problem, ProfileError
+from drivers.errors import DriverError, ModbusError, Problem
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
-from drivers.sdo import NMT_ENTER_PRE_OPERATIONAL
+from drivers.part_fields import PART_FIELDS, check_parts
+from drivers.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 
-PART_FIELDS = MappingProxyType(
-    {
-        "amplifier": ("sample_counter",),
-        "brake": ("brake_on", "brake_current_a"),
-        "remote_io": ("estop_released", "guard_closed"),
-    }
-)
-"""What each part must deliver besides the measured channels; other fields may be missing and then read 0."""
-
-BRAKE_ORDERS = frozenset({"brake_on", "brake_current_a"})
 WORST_REPLY_TIMEOUTS = 3
 """RTU: a reply later than this many time-outs is taken for impossible, unless the bench file says otherwise."""
 
@@ -49,7 +38,7 @@ class WireBench:
     def __init__(self, config: WireBenchConfig) -> None:
         """Prepare everything that the scan needs; raises ProfileError when a profile does not fit its part."""
         self.config = config
-        _check_profiles(config)
+        check_parts(config)
         self._lines: dict[str, ModbusLine] = {}
         self._link: CanLink | None = None
         self._drive: CanDrive | None = None
@@ -138,6 +127,7 @@ class WireBench:
         brake.poll(scan)
         remote_io.poll(scan)
         statusword = drive.value("statusword")
+        drive_age_scans = drive.age_scans(scan)
         mode = drive.value("mode_display")
         units = drive.units
         sample = amplifier.values
@@ -152,7 +142,7 @@ class WireBench:
         return Image(
             missed_periods=missed_periods,
             command=command,
-            drive_state=decode_state(statusword),
+            drive_state=decode_state(statusword) if drive_age_scans != AGE_NEVER else DriveState.UNKNOWN,
             drive_statusword=statusword,
             drive_mode=mode,
             drive_internal_limit=internal_limit(statusword) | drive.setpoint_is_clamped,
@@ -162,7 +152,7 @@ class WireBench:
             drive_torque_nm=drive.value("actual_torque") * units.torque_nm_per_count,
             drive_angle_rad=drive.value("actual_position") * units.angle_rad_per_count,
             drive_velocity_rad_s=drive.value("actual_velocity") * units.velocity_rad_s_per_count,
-            drive_age_scans=drive.age_scans(scan),
+            drive_age_scans=drive_age_scans,
             drive_nmt_state=drive.nmt_state,
             drive_heartbeat_age_scans=drive.heartbeat_age_scans(scan),
             drive_emcy_code=drive.emcy_code,
@@ -203,8 +193,10 @@ class WireBench:
                     drive_command=DriveCommand.DISABLE_VOLTAGE, drive_mode=DriveMode.CYCLIC_SYNC_TORQUE
                 )
                 self._drive.send(off, 0)
-            stop = bytes((NMT_ENTER_PRE_OPERATIONAL, self.config.drive.node_id))
-            self._link.send(can.Message(arbitration_id=0, is_extended_id=False, data=stop))
+            # the reset ends the supervision of our heartbeat too: a regular end is not an emergency
+            for nmt_command in (NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION):
+                data = bytes((nmt_command, self.config.drive.node_id))
+                self._link.send(can.Message(arbitration_id=0, is_extended_id=False, data=data))
             self._link.close()
         self._link = None
         for line in self._lines.values():
@@ -247,35 +239,3 @@ def _identify(device: ModbusDevice, log: list[str]) -> list[Problem]:
         return [Problem("another device answers", where, found, expected, "check address, unit id and profile")]
     log.append(f"{where} identity = {found}: checked")
     return []
-
-
-def _check_profiles(config: WireBenchConfig) -> None:
-    parts = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
-    problems: list[Problem] = []
-    for part, device in parts.items():
-        delivers = {field.name for field in device.profile.read.fields}
-        needed = {*PART_FIELDS[part], *(config.channels if part == "amplifier" else ())}
-        if missing := sorted(needed - delivers):
-            problems.append(
-                Problem(
-                    f"does not deliver {', '.join(missing)}",
-                    f"{part} profile {device.profile.profile.name}",
-                    ", ".join(sorted(delivers)),
-                    ", ".join(sorted(needed)),
-                    "add the fields to the profile, or remove the sensors from the bench file",
-                )
-            )
-    write = config.brake.profile.write
-    takes = {field.name for field in write.fields} if write else set()
-    if takes != BRAKE_ORDERS:
-        problems.append(
-            Problem(
-                "the brake's orders cannot be written",
-                f"brake profile {config.brake.profile.profile.name}",
-                ", ".join(sorted(takes)) or "nothing to write",
-                ", ".join(sorted(BRAKE_ORDERS)),
-                "correct the write section of the profile",
-            )
-        )
-    if problems:
-        raise ProfileError(*problems)

@@ -61,7 +61,6 @@ WRITTEN = {
     (0x6072, 0): 1100,
     (0x6080, 0): 120,
     (0x6087, 0): 10_000,
-    (0x1005, 0): 0x80,
     (0x1400, 1): 0x205,
     (0x1400, 2): 1,
     (0x1400, 5): 50,
@@ -153,6 +152,17 @@ def test_a_drive_without_a_mode_is_refused(drive: DurandDrive, link: CanLink) ->
     drive.forgets(0x6502, 0, 0x1A0)
     (problem,) = refused(link)
     assert problem.startswith("node 5 6502:00: supported modes is not what it must be: found 0x000001A0")
+
+
+@pytest.mark.parametrize(("value", "fits"), [(0x80, True), (0x80000080, True), (0x40000080, False), (0x81, False)])
+def test_the_drive_must_follow_our_sync(drive: DurandDrive, link: CanLink, value: int, fits: bool) -> None:  # noqa: FBT001
+    drive.forgets(0x1005, 0, value)
+    if fits:
+        set_up_drive(link, drive_config(), PERIOD_NS)
+    else:
+        (problem,) = refused(link)
+        assert problem.startswith("node 5 1005:00: COB-ID of SYNC")
+    assert (drive.node.nmt.state == NmtState.OPERATIONAL) is fits
 
 
 def test_no_drive_at_all_is_told_within_the_time_out(link: CanLink) -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import pty
+import select
 import socket
 import struct
+import tty
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
@@ -12,6 +16,7 @@ import pytest
 from drivers_support import modbus_config, raw_profile
 from hypothesis import given
 from hypothesis import strategies as st
+from pymodbus.framer import FramerRTU
 
 from controller.image import AGE_NEVER
 from drivers.modbus_device import EXCEPTIONS_IN_A_ROW, ModbusDevice, RegisterReader, RegisterWriter
@@ -292,3 +297,48 @@ def test_a_shared_line_serves_the_most_overdue_first(brake: Brake) -> None:
     assert other.urgency(9) == 0
     other.send(9)
     assert other.urgency(10) == 1 - POLL, "a line that is busy costs the device its turn, not its request"
+
+
+LATE = {3: TIMEOUT + 2, 6: 2 * TIMEOUT}
+"""Requests that are answered late, by so many scans; the others are answered at once."""
+
+
+def test_a_late_reply_on_rtu_never_becomes_a_value() -> None:
+    master, slave = pty.openpty()
+    tty.setraw(master)
+    config = modbus_config("virtual-brake", 2, transport="rtu", serial_port=os.ttyname(slave))
+    line = ModbusLine(config, TIMEOUT, 3 * TIMEOUT)
+    line.open()
+    os.close(slave)
+    device = ModbusDevice(config, line, POLL, REASSERT)
+    current = device.place("brake_current_a")
+    asked = 0
+    on_the_way: dict[int, bytes] = {}
+    try:
+        for scan in range(120):
+            device.poll(scan)
+            if device.age_scans(scan) == 0:
+                assert device.values[current] * 1000 == pytest.approx(scan - 1), "the current of another scan"
+            if line.ready(scan):
+                device.send(scan)
+            if select.select([master], [], [], 0)[0]:
+                asked += 1
+                count = os.read(master, 100)[5]
+                body = bytes((2, 4, 2 * count)) + struct.pack(">3H", BRAKE_ID, 1, scan)[: 2 * count]
+                on_the_way[scan + LATE.get(asked, 0)] = body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
+            if scan in on_the_way:
+                os.write(master, on_the_way[scan])
+                select.select([line._descriptor], [], [], 1.0)
+    finally:
+        line.close()
+        os.close(master)
+    assert line.timeouts == len(LATE)
+    assert device.replies == asked - len(LATE) > 15
+
+
+@given(st.lists(st.integers(0, 0xFFFF), min_size=14, max_size=14), st.integers(0, 100))
+def test_no_registers_raise(registers: list[int], scan: int) -> None:
+    config = modbus_config("virtual-amplifier", 1)
+    device = ModbusDevice(config, ModbusLine(config, TIMEOUT, 9), 1, REASSERT)
+    device._take(device._read_request, registers, scan)
+    assert (device.age_scans(scan) == 0) == (registers[0] == 0x4C41)

@@ -111,7 +111,7 @@ def test_first_image_says_that_nothing_has_come(stand: Stand) -> None:
     image = stand.bench.read(0, 3, Command.START)
     assert (image.missed_periods, image.command) == (3, Command.START)
     assert image.drive_age_scans == image.sample_age_scans == image.brake_age_scans == image.io_age_scans == AGE_NEVER
-    assert image.drive_state == DriveState.NOT_READY_TO_SWITCH_ON or image.drive_age_scans == AGE_NEVER
+    assert image.drive_state == DriveState.UNKNOWN, "no status word is not the status word 0"
     assert image.links_lost == 0
 
 
@@ -194,10 +194,14 @@ def test_a_silent_drive_ages(running: Stand) -> None:
 
 def test_close_takes_the_power_and_the_process_data_away(running: Stand) -> None:
     running.run(lambda _: running.drive.od.read(0x6040, 0) == 0x0F)
+    nmt_commands: list[int] = []
+    handle = running.drive.network.subscriptions[0]
+    running.drive.network.subscriptions[0] = lambda cob_id, data: (nmt_commands.append(data[0]), handle(cob_id, data))
     running.bench.close()
     deadline = time.monotonic() + 2
-    while running.drive.node.nmt.state != NmtState.PRE_OPERATIONAL and time.monotonic() < deadline:
+    while len(nmt_commands) < 2 and time.monotonic() < deadline:
         time.sleep(0.001)
+    assert nmt_commands == [0x80, 0x82]
     assert running.drive.node.nmt.state == NmtState.PRE_OPERATIONAL
     assert running.drive.od.read(0x6040, 0) == 0x00
     running.bench.close()

@@ -244,8 +244,21 @@ def _tare(recipe: Recipe, bench: Bench, period_s: float) -> Tare:
     )
 
 
+def _loading_line(recipe: Recipe, bench: Bench) -> tuple[float, float]:
+    """Slope and offset that plan the input torque: of the newest stored calibration when the recipe uses one."""
+    line = recipe.unit_under_test.loading_torque_ratio
+    stored = [item for item in bench.calibrations if item.model == recipe.unit_under_test.model]
+    if recipe.measurement.calibration != "stored" or not stored:
+        return line.slope, line.offset_nm
+    newest = max(stored, key=lambda item: item.due)
+    # offsets of the two directions have opposite signs: the mean of the magnitudes serves both
+    slope = (newest.load_positive.slope + newest.load_negative.slope) / 2.0
+    return slope, (newest.load_positive.offset_nm - newest.load_negative.offset_nm) / 2.0
+
+
 def _control(recipe: Recipe, bench: Bench) -> TorqueControl:
     unit, drive = recipe.unit_under_test, bench.drive
+    slope, offset_nm = _loading_line(recipe, bench)
     at_input = recipe.loading == "input"
     calibrated = recipe.measurement.output_torque == "calibrated"
     limit_nm = drive.max_torque_nm * drive.gear_ratio
@@ -253,8 +266,8 @@ def _control(recipe: Recipe, bench: Bench) -> TorqueControl:
     return TorqueControl(
         controlled_from_input=calibrated or bench.sensors.torque_out is None,
         measure_ratio=calibrated and any(isinstance(step, Calibrate) for step in recipe.sequence),
-        slope=unit.loading_torque_ratio.slope if at_input else 1.0,
-        offset_nm=unit.loading_torque_ratio.offset_nm if at_input else 0.0,
+        slope=slope if at_input else 1.0,
+        offset_nm=offset_nm if at_input else 0.0,
         gain_per_s=_budget("gain_per_s"),
         window_nm=_budget("window_of_rated") * unit.rated_torque_nm,
         tolerance_nm=_budget("tolerance_of_rated") * unit.rated_torque_nm,

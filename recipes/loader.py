@@ -31,7 +31,8 @@ def load_recipe(path: str | Path) -> Recipe:
     """Load a recipe; percentages of torque refer to its rated torque. Raises `RecipeError`."""
     source = read_source(path)
     source.problems += _order_problems(source)
-    return _validate(source, Recipe, {"rated_torque_nm": _rated_torque_nm(source.data)})
+    # without a rated torque, which is a problem of its own, percentages are only checked for their form
+    return _validate(source, Recipe, {"rated_torque_nm": _rated_torque_nm(source.data) or 100.0})
 
 
 def load_bench(path: str | Path) -> Bench:
@@ -135,6 +136,7 @@ _ALLOWED: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "string_type": lambda _: "a text",
     "bool_type": lambda _: "true or false",
     "model_type": lambda _: "a section with its own keys",
+    "model_attributes_type": lambda _: "one step with its options, such as '- unload: {torque_rate: 100 N·m/s}'",
     "tuple_type": lambda _: "a list",
     "date_type": lambda _: "a date such as 2026-03-31",
     "finite_number": lambda _: "a finite number",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -140,15 +141,12 @@ def order_faults(kinds: list[str]) -> list[tuple[int | None, str, str]]:
             faults.append((None, f"no '{kind}' step: {reason}", order))
     if not any(kind in CYCLE_KINDS for kind in kinds):
         faults.append((None, "no cycles: nothing would be measured", order))
-    highest = -1
-    for index, kind in enumerate(kinds):
-        if kind not in RANK:
-            continue
+    known = [(index, kind) for index, kind in enumerate(kinds) if kind in RANK]
+    for (_, before), (index, kind) in itertools.pairwise(known):
         if kind not in CYCLE_KINDS and kinds.index(kind) != index:
             faults.append((index, f"a second '{kind}' step", order))
-        elif RANK[kind] < highest:
-            faults.append((index, f"'{kind}' stands too late", order))
-        highest = max(highest, RANK[kind])
+        elif RANK[kind] < RANK[before]:
+            faults.append((index, f"'{kind}' stands after '{before}'", order))
     return faults
 
 

@@ -299,9 +299,10 @@ class Cia402Machine:
 
     def _controller_lost(self, code: int, text: str, now_ns: int) -> None:
         option = AbortConnection(self.objects.abort_connection)
-        reaction = option.name.lower().replace("_", " ")
+        energized = self.state in tables.ENERGIZED
+        reaction = option.name.lower().replace("_", " ") if energized else "the motor is off already"
         self._event(now_ns, "controller_lost", code, f"{text}; abort connection option 0x6007 = {option}: {reaction}")
-        if self.state not in tables.ENERGIZED or option is AbortConnection.NOTHING:
+        if not energized or option is AbortConnection.NOTHING:
             self._warning = True
             self._emcy(code, now_ns)
         elif option is AbortConnection.FAULT:

@@ -19,7 +19,7 @@ P1_TORQUE_IN_PER_NM = 1.0 / 94.689
 
 
 def locked(config: BenchConfig, current_a: float = 9.0) -> Plant:
-    """A plant with its lock closed and the drive's limits wide."""
+    """Return a plant with its lock closed and the drive's limits wide."""
     plant = Plant(config)
     plant.set_drive_limits(6.0, 30.0, 1000.0)
     plant.set_brake_current(current_a)

@@ -16,7 +16,7 @@ from drivers.virtual.plant_kernel import DriveLoop, S, advance_kernel
 
 
 def kernel_with_step(seconds: float) -> object:
-    """The same inner step compiled for another step size."""
+    """Return the same inner step compiled for another step size."""
     names = {**vars(plant_kernel), "DT": seconds}
     body = plant_kernel._advance
     return njit(types.FunctionType(body.__code__, names))

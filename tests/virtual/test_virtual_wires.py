@@ -186,9 +186,9 @@ def test_remapping_and_divided_sync(network: canopen.Network) -> None:
     sdo.download(0x1A00, 0, b"\x00")
     sdo.download(0x1A00, 1, struct.pack("<I", 0x60410010))
     sdo.download(0x1A00, 2, struct.pack("<I", 0x60770010))
-    with pytest.raises(canopen.SdoAbortedError):
-        sdo.download(0x1A00, 3, struct.pack("<I", 0x60720010))
-        sdo.download(0x1A00, 0, b"\x03")  # 0x6072 cannot be mapped
+    sdo.download(0x1A00, 3, struct.pack("<I", 0x60720010))
+    with pytest.raises(canopen.SdoAbortedError, match="0x06040041"):  # 0x6072 cannot be mapped
+        sdo.download(0x1A00, 0, b"\x03")
     sdo.download(0x1A00, 0, b"\x02")
     sdo.download(0x1800, 2, b"\x03")  # every third SYNC
     sdo.download(0x1800, 1, struct.pack("<I", cob_id))

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from station_samples import IMAGE, ORDERS
 
+import station.ring
 from station.durable import Appender, read_from_disk, write_durable
 from station.errors import RecordError, StationError
 from station.record_store import RunRecord, Store, check_serial, process_birth
@@ -18,6 +19,11 @@ from station.ring import RingWriter, ScanState, create
 from station.scan_record import pack
 
 MANIFEST = {"recipe": {"name": "r", "revision": 1, "sha256": "0"}, "verdict": None, "ring": None}
+
+
+@pytest.fixture(autouse=True)
+def _rings_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(station.ring, "SHARED_MEMORY", tmp_path / "absent")
 
 
 def new_run(store: Store, serial: str = "SN1") -> RunRecord:

@@ -1,1 +1,39 @@
-"""What shall be done: recipe and bench schemas, units, the strict loader, and the shipped files."""
+"""What shall be done: recipe and bench schemas, units, the strict loader, and the shipped files.
+
+recipe = load_recipe("rv-40e-121-inverse.yaml")     # RecipeError: all problems, with line and column
+bench = default_bench(recipe)                       # or load_bench("my-bench.yaml")
+problems = check(recipe, bench)                     # empty when this bench can run this recipe
+"""
+
+from recipes.bench_schema import Bench, Calibration
+from recipes.loader import load_document
+from recipes.metric_units import METRIC_UNITS
+from recipes.problems import Problem, RecipeError
+from recipes.recipe_schema import MetricWanted, Recipe
+from recipes.shipped import (
+    default_bench,
+    load_bench,
+    load_recipe,
+    parse_bench,
+    parse_recipe,
+    shipped_benches,
+    shipped_recipes,
+)
+
+__all__ = [
+    "METRIC_UNITS",
+    "Bench",
+    "Calibration",
+    "MetricWanted",
+    "Problem",
+    "Recipe",
+    "RecipeError",
+    "default_bench",
+    "load_bench",
+    "load_document",
+    "load_recipe",
+    "parse_bench",
+    "parse_recipe",
+    "shipped_benches",
+    "shipped_recipes",
+]

@@ -1,0 +1,231 @@
+"""Sections of a bench file: the hardware of one test bench, its wires, ratings, sensors and calibrations."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from recipes.quantity import PERIOD, TORQUE, show
+from recipes.section import (
+    Age,
+    AngleNoise,
+    BitCount,
+    Current,
+    Fraction,
+    Host,
+    Lag,
+    Name,
+    Port,
+    Revision,
+    Section,
+    SignedTorque,
+    Speed,
+    Stiffness,
+    Torque,
+    TorqueConstant,
+    TorqueSlope,
+    UsableRange,
+    Word,
+    refusal,
+)
+
+NodeId = Annotated[int, Field(ge=1, le=127)]
+OptionCode = Annotated[int, Field(ge=-32768, le=32767)]
+Bitrate = Literal[10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000]
+Baudrate = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600]
+
+
+class BenchHeader(Section):
+    """Name of a bench, the shaft that its servo loads, and what it is built for."""
+
+    name: Name
+    revision: Revision
+    loading: Literal["input", "output"]
+    embedded: bool
+    serves: tuple[Name, ...] = ()
+    """Models that fit this bench; empty when any does."""
+
+
+class Can(Section):
+    """CAN bus of the drive; which options matter depends on the interface."""
+
+    interface: Literal["socketcand", "socketcan", "slcan", "virtual"]
+    channel: Word
+    host: Host = "127.0.0.1"
+    port: Port = 29536
+    serial_port: Word | None = None
+    bitrate: Bitrate = 1000000
+
+    @model_validator(mode="after")
+    def _complete(self) -> Can:
+        if self.interface == "slcan" and self.serial_port is None:
+            hint = "Add 'serial_port: /dev/ttyACM0' with the adapter's port."
+            raise refusal("slcan without a serial port", "the option 'serial_port' for slcan", hint)
+        return self
+
+
+class Drive(Section):
+    """Servo drive: identity on the bus, ratings of its motor, and the protections written into it before arming."""
+
+    node_id: NodeId
+    controller_node_id: NodeId
+    profile: Word
+    gear_ratio: Annotated[float, Field(gt=0, le=10000)]
+    rated_torque_nm: Torque
+    max_torque_nm: Torque
+    max_speed_rad_s: Speed
+    torque_slope_nm_s: TorqueSlope
+    controller_heartbeat_s: Age
+    controller_heartbeat_timeout_s: Age
+    drive_heartbeat_s: Age
+    setpoint_timeout_s: Age
+    abort_connection_option: OptionCode
+    quick_stop_option: OptionCode
+    fault_reaction_option: OptionCode
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Drive:
+        if self.node_id == self.controller_node_id:
+            hint = "Give the controller a number that no device on the bus has, such as 126."
+            raise refusal(f"{self.node_id} for both", "two different node numbers", hint, at="controller_node_id")
+        if self.controller_heartbeat_timeout_s < 2 * self.controller_heartbeat_s:
+            found = show(self.controller_heartbeat_timeout_s, PERIOD)
+            allowed = f"at least twice controller_heartbeat, {show(2 * self.controller_heartbeat_s, PERIOD)}"
+            raise refusal(found, allowed, "One late heartbeat would stop the drive.", at="controller_heartbeat_timeout")
+        return self
+
+
+class ModbusDevice(Section):
+    """Device on Modbus TCP or RTU, and how often it is asked."""
+
+    transport: Literal["tcp", "rtu"]
+    host: Host | None = None
+    port: Port = 502
+    serial_port: Word | None = None
+    baudrate: Baudrate = 115200
+    unit_id: Annotated[int, Field(ge=0, le=247)]
+    profile: Word
+    poll_every_s: Age
+    timeout_s: Age
+
+    @model_validator(mode="after")
+    def _addressed(self) -> ModbusDevice:
+        if self.transport == "tcp" and self.host is None:
+            raise refusal("tcp without a host", "the option 'host' for tcp", "Add 'host: 192.168.0.10'.")
+        if self.transport == "rtu" and self.serial_port is None:
+            hint = "Add 'serial_port: /dev/ttyUSB0'."
+            raise refusal("rtu without a serial port", "the option 'serial_port' for rtu", hint)
+        return self
+
+
+class Brake(ModbusDevice):
+    """Supply of the powder brake that locks a shaft; its torque is `torque_constant` times the current."""
+
+    torque_constant_nm_per_a: TorqueConstant
+    max_current_a: Current
+    time_constant_s: Lag
+
+    @property
+    def max_torque_nm(self) -> float:
+        """Torque that the brake holds at its largest current [N·m]."""
+        return self.torque_constant_nm_per_a * self.max_current_a
+
+
+class TorqueSensor(Section):
+    """Torque sensor; accuracy, noise and the usable range are fractions of full scale."""
+
+    full_scale_nm: Torque
+    usable_fraction: UsableRange = 1.0
+    accuracy_fraction: Fraction
+    noise_fraction: Fraction
+    lag_s: Lag
+
+    @property
+    def usable_nm(self) -> float:
+        """Largest torque that is measured; the amplifier saturates above it [N·m]."""
+        return self.full_scale_nm * self.usable_fraction
+
+
+class AngleSensor(Section):
+    """Encoder of a shaft."""
+
+    resolution_bits: BitCount
+    noise_rad: AngleNoise
+    lag_s: Lag
+
+
+class Sensors(Section):
+    """Sensors of the bench; what it does not have is left out."""
+
+    torque_in: TorqueSensor | None = None
+    torque_out: TorqueSensor | None = None
+    angle_in: AngleSensor | None = None
+    angle_out: AngleSensor | None = None
+
+
+class Fixture(Section):
+    """Clamping of the unit; its wind-up is taken out of the measured one."""
+
+    stiffness_nm_per_arcmin: Stiffness
+
+
+class QuadrantLine(Section):
+    """Line T_out = offset + slope · T_in of one quadrant."""
+
+    slope: Annotated[float, Field(gt=0, le=10000)]
+    offset_nm: SignedTorque
+
+
+class Quadrants(Section):
+    """Torque ratio by sign of the torque, loading and unloading: friction reverses between them."""
+
+    load_positive: QuadrantLine
+    unload_positive: QuadrantLine
+    load_negative: QuadrantLine
+    unload_negative: QuadrantLine
+
+
+class Calibration(Section):
+    """Stored torque-ratio calibration of one model on this bench."""
+
+    id: Name
+    model: Name
+    made: date
+    due: date
+    quadrants: Quadrants
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Calibration:
+        if self.due <= self.made:
+            raise refusal(str(self.due), f"a day after {self.made}, when it was made", "Correct one of them.", at="due")
+        return self
+
+
+class Bench(Section):
+    """A bench file as loaded."""
+
+    bench: BenchHeader
+    can: Can
+    drive: Drive
+    amplifier: ModbusDevice
+    brake: Brake
+    remote_io: ModbusDevice
+    sensors: Sensors
+    fixture: Fixture
+    calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
+
+    @property
+    def max_loading_torque_nm(self) -> float:
+        """Largest torque that the servo brings to the loaded shaft, through its gearbox [N·m]."""
+        return self.drive.max_torque_nm * self.drive.gear_ratio
+
+    @property
+    def max_loading_speed_rad_s(self) -> float:
+        """Largest speed of the loaded shaft [rad/s]."""
+        return self.drive.max_speed_rad_s / self.drive.gear_ratio
+
+    def describe_drive(self) -> str:
+        """Return the drive's torque at the loaded shaft for messages."""
+        return f"{show(self.max_loading_torque_nm, TORQUE)} of the drive at the {self.bench.loading} shaft"

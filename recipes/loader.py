@@ -1,0 +1,71 @@
+"""The strict loader: a YAML document into a frozen pydantic model, or all of its problems at once.
+
+Every problem has its line and column, the option, what was found, what is allowed and what to do. `RecipeError` is the
+only exception that leaves this module, whatever the file holds.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from recipes.findings import problem_of
+from recipes.option_names import options_at
+from recipes.problems import Problem, RecipeError, nearest
+from recipes.section import FROM_DOCUMENT
+from recipes.yaml_source import OptionPath, Source, read_source
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+Context = Mapping[str, Any] | Callable[[Any], Mapping[str, Any]]
+"""Validation context, or a function that makes it from the document's plain data."""
+Rule = Callable[[Source], Iterable[Problem]]
+"""Check of a document's plain data, made whether or not its sections are in order."""
+
+
+def load_document(path: str | Path, model: type[ModelT], context: Context | None = None) -> ModelT:
+    """Load a YAML document as a model. Raises RecipeError with all problems of the document, sorted by line."""
+    return load_source(read_source(path), model, context)
+
+
+def load_source(
+    source: Source, model: type[ModelT], context: Context | None = None, rules: Iterable[Rule] = ()
+) -> ModelT:
+    """Load a document that was already read; `rules` add their problems to those of the model.
+
+    Raises RecipeError.
+    """
+    if not source.complete:
+        raise RecipeError(source.problems)
+    problems = list(source.problems)
+    values = context(source.data) if callable(context) else context or {}
+    for rule in rules:
+        problems.extend(rule(source))
+    loaded: ModelT | None = None
+    try:
+        # JSON mode is what YAML is: lists become tuples and texts become dates or enumerations, and nothing else is
+        # converted. By alias only: an attribute's name with its unit is not an option.
+        loaded = model.model_validate_json(
+            json.dumps(source.data), strict=True, context={FROM_DOCUMENT: True, **values}, by_alias=True, by_name=False
+        )
+    except ValidationError as error:
+        details = [dict(detail) for detail in error.errors(include_url=False)]
+        problems.extend(problem_of(detail, source, model) for detail in _without_echoes(details, model))
+    if loaded is None or problems:
+        raise RecipeError(problems)
+    return loaded
+
+
+def _without_echoes(details: list[dict[str, Any]], model: type[BaseModel]) -> list[dict[str, Any]]:
+    """Leave out every missing option that stands there under a mistyped name: one mistake, one message."""
+    mistyped: set[OptionPath] = set()
+    for detail in details:
+        if detail["type"] == "extra_forbidden":
+            *section, name = detail["loc"]
+            meant = nearest(str(name), options_at(model, tuple(section)))
+            if meant:
+                mistyped.add((*section, meant))
+    return [detail for detail in details if detail["type"] != "missing" or detail["loc"] not in mistyped]

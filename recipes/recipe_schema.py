@@ -1,0 +1,205 @@
+"""Sections of a recipe: what unit, how it is loaded, what is measured, what limits hold, how is decided."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+
+from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
+from recipes.problems import did_you_mean, excerpt, one_of
+from recipes.quantity import TORQUE, QuantityError, read_quantity, show
+from recipes.section import (
+    FROM_DOCUMENT,
+    Age,
+    Band,
+    Fraction,
+    Name,
+    PeriodNs,
+    Revision,
+    Section,
+    SignedTorque,
+    SmallAngle,
+    Speed,
+    Stiffness,
+    Temperature,
+    Text,
+    Torque,
+    TorqueOfRated,
+    TorqueOfReference,
+    TorqueSlope,
+    Travel,
+    refusal,
+)
+from recipes.sequence_schema import Step
+from recipes.yaml_source import Source
+
+GUARD_FACTOR_95_PERCENT = 0.8225
+"""r of w = r·U for a one-sided 95 % acceptance: w = 1.645 u with U = 2 u (JCGM 106)."""
+
+
+class Header(Section):
+    """Name and revision of a recipe."""
+
+    name: Name
+    revision: Revision
+    description: Text
+
+
+class LoadingTorqueRatio(Section):
+    """Loading line of the torque ratio, T_out = offset + slope · T_in."""
+
+    slope: Annotated[float, Field(gt=0, le=1000)]
+    offset_nm: SignedTorque
+
+
+class UnitUnderTest(Section):
+    """Model, ratio and catalogue values of the reducer; the values plan the run and are never a result."""
+
+    model: Name
+    ratio: Annotated[float, Field(ge=1, le=10000)]
+    rated_torque_nm: Torque
+    stiffness_nm_per_arcmin: Stiffness
+    loading_torque_ratio: LoadingTorqueRatio
+
+
+class Measurement(Section):
+    """Where the output torque comes from, and the torque that the percentages of metrics refer to."""
+
+    output_torque: Literal["reaction", "calibrated"]
+    calibration: Literal["measured", "stored"]
+    reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)  # type: ignore[assignment]
+
+
+class Sampling(Section):
+    """Scan period, and how many missed periods and how old a sample the run may have."""
+
+    period_ns: PeriodNs
+    missed_periods_fraction: Fraction
+    sample_age_s: Age
+
+
+class Interlocks(Section):
+    """Limits that are watched in every scan."""
+
+    torque_out_alarm_nm: TorqueOfRated
+    torque_out_trip_nm: TorqueOfRated
+    torque_in_trip_nm: Torque
+    speed_rad_s: Speed
+    travel_rad: Travel
+    lock_slip_rad: SmallAngle
+    housing_temperature_c: Temperature
+    sample_age_s: Age = 0.01
+    drive_age_s: Age = 0.01
+    io_age_s: Age = 0.1
+    brake_age_s: Age = 0.1
+    drive_heartbeat_s: Age = 0.1
+    missed_in_a_row: Annotated[int, Field(ge=1, le=1000)] = 20
+    internal_limit_s: Age = 0.05
+    torque_rate_nm_s: TorqueSlope | None = None
+
+    @model_validator(mode="after")
+    def _alarm_before_trip(self) -> Interlocks:
+        if self.torque_out_alarm_nm >= self.torque_out_trip_nm:
+            found = f"an alarm at {show(self.torque_out_alarm_nm, TORQUE)}"
+            allowed = f"an alarm below torque_out_trip, {show(self.torque_out_trip_nm, TORQUE)}"
+            raise refusal(found, allowed, "Lower the alarm or raise the trip.", at="torque_out_alarm")
+        return self
+
+
+class MetricWanted(Section):
+    """One metric to report, with the limits that decide; limits are in the metric's own unit."""
+
+    id: str
+    branch: Literal["load", "unload", "mean", "width"] | None = None
+    side: Literal["+", "-", "both"] | None = None
+    torque_nm: TorqueOfReference | None = None
+    band: Band | None = None
+    """Fraction of the reference torque."""
+    min: float | None = None
+    max: float | None = None
+
+    @field_validator("id")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value not in METRIC_NEEDS:
+            hint = did_you_mean(value, METRIC_NEEDS)
+            raise refusal(f"the unknown metric {excerpt(value)}", one_of(list(METRIC_NEEDS)), hint)
+        return value
+
+    @field_validator("min", "max", mode="before")
+    @classmethod
+    def _limit_with_unit(cls, value: Any, info: ValidationInfo) -> Any:
+        if not (info.context or {}).get(FROM_DOCUMENT) or value is None:
+            return value
+        metric = info.data.get("id")
+        if metric is None:  # its own problem is reported; the limit cannot be judged
+            return 0.0
+        kind = KIND_OF_UNIT[METRIC_NEEDS[metric].unit]
+        if kind is None:
+            return value
+        try:
+            return read_quantity(value, kind)
+        except QuantityError as error:
+            raise refusal(error.found, error.allowed, error.hint) from None
+
+    @model_validator(mode="after")
+    def _limits_in_order(self) -> MetricWanted:
+        if self.min is not None and self.max is not None and self.min > self.max:
+            unit = METRIC_NEEDS[self.id].unit.replace("1", "").strip()
+            found = f"min {self.min:g} {unit}".strip()
+            allowed = f"a min up to max, {self.max:g} {unit}".strip()
+            raise refusal(found, allowed, "Exchange the two or correct one.", at="min")
+        needs_torque = METRIC_NEEDS[self.id].torque
+        if needs_torque and self.torque_nm is None:
+            raise refusal(f"{self.id} without a torque", "the option 'torque'", "Add 'torque: 50 %'.")
+        if not needs_torque and self.torque_nm is not None:
+            with_torque = one_of([name for name, needs in METRIC_NEEDS.items() if needs.torque])
+            raise refusal(f"a torque for {self.id}", f"a torque for {with_torque}", "Delete it.", at="torque")
+        return self
+
+
+class Decision(Section):
+    """How limits and uncertainty become a verdict; the guard band is `guard_factor` times the expanded uncertainty."""
+
+    rule: Literal["simple", "guard_band"]
+    guard_factor: float = Field(default=0.0, validate_default=True, ge=0, le=3)
+
+    @field_validator("guard_factor", mode="before")
+    @classmethod
+    def _of_the_rule(cls, value: Any, info: ValidationInfo) -> Any:
+        guarded = info.data.get("rule") == "guard_band"
+        if value == 0.0 and not isinstance(value, bool):
+            return GUARD_FACTOR_95_PERCENT if guarded else 0.0
+        if not guarded and info.data.get("rule") is not None:
+            raise refusal(
+                excerpt(value), "a guard factor with 'rule: guard_band' only", "Delete it or change the rule."
+            )
+        return value
+
+
+class Recipe(Section):
+    """A recipe as loaded: everything that a run does and decides by."""
+
+    recipe: Header
+    unit_under_test: UnitUnderTest
+    loading: Literal["input", "output"]
+    measurement: Measurement
+    sequence: Annotated[tuple[Step, ...], Field(min_length=1, max_length=50)]
+    sampling: Sampling
+    interlocks: Interlocks
+    metrics: Annotated[tuple[MetricWanted, ...], Field(min_length=1, max_length=100)]
+    decision: Decision
+
+    _source: Source | None = PrivateAttr(default=None)
+
+    @property
+    def source(self) -> Source | None:
+        """Where every option stands in the file; None for a recipe that was not loaded from a file."""
+        return self._source
+
+    def with_source(self, source: Source) -> Recipe:
+        """Return this recipe with the places of its options."""
+        copy = self.model_copy()
+        copy._source = source  # noqa: SLF001
+        return copy

@@ -1,0 +1,102 @@
+"""Recipe and bench files that come with the program, and loading of any recipe or bench by path or shipped name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from recipes.bench_schema import Bench
+from recipes.loader import load_source
+from recipes.problems import Problem, RecipeError, nearest, one_of
+from recipes.quantity import TORQUE, QuantityError, read_quantity
+from recipes.recipe_schema import Recipe
+from recipes.section import RATED, REFERENCE
+from recipes.sequence_schema import sequence_order
+from recipes.yaml_source import parse_source, read_source
+
+HERE = Path(__file__).parent
+
+
+def shipped_recipes() -> dict[str, Path]:
+    """Return the shipped recipes by name."""
+    return {path.stem: path for path in sorted(HERE.glob("*.yaml"))}
+
+
+def shipped_benches() -> dict[str, Path]:
+    """Return the shipped bench files by name."""
+    return {path.stem: path for path in sorted((HERE / "benches").glob("*.yaml"))}
+
+
+def load_recipe(path: str | Path) -> Recipe:
+    """Load a recipe from a file or by its shipped name. Raises RecipeError with all problems of the file."""
+    return _recipe_of(read_source(_file(path, shipped_recipes(), "recipe")))
+
+
+def parse_recipe(raw: bytes, path: str) -> Recipe:
+    """Load a recipe from the bytes of a file, such as the copy in a record. Raises RecipeError."""
+    return _recipe_of(parse_source(raw, path))
+
+
+def load_bench(path: str | Path) -> Bench:
+    """Load a bench from a file or by its shipped name. Raises RecipeError with all problems of the file."""
+    return load_source(read_source(_file(path, shipped_benches(), "bench")), Bench)
+
+
+def parse_bench(raw: bytes, path: str) -> Bench:
+    """Load a bench from the bytes of a file, such as the copy in a record. Raises RecipeError."""
+    return load_source(parse_source(raw, path), Bench)
+
+
+def default_bench(recipe: Recipe) -> Bench:
+    """Return the embedded bench that a recipe runs on when none is named.
+
+    One that serves the recipe's model by name comes before one that serves any. Raises RecipeError when none loads the
+    shaft that the recipe loads.
+    """
+    model = recipe.unit_under_test.model
+    benches = [load_bench(path) for path in shipped_benches().values()]
+    fitting = [bench for bench in benches if bench.bench.embedded and bench.bench.loading == recipe.loading]
+    for bench in fitting:
+        if model in bench.bench.serves:
+            return bench
+    for bench in fitting:
+        if not bench.bench.serves:
+            return bench
+    allowed = one_of([bench.bench.name for bench in benches if bench.bench.embedded])
+    raise RecipeError([Problem(recipe.recipe.name, 1, 1, "loading", recipe.loading, allowed, "Name a bench.")])
+
+
+def _recipe_of(source: Any) -> Recipe:
+    recipe = load_source(source, Recipe, percentages, rules=(sequence_order,))
+    return recipe.with_source(source)
+
+
+def percentages(data: Any) -> Mapping[str, float | None]:
+    """Return what 100 % stands for in a recipe's plain data; None where the file does not say it rightly."""
+    rated = _torque(data, "unit_under_test", "rated_torque", None)
+    reference = _torque(data, "measurement", "reference_torque", rated)
+    written = isinstance(data, dict) and "reference_torque" in (data.get("measurement") or {})
+    return {RATED: rated, REFERENCE: reference if written else rated}
+
+
+def _torque(data: Any, section: str, option: str, percent_of: float | None) -> float | None:
+    inside = data.get(section) if isinstance(data, dict) else None
+    text = inside.get(option) if isinstance(inside, dict) else None
+    try:
+        return read_quantity(text, TORQUE, percent_of)
+    except QuantityError:
+        return None
+
+
+def _file(path: str | Path, shipped: Mapping[str, Path], what: str) -> Path:
+    """Return the path of a file that is named by its path or by its shipped name."""
+    named = Path(path)
+    if str(path) in shipped and not named.is_file():
+        return shipped[str(path)]
+    if named.parent == Path() and not named.suffix and not named.exists():
+        meant = nearest(str(path), shipped)
+        hint = f"Did you mean '{meant}'?" if meant else "Check the path."
+        allowed = f"the path of a {what} file, or {one_of(list(shipped))}"
+        raise RecipeError([Problem(str(path), 1, 1, "", "no such file", allowed, hint)])
+    return named

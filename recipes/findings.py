@@ -7,6 +7,8 @@ pydantic's own words.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel
@@ -58,56 +60,107 @@ PATTERNS = {
 }
 """Patterns of `recipes.section` in words."""
 
-SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
-CHOICE_TYPES = ("literal_error", "enum")
+QUOTED = re.compile(r"'([^']*)'")
 
 
-def problem_of(detail: dict[str, Any], source: Source, model: type[BaseModel]) -> Problem:
+@dataclass(frozen=True)
+class Detail:
+    """One of pydantic's error details, beside the document and the model that it is about."""
+
+    source: Source
+    model: type[BaseModel]
+    place: OptionPath
+    type: str
+    value: object
+    message: str
+    context: dict[str, Any]
+
+    @property
+    def option(self) -> OptionPath:
+        """Place in the document."""
+        return _in_document(self.place, self.source)
+
+
+def problem_of(error: Mapping[str, Any], source: Source, model: type[BaseModel]) -> Problem:
     """Return one of pydantic's error details as a problem with its place in the document."""
-    place: OptionPath = tuple(detail["loc"])
-    kind: str = detail["type"]
-    context: dict[str, Any] = detail.get("ctx") or {}
-    value = detail["input"]
-    if kind == "refused":
-        option = _in_document(place, source)
-        if context["at"]:
-            option = (*option, *(part for part in context["at"].split(".")))
-        return source.problem(option, context["found"], context["allowed"], context["hint"])
-    if kind == "missing":
-        name = str(place[-1])
-        option = (*_in_document(place[:-1], source), name)
-        return source.problem(option, "nothing", f"the option '{name}', which is required", "Add it.", at_name=True)
-    if kind == "extra_forbidden":
-        return _unknown_option(place, source, model)
-    option = _in_document(place, source)
-    if kind in SECTION_TYPES and kind != "dict_type":
-        names = options_at(model, place)
-        allowed = f"a section with the options {one_of(names)}" if names else ALLOWED["dict_type"][0]
-        return source.problem(option, excerpt(value), allowed, "Write its options indented below its name.")
-    if kind in CHOICE_TYPES:
-        choices = re.findall(r"'([^']*)'", context["expected"]) or [context["expected"]]
-        return source.problem(option, excerpt(value), one_of(choices), _meant(value, choices))
-    if kind == "union_tag_invalid":
-        choices = re.findall(r"'([^']*)'", context["expected_tags"])
-        tag_option = (*option, str(context["discriminator"]).strip("'"))
-        tag_option = tag_option if tag_option in source.marks else option
-        return source.problem(tag_option, excerpt(context["tag"]), one_of(choices), _meant(context["tag"], choices))
-    if kind == "string_pattern_mismatch":
-        allowed = PATTERNS.get(context["pattern"], f"a text of the form {context['pattern']}")
-        return source.problem(option, excerpt(value), allowed)
-    if kind in ALLOWED:
-        allowed, hint = ALLOWED[kind]
-        return source.problem(option, excerpt(value), allowed.format(**context), hint)
-    return source.problem(option, excerpt(value), detail["msg"].removeprefix("Value error, "))
+    place, kind, context = tuple(error["loc"]), error["type"], error.get("ctx") or {}
+    detail = Detail(source, model, place, kind, error["input"], error["msg"], context)
+    return TRANSLATORS.get(kind, _by_table)(detail)
 
 
-def _unknown_option(place: OptionPath, source: Source, model: type[BaseModel]) -> Problem:
-    name = str(place[-1])
-    names = options_at(model, place[:-1])
-    option = (*_in_document(place[:-1], source), name)
+def _refused(detail: Detail) -> Problem:
+    context = detail.context
+    inside = tuple(context["at"].split(".")) if context["at"] else ()
+    option = (*detail.option, *inside)
+    return detail.source.problem(option, context["found"], context["allowed"], context["hint"])
+
+
+def _missing(detail: Detail) -> Problem:
+    name = str(detail.place[-1])
+    option = (*_in_document(detail.place[:-1], detail.source), name)
+    allowed = f"the option '{name}', which is required"
+    return detail.source.problem(option, "nothing", allowed, "Add it.", at_name=True)
+
+
+def _unknown_option(detail: Detail) -> Problem:
+    name = str(detail.place[-1])
+    names = options_at(detail.model, detail.place[:-1])
+    option = (*_in_document(detail.place[:-1], detail.source), name)
     hint = did_you_mean(name, names) or "Delete it."
     allowed = one_of(names) if names else "no options"
-    return source.problem(option, f"the unknown option {excerpt(name)}", allowed, hint, at_name=True)
+    return detail.source.problem(option, f"the unknown option {excerpt(name)}", allowed, hint, at_name=True)
+
+
+def _no_section(detail: Detail) -> Problem:
+    names = options_at(detail.model, detail.place)
+    allowed = f"a section with the options {one_of(names)}" if names else "a section (lines of name: value)"
+    hint = "Write its options indented below its name." if detail.place else "Copy a shipped file and edit it."
+    return detail.source.problem(detail.option, excerpt(detail.value), allowed, hint)
+
+
+def _no_choice(detail: Detail) -> Problem:
+    choices = QUOTED.findall(detail.context["expected"]) or [str(detail.context["expected"])]
+    return detail.source.problem(detail.option, excerpt(detail.value), one_of(choices), _meant(detail.value, choices))
+
+
+def _no_member(detail: Detail) -> Problem:
+    choices = QUOTED.findall(detail.context["expected_tags"])
+    tag = detail.context["tag"]
+    option = (*detail.option, str(detail.context["discriminator"]).strip("'"))
+    return detail.source.problem(option, excerpt(tag), one_of(choices), _meant(tag, choices))
+
+
+def _no_tag(detail: Detail) -> Problem:
+    name = str(detail.context["discriminator"]).strip("'")
+    return detail.source.problem(detail.option, f"no option '{name}'", f"an option '{name}'", "Add it.")
+
+
+def _no_match(detail: Detail) -> Problem:
+    pattern = detail.context["pattern"]
+    allowed = PATTERNS.get(pattern, f"a text of the form {pattern}")
+    return detail.source.problem(detail.option, excerpt(detail.value), allowed)
+
+
+def _by_table(detail: Detail) -> Problem:
+    allowed, hint = ALLOWED.get(detail.type, (detail.message.removeprefix("Value error, "), ""))
+    if detail.type in ALLOWED:
+        allowed = allowed.format(**detail.context)
+    return detail.source.problem(detail.option, excerpt(detail.value), allowed, hint)
+
+
+TRANSLATORS: dict[str, Callable[[Detail], Problem]] = {
+    "refused": _refused,
+    "missing": _missing,
+    "extra_forbidden": _unknown_option,
+    "model_type": _no_section,
+    "model_attributes_type": _no_section,
+    "literal_error": _no_choice,
+    "enum": _no_choice,
+    "union_tag_invalid": _no_member,
+    "union_tag_not_found": _no_tag,
+    "string_pattern_mismatch": _no_match,
+}
+"""Error types that need more than a row of `ALLOWED`."""
 
 
 def _meant(value: object, choices: list[str]) -> str:

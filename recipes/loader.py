@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from recipes.findings import problem_of
 from recipes.option_names import options_at
@@ -52,14 +53,14 @@ def load_source(
             json.dumps(source.data), strict=True, context={FROM_DOCUMENT: True, **values}, by_alias=True, by_name=False
         )
     except ValidationError as error:
-        details = [dict(detail) for detail in error.errors(include_url=False)]
+        details = error.errors(include_url=False)
         problems.extend(problem_of(detail, source, model) for detail in _without_echoes(details, model))
     if loaded is None or problems:
         raise RecipeError(problems)
     return loaded
 
 
-def _without_echoes(details: list[dict[str, Any]], model: type[BaseModel]) -> list[dict[str, Any]]:
+def _without_echoes(details: list[ErrorDetails], model: type[BaseModel]) -> list[ErrorDetails]:
     """Leave out every missing option that stands there under a mistyped name: one mistake, one message."""
     mistyped: set[OptionPath] = set()
     for detail in details:

@@ -68,7 +68,7 @@ class Measurement(Section):
 
     output_torque: Literal["reaction", "calibrated"]
     calibration: Literal["measured", "stored"]
-    reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)  # type: ignore[assignment]
+    reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)
 
 
 class Sampling(Section):
@@ -150,12 +150,19 @@ class MetricWanted(Section):
             found = f"min {self.min:g} {unit}".strip()
             allowed = f"a min up to max, {self.max:g} {unit}".strip()
             raise refusal(found, allowed, "Exchange the two or correct one.", at="min")
-        needs_torque = METRIC_NEEDS[self.id].torque
-        if needs_torque and self.torque_nm is None:
-            raise refusal(f"{self.id} without a torque", "the option 'torque'", "Add 'torque: 50 %'.")
-        if not needs_torque and self.torque_nm is not None:
-            with_torque = one_of([name for name, needs in METRIC_NEEDS.items() if needs.torque])
-            raise refusal(f"a torque for {self.id}", f"a torque for {with_torque}", "Delete it.", at="torque")
+        return self
+
+    @model_validator(mode="after")
+    def _possible_choices(self) -> MetricWanted:
+        needs = METRIC_NEEDS[self.id]
+        for option, chosen, choices in (("branch", self.branch, needs.branches), ("side", self.side, needs.sides)):
+            if chosen is not None and chosen not in choices:
+                raise refusal(f"'{chosen}' for {self.id}", one_of(choices), "It is part of the definition.", at=option)
+        for option, given in (("band", self.band), ("torque", self.torque_nm)):
+            if given is not None and option not in needs.free:
+                allowed = one_of([name for name, other in METRIC_NEEDS.items() if option in other.free])
+                hint = f"Delete it: the {option} of {self.id} is part of its definition."
+                raise refusal(f"a {option} for {self.id}", f"a {option} for {allowed}", hint, at=option)
         return self
 
 

@@ -1,7 +1,7 @@
 """Steps of a recipe's sequence, and the order that they must have.
 
-In a file a step is an entry with one name, `- lock: {holding_torque: 600 N·m, ...}`; loaded it is a frozen section whose
-`kind` is that name.
+In a file a step is an entry with one name, `- lock: {holding_torque: 600 N·m, ...}`; loaded it is a frozen section
+whose `kind` is that name.
 """
 
 from __future__ import annotations

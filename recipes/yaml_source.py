@@ -246,7 +246,7 @@ class _Builder:
             first = frame.names_seen[name]
             found = f"'{name}' a second time (first in line {first})"
             self._add(
-                line, column, (*frame.option, name), found, "every name once in a section", "Delete one of the two."
+                (line, column), (*frame.option, name), found, "every name once in a section", "Delete one of the two."
             )
         frame.repeated = name in frame.names_seen
         frame.names_seen.setdefault(name, line)
@@ -294,12 +294,11 @@ class _Builder:
 
     def _refuse(self, event: Event, found: str, allowed: str, hint: str) -> None:
         self.complete = False
-        line, column = _start(event)
         option = self._stack[-1].option if self._stack else ()
-        self._add(line, column, option, found, allowed, hint)
+        self._add(_start(event), option, found, allowed, hint)
 
-    def _add(self, line: int, column: int, option: OptionPath, found: str, allowed: str, hint: str) -> None:
-        self.problems.append(Problem(self.path, line, column, dotted(option), found, allowed, hint))
+    def _add(self, place: tuple[int, int], option: OptionPath, found: str, allowed: str, hint: str) -> None:
+        self.problems.append(Problem(self.path, *place, dotted(option), found, allowed, hint))
 
 
 def _start(event: Event) -> tuple[int, int]:

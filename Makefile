@@ -1,0 +1,44 @@
+# Everything a person types. Each target sets up what it needs.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/installed
+RUN_DATA ?= runs
+
+.PHONY: help setup run test check format bench clean
+
+help:
+	@echo "make run     set everything up and test one virtual reducer in real time"
+	@echo "make test    set everything up and run the tests"
+	@echo "make check   ruff, mypy and import-linter"
+	@echo "make format  format the code"
+	@echo "make bench   performance figures, as ratios measured in one run"
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $(STAMP)
+
+setup: $(STAMP)
+
+run: $(STAMP)
+	$(BIN)/lostmotion run recipes/rv-40e-121-quick.yaml --serial P1-0001 --data $(RUN_DATA)
+
+test: $(STAMP)
+	$(BIN)/python -m pytest
+
+check: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(STAMP)
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: $(STAMP)
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -1,0 +1,211 @@
+"""Wanted metrics from loops: per cycle, then mean and deviation over the cycles, uncertainty, limits and verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.errors import AnalysisError
+from analysis.estimators import Ask
+from analysis.loop import Loop
+from analysis.method import Decision, Method, MetricWanted
+from analysis.metrics import Definition, definition
+from analysis.quadrants import Quadrants
+from analysis.units import RAD_PER_ARCMIN
+from analysis.verdict import Verdict, check_limits, judge, worst
+
+COVERAGE_FACTOR = 2.0
+"""k of the expanded uncertainty U = k·u."""
+
+
+class _Measured(NamedTuple):
+    """Values per cycle, their expanded uncertainty, and what went wrong if there are none."""
+
+    values: tuple[float, ...]
+    expanded: float | None
+    trouble: str
+
+
+@dataclass(frozen=True)
+class SideValue:
+    """A metric on one side ("+", "-" or "both"): mean over cycles, each cycle's value, and its verdict."""
+
+    side: str
+    value: float | None
+    uncertainty: float | None
+    """Expanded (k = 2): repeatability 2·s/√n over n cycles; of the fitted line for the torque ratio; None for n < 2."""
+    standard_deviation: float | None
+    per_cycle: tuple[float, ...]
+    verdict: Verdict
+    reason: str
+
+
+@dataclass(frozen=True)
+class MetricResult:
+    """A wanted metric: its definition and, headline first, the value of each side. The worse side judges."""
+
+    wanted: MetricWanted
+    definition: Definition
+    branch: str
+    estimator: str
+    band: float | None
+    torque_nm: float | None
+    sides: tuple[SideValue, ...]
+
+    @property
+    def headline(self) -> SideValue:
+        """The side that is asked for, or the positive one."""
+        return self.sides[0]
+
+    @property
+    def limited(self) -> bool:
+        """Say whether the metric has a limit."""
+        return self.wanted.min is not None or self.wanted.max is not None
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Worst of the sides; None for a value that was asked for without a limit and could be had."""
+        found = worst(side.verdict for side in self.sides)
+        return None if found is Verdict.PASS and not self.limited else found
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the metric does not pass."""
+        return tuple(side.reason for side in self.sides if side.reason)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the object of the JSON contract."""
+        shown, cycles = self.headline, self.headline.per_cycle
+        found: dict[str, object] = {
+            "id": self.wanted.id,
+            "definition": self.definition.text,
+            "value": shown.value,
+            "unit": self.definition.unit,
+            "uncertainty": shown.uncertainty,
+            "coverage_factor": None if shown.uncertainty is None else COVERAGE_FACTOR,
+            "branch": self.branch,
+            "side": shown.side,
+            "estimator": self.estimator,
+            "band": self.band,
+            "torque_nm": self.torque_nm,
+            "cycles": len(cycles),
+            "mean": shown.value,
+            "standard_deviation": shown.standard_deviation,
+            "per_cycle": list(cycles),
+            "limits": {"min": self.wanted.min, "max": self.wanted.max},
+            "verdict": None if self.verdict is None else self.verdict.value,
+            "reasons": list(self.reasons),
+            "sides": {
+                side.side: {
+                    "value": side.value,
+                    "uncertainty": side.uncertainty,
+                    "standard_deviation": side.standard_deviation,
+                    "verdict": side.verdict.value if self.limited or side.value is None else None,
+                }
+                for side in self.sides
+            },
+        }
+        if self.wanted.id == "hysteresis_energy":
+            found["value_j"] = None if shown.value is None else shown.value * RAD_PER_ARCMIN
+        return found
+
+
+def evaluate(
+    wanted: MetricWanted, loops: Sequence[Loop], quadrants: Quadrants | AnalysisError, method: Method,
+    decision: Decision, *, invalid: bool,
+) -> MetricResult:  # fmt: skip
+    """Evaluate one wanted metric over all cycles.
+
+    quadrants: the measured torque ratio, or why there is none. invalid: the measurement is, so limits decide nothing.
+    Raises AnalysisError only for a metric that does not exist or limits that make no sense.
+    """
+    row = definition(wanted)
+    check_limits(wanted.id, wanted.min, wanted.max)
+    sides = row.sides if wanted.side is None else (wanted.side,)
+    band = row.band if wanted.band is None else wanted.band
+    torque = _torque(wanted, row, method)
+    variant = wanted.variant or row.variants[0]
+    branch = wanted.branch or row.branch
+    found = []
+    for side in sides:
+        ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant)
+        of_ratio = row.estimate is None
+        measured = _from_ratio(wanted.id, ask.side, quadrants) if of_ratio else _from_loops(row, ask, loops)
+        found.append(_judged(wanted, side, measured, decision, invalid=invalid))
+    return MetricResult(wanted, row, branch, _estimator(row, variant), band, torque, tuple(found))
+
+
+def _estimator(row: Definition, variant: str) -> str:
+    if len(row.variants) == 1:
+        return row.estimator
+    return "branches as measured" if variant == "direct" else f"{row.estimator}, {variant}"
+
+
+def _torque(wanted: MetricWanted, row: Definition, method: Method) -> float | None:
+    if row.torque is None:
+        return None
+    return row.torque * method.reference_nm if wanted.torque_nm is None else wanted.torque_nm
+
+
+def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop]) -> _Measured:
+    """Read each cycle's value from its loop."""
+    if row.estimate is None or not loops:
+        return _Measured((), None, "there is no loop")
+    try:
+        values = tuple(float(row.estimate(loop, ask)) for loop in loops)
+    except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+        return _Measured((), None, str(error))
+    if not all(math.isfinite(value) for value in values):
+        return _Measured((), None, f"the loop gives {', '.join(f'{value:g}' for value in values)}, which is no number")
+    if len(values) < 2:
+        return _Measured(values, None, "")
+    return _Measured(values, COVERAGE_FACTOR * float(np.std(values, ddof=1)) / math.sqrt(len(values)), "")
+
+
+def _from_ratio(name: str, side: int, quadrants: Quadrants | AnalysisError) -> _Measured:
+    """Read the value from the loading line of one side; the negative side's offset is mirrored."""
+    if isinstance(quadrants, AnalysisError):
+        return _Measured((), None, str(quadrants))
+    line = quadrants.load_positive if side > 0 else quadrants.load_negative
+    fit = quadrants.fits.get("load_positive" if side > 0 else "load_negative")
+    if name == "torque_ratio_slope":
+        return _Measured((line.slope,), None if fit is None else COVERAGE_FACTOR * fit.u_slope, "")
+    return _Measured((side * line.offset_nm,), None if fit is None else COVERAGE_FACTOR * fit.u_offset_nm, "")
+
+
+def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:
+    """Judge one side and word the reason when it does not pass."""
+    values, expanded, trouble = measured
+    value = float(np.mean(values)) if values else None
+    deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
+    name = wanted.id if side == "both" else f"{wanted.id}, side {side}"
+    limited = wanted.min is not None or wanted.max is not None
+    if value is None:
+        verdict, reason = Verdict.NOT_DECIDABLE, f"{name}: could not be evaluated: {trouble}"
+    elif not limited:
+        verdict, reason = Verdict.PASS, ""
+    elif invalid:
+        verdict, reason = Verdict.NOT_DECIDABLE, ""
+    else:
+        verdict, limit = judge(value, expanded, (wanted.min, wanted.max), decision)
+        reason = "" if verdict is Verdict.PASS else f"{name}: {_because(wanted, value, expanded, verdict, limit)}"
+    return SideValue(side, value, expanded, deviation, values, verdict, reason)
+
+
+def _because(wanted: MetricWanted, value: float, expanded: float | None, verdict: Verdict, limit: str) -> str:
+    row = definition(wanted)
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    if expanded is None and verdict is Verdict.NOT_DECIDABLE:
+        return f"{value:.4g}{unit} has no uncertainty, which the guard band needs; measure two cycles or more"
+    bound = wanted.min if limit == "min" else wanted.max
+    if verdict is Verdict.NOT_DECIDABLE:
+        return (
+            f"{value:.4g}{unit} is too near to the limit of {bound:g}{unit} for its uncertainty of "
+            f"{expanded:.2g}{unit}: neither PASS nor FAIL can be defended; measure more cycles"
+        )
+    where, meaning = ("below", row.too_low) if limit == "min" else ("above", row.too_high)
+    return f"{value:.4g}{unit} is {where} the limit of {bound:g}{unit}: {meaning}"

@@ -1,0 +1,125 @@
+"""How a trace is to be evaluated: the method, the metrics wanted with their limits, and the rule of decision.
+
+Plain data; whoever reads recipes fills these.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from analysis.errors import AnalysisError
+from analysis.quadrants import Quadrants
+
+BREAK_FRACTION = 90.0 / 412.0
+"""Break torques of the six-segment fit, of the reference torque: ±90 N·m for 412 N·m ("backlash and stiffness
+measurement system"); the inverse loading method takes ±20 % instead."""
+
+FIT_END_FRACTION = 420.0 / 412.0
+"""End of the quadratic segments of the six-segment fit, of the reference torque: ±420 N·m for 412 N·m (same source)."""
+
+SPRING_STEP_NM = 10.0
+"""Torque step of the spring constant, N·m ("inverse loading test system": 10 N·m near rated torque)."""
+
+REVERSAL_EXCLUSION = 2.25
+"""Torque excluded after each reversal, in multiples of the friction torque of the loop; two is the least."""
+
+ONE_SIDED_95 = 1.645 / 2.0
+"""Guard factor r of w = r·U for 95 % one-sided confidence when U is expanded with k = 2."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """Evaluation of one unit: SI units except the stiffness, which is in N·m/arcmin.
+
+    loading: shaft that the servo drives; the other one is locked. The wind-up [arcmin] is angle_in/ratio − angle_out
+    with input loading and angle_out − angle_in/ratio with output loading.
+    output_torque: "reaction" takes torque_out_nm as measured, "calibrated" converts torque_in_nm by `quadrants`, which
+    are fitted from the trace's calibrate segments when None.
+    reference_torque_nm: what percentages refer to; the rated torque when None.
+    fixture_stiffness_nm_per_arcmin: of lock and couplings; corrects the wind-up where the locked shaft's own angle is
+    not in the trace (where it is, subtracting it has removed the deflection already).
+    """
+
+    ratio: float
+    rated_torque_nm: float
+    reference_torque_nm: float | None = None
+    loading: Literal["input", "output"] = "input"
+    output_torque: Literal["reaction", "calibrated"] = "reaction"
+    quadrants: Quadrants | None = None
+    fixture_stiffness_nm_per_arcmin: float | None = None
+    break_torque_nm: float | None = None
+    fit_end_nm: float | None = None
+    spring_step_nm: float = SPRING_STEP_NM
+    reversal_exclusion: float = REVERSAL_EXCLUSION
+
+    def __post_init__(self) -> None:
+        """Refuse what is not positive, and names that are not known."""
+        for name in ("ratio", "rated_torque_nm", "reference_torque_nm", "fixture_stiffness_nm_per_arcmin",
+                     "break_torque_nm", "fit_end_nm", "spring_step_nm", "reversal_exclusion"):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise AnalysisError(f"method: {name}: found {value}; needed is a number above zero")
+        for name, allowed in (("loading", ("input", "output")), ("output_torque", ("reaction", "calibrated"))):
+            if getattr(self, name) not in allowed:
+                raise AnalysisError(f"method: {name}: found '{getattr(self, name)}'; allowed are {', '.join(allowed)}")
+        if self.loading == "output" and self.output_torque == "calibrated":
+            raise AnalysisError(
+                "method: output_torque: found 'calibrated' with loading 'output'; the torque is applied at the output "
+                "and measured there: choose 'reaction'"
+            )
+        if not self.break_nm < self.reference_nm <= self.fit_nm:
+            raise AnalysisError(
+                f"method: break torque {self.break_nm:g}, reference torque {self.reference_nm:g} and end of the fit "
+                f"{self.fit_nm:g} N·m; needed is break < reference <= end"
+            )
+
+    @property
+    def reference_nm(self) -> float:
+        """Torque that percentages refer to, N·m."""
+        return self.rated_torque_nm if self.reference_torque_nm is None else self.reference_torque_nm
+
+    @property
+    def break_nm(self) -> float:
+        """Break torque of the six-segment fit, N·m."""
+        return BREAK_FRACTION * self.reference_nm if self.break_torque_nm is None else self.break_torque_nm
+
+    @property
+    def fit_nm(self) -> float:
+        """End of the quadratic segments of the six-segment fit, N·m."""
+        return FIT_END_FRACTION * self.reference_nm if self.fit_end_nm is None else self.fit_end_nm
+
+
+@dataclass(frozen=True)
+class MetricWanted:
+    """A metric asked for by id, with limits in the metric's own unit; None leaves the choice to its definition.
+
+    branch: "load", "unload" or "mean"; side: "+" or "-", None judges the worse side; torque_nm: where `stiffness_at`
+    is taken; band: fraction of the reference torque, half width for `lost_motion`; variant: one of the definition's
+    estimators (`spring_constant`: "ending", "centred", "from", "direct").
+    """
+
+    id: str
+    branch: str | None = None
+    side: str | None = None
+    torque_nm: float | None = None
+    band: float | None = None
+    min: float | None = None
+    max: float | None = None
+    variant: str | None = None
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Decision rule: "simple" judges the value, "guard_band" moves each limit by w = guard_factor · U."""
+
+    rule: Literal["simple", "guard_band"] = "simple"
+    guard_factor: float = ONE_SIDED_95
+
+    def __post_init__(self) -> None:
+        """Refuse an unknown rule or a negative factor."""
+        if self.rule not in ("simple", "guard_band"):
+            raise AnalysisError(f"decision: rule: found '{self.rule}'; allowed are simple, guard_band")
+        if not (math.isfinite(self.guard_factor) and self.guard_factor >= 0):
+            raise AnalysisError(f"decision: guard_factor: found {self.guard_factor}; needed is zero or more")

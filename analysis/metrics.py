@@ -1,0 +1,199 @@
+"""The table of metrics: what each word means. A row is a definition; the same loop gives other numbers by another row.
+
+Results print the definition beside the number.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from analysis import estimators
+from analysis.errors import AnalysisError
+from analysis.estimators import Ask
+from analysis.loop import Loop
+from analysis.method import MetricWanted
+
+BRANCHES = ("load", "unload", "mean")
+"""Branches that can be asked for."""
+
+SIDED = ("+", "-")
+"""Sides of a metric that each side of the loop has for itself."""
+
+BOTH = ("both",)
+"""Side of a metric of the whole loop."""
+
+
+class Definition(NamedTuple):
+    """One metric: unit, text, where it comes from, what it is read from and by, and what a bad value means."""
+
+    unit: str
+    text: str
+    source: str
+    estimate: Callable[[Loop, Ask], float] | None
+    """None: read from the torque ratio, not from the loop."""
+    sides: tuple[str, ...]
+    branch: str
+    branches: tuple[str, ...]
+    """Branches that may be chosen."""
+    estimator: str
+    variants: tuple[str, ...]
+    """The first one is taken when none is asked for."""
+    band: float | None
+    torque: float | None
+    """Torque in fractions of the reference torque where a metric is read."""
+    free: tuple[str, ...]
+    """Of "band" and "torque_nm", what may be chosen; the others are part of the definition."""
+    too_low: str
+    too_high: str
+
+
+_SOFT, _STIFF = "the unit is softer than allowed", "the unit is stiffer than allowed: bound, preloaded or jammed"
+_TIGHT, _PLAY = "the unit has less play than allowed: it may be tight", "the unit has more play than allowed"
+
+
+def _row(
+    unit: str,
+    text: str,
+    source: str,
+    estimate: Callable[[Loop, Ask], float] | None,
+    *,
+    sides: tuple[str, ...] = BOTH,
+    branch: str = "mean",
+    branches: tuple[str, ...] = (),
+    estimator: str = "interpolation",
+    variants: tuple[str, ...] = ("",),
+    band: float | None = None,
+    torque: float | None = None,
+    free: tuple[str, ...] = (),
+    words: tuple[str, str] = (_SOFT, _STIFF),
+) -> Definition:
+    allowed = branches or (branch,)
+    return Definition(
+        unit, text, source, estimate, sides, branch, allowed, estimator, variants, band, torque, free, *words
+    )
+
+
+STIFFNESS = "N·m/arcmin"
+
+METRICS: dict[str, Definition] = {
+    "backlash_width_3pct": _row(
+        "arcmin",
+        "loop width at ±3 % of the reference torque: |f(T) − r(T)|, each side for itself",
+        "inverse loading; backlash and stiffness measurement",
+        estimators.backlash_width, sides=SIDED, branch="width", band=0.03, words=(_TIGHT, _PLAY),
+    ),
+    "backlash_width_zero": _row(
+        "arcmin",
+        "loop width at zero torque: |f(0) − r(0)|",
+        "stiffness characterization; Nabtesco backlash; gear clearance of the standard",
+        estimators.backlash_width, branch="width", band=0.0, words=(_TIGHT, _PLAY),
+    ),
+    "lost_motion": _row(
+        "arcmin",
+        "centreline of the loop between plus and minus the band (3 % unless chosen): m(+b·T) − m(−b·T)",
+        "Nabtesco, SPINEA",
+        estimators.lost_motion, band=0.03, free=("band",), words=(_TIGHT, _PLAY),
+    ),
+    "stiffness_lsq": _row(
+        STIFFNESS,
+        "least squares of wind-up over torque, loading branch, 20–80 % of the reference torque",
+        "static testing; stiffness characterization 4.4",
+        estimators.stiffness_lsq, sides=SIDED, branch="load", estimator="least squares",
+    ),
+    "stiffness_two_point": _row(
+        STIFFNESS,
+        "chord of the loading branch between 20 % and 80 % of the reference torque",
+        "stiffness characterization 4.3",
+        estimators.stiffness_chord, sides=SIDED, branch="load", estimator="chord", variants=("two_point",),
+    ),
+    "stiffness_end_point": _row(
+        STIFFNESS,
+        "reference torque over loading branch at that torque minus unloading branch at zero (the unloading chord: it "
+        "reads high)",
+        "stiffness characterization 4.2",
+        estimators.stiffness_end_point, sides=SIDED, branch="load", estimator="chord",
+    ),
+    "stiffness_50_100": _row(
+        STIFFNESS,
+        "secant between 50 % and 100 % of the reference torque on the chosen branch",
+        "Nabtesco, general practice",
+        estimators.stiffness_chord, sides=SIDED, branch="load", branches=BRANCHES, estimator="secant",
+        variants=("secant",),
+    ),
+    "stiffness_at": _row(
+        STIFFNESS,
+        "1 / F′(T) of the six-segment mean curve at the chosen torque (50 % of the reference torque unless chosen)",
+        "inverse loading",
+        estimators.stiffness_at, sides=SIDED, estimator="six-segment fit", torque=0.5, free=("torque_nm",),
+    ),
+    "spring_constant": _row(
+        STIFFNESS,
+        "ΔT / ΔF over a small torque step of the six-segment mean curve ending at the reference torque",
+        "inverse loading; backlash and stiffness measurement",
+        estimators.spring_constant, sides=SIDED, estimator="six-segment fit",
+        variants=("ending", "centred", "from", "direct"),
+    ),
+    "hysteresis_energy": _row(
+        "N·m·arcmin",
+        "area of the loop between its turning points: energy lost per cycle",
+        "stiffness characterization",
+        estimators.hysteresis_energy, branch="width", estimator="trapezoid",
+        words=("less energy is lost than expected", "more energy is lost in friction than allowed"),
+    ),
+    "windup": _row(
+        "arcmin",
+        "F(+T) − F(−T) of the six-segment mean curve at the reference torque",
+        "all",
+        estimators.windup, estimator="six-segment fit", variants=("fitted", "direct"),
+        words=("the unit winds up less than allowed", "the unit winds up more than allowed"),
+    ),
+    "torque_ratio_slope": _row(
+        "1",
+        "slope m of T_out = C + m·T_in, loading, each side for itself",
+        "inverse loading; backlash and stiffness measurement",
+        None, sides=SIDED, branch="load", estimator="least squares",
+        words=("less torque arrives at the output than allowed: friction that grows with load",
+               "more torque arrives than the ratio allows: check ratio and sensors"),
+    ),
+    "torque_ratio_offset": _row(
+        "N·m",
+        "offset C of T_out = C + m·T_in, loading, negative side mirrored: friction of the input side as output torque",
+        "inverse loading; backlash and stiffness measurement",
+        None, sides=SIDED, branch="load", estimator="least squares",
+        words=("the input side has more friction than allowed: the unit is tight",
+               "the input side has less friction than expected"),
+    ),
+}  # fmt: skip
+"""All metrics by id."""
+
+METRIC_UNITS = {name: row.unit for name, row in METRICS.items()}
+"""Unit of each metric's value and limits."""
+
+
+def definition(wanted: MetricWanted) -> Definition:
+    """Return the row of a wanted metric; AnalysisError naming what is unknown or not possible, and what is allowed."""
+    row = METRICS.get(wanted.id)
+    if row is None:
+        near = difflib.get_close_matches(wanted.id, METRICS, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise AnalysisError(f"metric '{wanted.id}' is not known{hint} Known are {', '.join(METRICS)}")
+    for name, found, allowed in (
+        ("branch", wanted.branch, row.branches),
+        ("side", wanted.side, row.sides),
+        ("variant", wanted.variant, row.variants),
+    ):
+        if found is not None and found not in allowed:
+            raise AnalysisError(f"metric {wanted.id}: {name}: found '{found}'; allowed: {', '.join(allowed) or 'none'}")
+    for name, chosen, most in (("band", wanted.band, 1.0), ("torque_nm", wanted.torque_nm, math.inf)):
+        if chosen is not None and name not in row.free:
+            raise AnalysisError(
+                f"metric {wanted.id}: {name}: found {chosen:g}; it is part of the definition: leave it out"
+            )
+        if chosen is not None and not 0.0 < chosen <= most:
+            raise AnalysisError(
+                f"metric {wanted.id}: {name}: found {chosen:g}; needed is a number above 0, at most {most:g}"
+            )
+    return row

@@ -1,0 +1,134 @@
+"""Six-segment fit of the loop: per branch linear in the middle, quadratic outside.
+
+The symmetric pairs of segments are averaged to the mean curve F; its middle is shifted by the mean of the two gaps at
+the seams so that F joins. Source: "backlash and stiffness measurement system".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.branches import Branch, interpolate
+from analysis.errors import AnalysisError
+from analysis.units import FloatArray
+
+FIT_POINTS = 400
+"""Torques, equally spaced, at which each segment is fitted: neither dwell nor speed weighs one torque more."""
+
+
+@dataclass(frozen=True)
+class MeanCurve:
+    """Fitted mean curve F(T): coefficients in rising powers of torque [N·m] to arcmin, break torque, seam gaps.
+
+    `middle` is as fitted; `offset_arcmin`, the mean of the gaps, is added to it by `at`.
+    """
+
+    break_nm: float
+    negative: FloatArray
+    middle: FloatArray
+    positive: FloatArray
+
+    @property
+    def gaps_arcmin(self) -> tuple[float, float]:
+        """Gap at the negative and at the positive seam: outside minus middle."""
+        below, above = np.array([-self.break_nm]), np.array([self.break_nm])
+        return (
+            float((_poly(self.negative, below) - _poly(self.middle, below))[0]),
+            float((_poly(self.positive, above) - _poly(self.middle, above))[0]),
+        )
+
+    @property
+    def offset_arcmin(self) -> float:
+        """Mean of the two gaps."""
+        return sum(self.gaps_arcmin) / 2.0
+
+    def at(self, torque_nm: FloatArray | float) -> FloatArray:
+        """Wind-up F(T) [arcmin]."""
+        torque = np.asarray(torque_nm, dtype=np.float64)
+        middle = _poly(self.middle, torque) + self.offset_arcmin
+        outside = np.where(torque < 0, _poly(self.negative, torque), _poly(self.positive, torque))
+        return np.where(np.abs(torque) <= self.break_nm, middle, outside)
+
+    def stiffness_at(self, torque_nm: float) -> float:
+        """Stiffness 1 / F′(T) [N·m/arcmin]."""
+        if abs(torque_nm) <= self.break_nm:
+            slope = float(self.middle[1])
+        else:
+            part = self.positive if torque_nm > 0 else self.negative
+            slope = float(part[1] + 2.0 * part[2] * torque_nm)
+        if slope == 0.0:
+            raise AnalysisError(f"the fitted mean curve is flat at {torque_nm:g} N·m; its stiffness has no value")
+        return 1.0 / slope
+
+
+@dataclass(frozen=True)
+class SixSegmentFit:
+    """Coefficients of both branches' segments (rising powers), the torques they were fitted to, and their mean."""
+
+    forward: tuple[FloatArray, FloatArray, FloatArray]
+    backward: tuple[FloatArray, FloatArray, FloatArray]
+    mean: MeanCurve
+    forward_end_nm: tuple[float, float]
+    backward_end_nm: tuple[float, float]
+
+
+def fit_six_segments(
+    forward: Branch, backward: Branch, break_nm: float, end_nm: float, exclusion_nm: tuple[float, float]
+) -> SixSegmentFit:
+    """Fit both branches to ±end_nm, without the torque excluded at the turn that each starts from.
+
+    forward: rising branch, starts from its most negative torque; backward: falling branch, starts from its highest.
+    exclusion_nm: torque excluded at the negative end of forward and at the positive end of backward, N·m.
+    Raises AnalysisError when less than a quarter of a segment is left to be fitted.
+    """
+    forward_ends = (
+        max(-end_nm, float(forward.torque_nm[0]) + exclusion_nm[0]),
+        min(end_nm, float(forward.torque_nm[-1])),
+    )
+    backward_ends = (
+        max(-end_nm, float(backward.torque_nm[0])),
+        min(end_nm, float(backward.torque_nm[-1]) - exclusion_nm[1]),
+    )
+    rising = _fit_branch(forward, break_nm, end_nm, forward_ends)
+    falling = _fit_branch(backward, break_nm, end_nm, backward_ends)
+    negative, middle, positive = ((rising[part] + falling[part]) / 2.0 for part in range(3))
+    return SixSegmentFit(rising, falling, MeanCurve(break_nm, negative, middle, positive), forward_ends, backward_ends)
+
+
+def _fit_branch(
+    branch: Branch, break_nm: float, end_nm: float, ends: tuple[float, float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    low, high = ends
+    least = break_nm + 0.25 * (end_nm - break_nm)
+    if low > -least or high < least:
+        raise AnalysisError(
+            f"the six-segment fit needs a branch from {-least:.4g} to {least:.4g} N·m at least, after what is excluded "
+            f"at the reversal; it has {low:.4g} to {high:.4g} N·m; load the unit further"
+        )
+    return (
+        _fit_segment(branch, low, -break_nm, 2),
+        _fit_segment(branch, -break_nm, break_nm, 1),
+        _fit_segment(branch, break_nm, high, 2),
+    )
+
+
+def _fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> FloatArray:
+    """Least squares polynomial of the wind-up over torque; a segment sees only its own points."""
+    inside = (branch.torque_nm >= low_nm) & (branch.torque_nm <= high_nm)
+    if np.count_nonzero(inside) < degree + 2:
+        raise AnalysisError(
+            f"the segment {low_nm:.4g}…{high_nm:.4g} N·m has {np.count_nonzero(inside)} points; needed are "
+            f"{degree + 2} or more; sample faster or load slower"
+        )
+    torque = np.linspace(low_nm, high_nm, FIT_POINTS)
+    angle = interpolate(branch.torque_nm[inside], branch.angle_arcmin[inside], torque)
+    fitted = np.polynomial.Polynomial.fit(torque, angle, degree).convert().coef
+    coefficients = np.zeros(degree + 1)
+    coefficients[: fitted.size] = fitted
+    return coefficients
+
+
+def _poly(coefficients: FloatArray, torque_nm: FloatArray) -> FloatArray:
+    return np.asarray(np.polynomial.polynomial.polyval(torque_nm, coefficients))

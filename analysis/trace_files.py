@@ -1,0 +1,197 @@
+"""Traces measured elsewhere: CSV and Parquet files with a header of known column names.
+
+Columns: t_s, torque_in_nm, torque_out_nm, angle_in_rad or angle_in_arcmin, angle_out_rad or angle_out_arcmin,
+temperature_c, segment. The unit is read from the name. Other columns are left alone. `segment` (or `branch`) names what
+each row is: "forward" or "return" (the cycle counts up whenever forward or return comes again), or
+"role direction cycle" as `segment_name` writes it, for example "measure -1 2". Whole numbers say only that the load
+profile is not known, and turning points are then found on the curve.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pa_parquet
+
+from analysis.errors import AnalysisError
+from analysis.trace import ROLES, SegmentInfo, Trace, first_bad_row
+from analysis.units import RAD_PER_ARCMIN, FloatArray, IntArray
+
+COLUMNS: dict[str, tuple[str, float]] = {
+    "t_s": ("t_s", 1.0),
+    "torque_in_nm": ("torque_in_nm", 1.0),
+    "torque_out_nm": ("torque_out_nm", 1.0),
+    "angle_in_rad": ("angle_in_rad", 1.0),
+    "angle_in_arcmin": ("angle_in_rad", RAD_PER_ARCMIN),
+    "angle_out_rad": ("angle_out_rad", 1.0),
+    "angle_out_arcmin": ("angle_out_rad", RAD_PER_ARCMIN),
+    "temperature_c": ("temperature_c", 1.0),
+}
+"""Column of a file: channel of the trace and factor to its unit."""
+
+SEGMENT_COLUMNS = ("segment", "branch")
+"""Columns that name the segment of a row; the first one found is read."""
+
+BRANCH_NAMES = {"forward": 1, "return": -1}
+"""Branch names of published loops, and the direction of torque."""
+
+PARQUET_MAGIC = b"PAR1"
+
+
+def read_trace(path: Path | str) -> Trace:
+    """Read a CSV or Parquet file (told apart by content) to a trace.
+
+    Raises AnalysisError for anything that is wrong with the file: not there, empty, not a table, no known column, two
+    columns for one channel, a value that is no number (with row and column), a segment name that is not known. Rows
+    count from 1 after the header.
+    """
+    file = Path(path)
+    table = _read_table(file)
+    names = [str(name).strip() for name in table.column_names]
+    channels: dict[str, tuple[str, FloatArray]] = {}
+    for index, name in enumerate(names):
+        if name not in COLUMNS:
+            continue
+        channel, factor = COLUMNS[name]
+        if channel in channels:
+            raise AnalysisError(
+                f"{file}: columns {channels[channel][0]} and {name} both are {channel}; keep one of them"
+            )
+        channels[channel] = (name, factor * _numbers(table.column(index), file, name))
+    if not channels:
+        raise AnalysisError(
+            f"{file}: found columns {', '.join(names) or 'none'}; needed are some of {', '.join(COLUMNS)}; "
+            "name the columns in the first row, separated by commas"
+        )
+    if table.num_rows == 0:
+        raise AnalysisError(f"{file}: the header is followed by no rows; record a loop")
+    segment: IntArray | None = None
+    segments: dict[int, SegmentInfo] = {}
+    for name in SEGMENT_COLUMNS:
+        if name in names:
+            segment, segments = _segments(table.column(names.index(name)), file, name)
+            break
+    arrays = {channel: values for channel, (_, values) in channels.items()}
+    return Trace(**arrays, segment=segment, segments=segments, source=str(file))
+
+
+def segment_name(info: SegmentInfo) -> str:
+    """Write a segment as text for a file: "role direction cycle"."""
+    return f"{info.role} {info.direction:+d} {info.cycle}"
+
+
+def _read_table(file: Path) -> Any:
+    try:
+        with file.open("rb") as stream:
+            start = stream.read(4)
+        if start == PARQUET_MAGIC:
+            return pa_parquet.read_table(file)
+        return pa_csv.read_csv(
+            file,
+            read_options=pa_csv.ReadOptions(use_threads=False),
+            parse_options=pa_csv.ParseOptions(invalid_row_handler=None),
+            convert_options=pa_csv.ConvertOptions(column_types=_as_text(file), strings_can_be_null=False),
+        )
+    except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
+        reason = " ".join(str(error).split())
+        raise AnalysisError(
+            f"{file}: cannot be read as CSV or Parquet: {reason}; needed is a table with a header row, commas between "
+            "columns and points in numbers"
+        ) from error
+
+
+def _as_text(file: Path) -> dict[str, Any]:
+    """Read every column as text: numbers are converted here, so that a bad one is named by row and column."""
+    with file.open("rb") as stream:
+        header = stream.readline(1_000_000).decode("utf-8-sig")
+    names = header.strip("\r\n").split(",")
+    return {name.strip('"'): pa.string() for name in names}
+
+
+def _numbers(column: Any, file: Path, name: str) -> FloatArray:
+    """Convert a column to numbers; AnalysisError with row and what was found there."""
+    kind = column.type
+    if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind):
+        numbers = column.cast(pa.float64(), safe=False)
+    else:
+        try:
+            text = column.cast(pa.string())
+            numbers = pc.cast(pc.utf8_trim_whitespace(text), pa.float64())
+        except (pa.ArrowException, ValueError, UnicodeError) as error:
+            row, found = _first_not_a_number(column)
+            raise AnalysisError(
+                f"{file}: row {row}, column {name}: found '{found}'; needed is a number; repair or remove the row"
+            ) from error
+    values: FloatArray = numbers.to_numpy().astype(np.float64)
+    bad = ~np.isfinite(values)
+    if bad.any():
+        row = first_bad_row(bad)
+        raise AnalysisError(
+            f"{file}: row {row}, column {name}: found {column[row - 1].as_py()!r}; needed is a finite number; repair "
+            "or remove the row"
+        )
+    return values
+
+
+def _first_not_a_number(column: Any) -> tuple[int, str]:
+    for row, value in enumerate(column.to_pylist(), start=1):
+        try:
+            float(value)
+        except (TypeError, ValueError):
+            return row, str(value)
+    return 0, "a column that holds no numbers"
+
+
+def _segments(column: Any, file: Path, name: str) -> tuple[IntArray | None, dict[int, SegmentInfo]]:
+    """Segment ids and their table from a column of names; no table for whole numbers."""
+    try:
+        if pa.types.is_dictionary(column.type):
+            column = column.cast(column.type.value_type)
+        if not pa.types.is_string(column.type) and not pa.types.is_large_string(column.type):
+            column = column.cast(pa.string())
+        codes = column.combine_chunks().dictionary_encode()
+        if isinstance(codes, pa.ChunkedArray):
+            codes = codes.combine_chunks()
+        texts = [str(text).strip() for text in codes.dictionary.to_pylist()]
+        indices = codes.indices.to_numpy(zero_copy_only=False)
+    except (pa.ArrowException, ValueError, UnicodeError) as error:
+        raise AnalysisError(f"{file}: column {name}: {error}; needed are segment names or whole numbers") from error
+    if np.isnan(indices.astype(np.float64)).any():
+        row = first_bad_row(np.isnan(indices.astype(np.float64)))
+        raise AnalysisError(f"{file}: row {row}, column {name}: found nothing; needed is a segment name or a number")
+    if all(_is_whole(text) for text in texts):
+        return None, {}
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(indices)) + 1)) if indices.size else np.empty(0, np.int64)
+    table: dict[int, SegmentInfo] = {}
+    counts = dict.fromkeys(BRANCH_NAMES, 0)
+    for number, start in enumerate(starts.tolist()):
+        text = texts[int(indices[start])]
+        if text in BRANCH_NAMES:
+            counts[text] += 1
+            table[number] = SegmentInfo("measure", BRANCH_NAMES[text], counts[text])
+        else:
+            table[number] = _parse(text, f"{file}: row {start + 1}, column {name}")
+    lengths = np.diff(np.append(starts, indices.size))
+    return np.repeat(np.arange(starts.size, dtype=np.int64), lengths), table
+
+
+def _parse(text: str, where: str) -> SegmentInfo:
+    role, *numbers = text.split() or [""]
+    if role in ROLES and len(numbers) <= 2 and all(_is_whole(number) for number in numbers):
+        direction, cycle = (*(int(number) for number in numbers), 0, 0)[:2]
+        if direction in (-1, 0, 1):
+            return SegmentInfo(role, direction, cycle)
+    raise AnalysisError(
+        f"{where}: found '{text}'; allowed are {', '.join(BRANCH_NAMES)}, whole numbers, or a role "
+        f"({', '.join(ROLES)}) with direction (-1, 0, 1) and cycle, as in 'measure -1 2'"
+    )
+
+
+def _is_whole(text: str) -> bool:
+    digits = text.lstrip("+-")
+    return digits.isascii() and digits.isdigit() and len(digits) < 10

@@ -1,0 +1,182 @@
+"""What follows the load: opening the lock at the end of a run, and the reactions to a fault."""
+
+from __future__ import annotations
+
+from controller.context import RUNNING, Context, Outcome
+from controller.faults import FAULT_BY_ID
+from controller.image import DriveCommand, DriveMode, DriveState, Image, Reaction
+from controller.ramp import TorqueRamp
+from controller.unloading import Unloading
+
+DRIVE_IS_OFF = frozenset(
+    {DriveState.SWITCH_ON_DISABLED, DriveState.NOT_READY_TO_SWITCH_ON, DriveState.FAULT, DriveState.READY_TO_SWITCH_ON},
+)
+"""Drive states without torque."""
+
+DRIVE_FAULT_BIT = 1 << FAULT_BY_ID["drive_fault"].number | 1 << FAULT_BY_ID["drive_emergency"].number
+
+
+class Release:
+    """Torque proven low, drive off, proven again, then the lock opens: a wound-up reducer stores energy."""
+
+    PROVE, DRIVE_OFF, PROVE_OFF, OPEN = 1, 2, 3, 4
+    PROVE_SCANS = 50
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._waited = self._low = 0
+
+    def enter(self) -> None:
+        """Begin with the proof that the torque is low."""
+        self._context.phase = self.PROVE
+        self._waited = self._low = 0
+
+    def scan(self, image: Image, elapsed: int) -> Outcome:
+        """`complete` or `stopped` once the lock is open."""
+        context = self._context
+        self._waited += elapsed
+        if self._waited > context.program.release_scans:
+            return Outcome(fault="unload_failed" if context.phase != self.OPEN else "brake_stays_closed")
+        if context.phase == self.PROVE:
+            if self._proven_low(image):
+                context.phase = self.DRIVE_OFF
+        elif context.phase == self.DRIVE_OFF:
+            context.disable_drive()
+            if image.drive_state in DRIVE_IS_OFF:
+                context.phase = self.PROVE_OFF
+        elif context.phase == self.PROVE_OFF:
+            if self._proven_low(image):
+                context.phase = self.OPEN
+                context.measured.brake_current_expected_a = 0.0
+                context.brake_on = 0
+                context.brake_current_a = 0.0
+        elif not image.brake_on and image.brake_current_a <= context.program.lock.tolerance_a:
+            return Outcome(trigger="stopped" if context.stopping else "complete")
+        return RUNNING
+
+    def _proven_low(self, image: Image) -> bool:
+        """Low in enough fresh samples in a row; the count starts anew for the next proof."""
+        fresh = image.sample_age_scans <= self._context.program.limits.sample_late_scans
+        self._low = self._low + 1 if fresh and self._context.torque_is_low() else 0
+        if self._low < self.PROVE_SCANS:
+            return False
+        self._low = 0
+        return True
+
+
+class FaultReaction:
+    """Carries out the reaction in force and escalates when a stronger one comes; the lock stays as it is.
+
+    After UNLOAD the drive is switched off; QUICK_STOP and POWER_OFF switch it off as fast as the drive can. A fault
+    stays latched until a person has acknowledged it and asks for the reset, with every cause gone.
+    """
+
+    UNLOADING, STOPPING, POWERLESS, SETTLED, DRIVE_RESET = 1, 2, 3, 4, 5
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._torque = TorqueRamp(context.program.control, context.program.period_s)
+        self._unloading = Unloading(context, self._torque)
+        self._waited = 0
+        self.reaction = Reaction.NONE
+        self.acknowledged = False
+
+    def enter(self, reaction: Reaction, image: Image) -> None:
+        """Begin the reaction; an unload that the drive cannot carry out becomes a quick stop."""
+        context = self._context
+        self.acknowledged = False
+        self.reaction = Reaction.NONE
+        context.hold = False
+        self._act(reaction, image)
+
+    def escalate(self, reaction: Reaction, image: Image) -> None:
+        """Take up a stronger reaction; a weaker or equal one changes nothing."""
+        if reaction > self.reaction:
+            self._act(reaction, image)
+
+    def _act(self, reaction: Reaction, image: Image) -> None:
+        context = self._context
+        self._waited = 0
+        self.reaction = reaction
+        context.measured.drive_enabled_expected = False
+        context.measured.mode_expected = 0
+        if reaction == Reaction.UNLOAD and image.drive_state == DriveState.OPERATION_ENABLED:
+            context.phase = self.UNLOADING
+            if context.drive_mode != DriveMode.CYCLIC_SYNC_TORQUE:
+                context.drive_mode = DriveMode.CYCLIC_SYNC_TORQUE
+                context.drive_torque_nm = image.drive_torque_nm
+                context.drive_velocity_rad_s = 0.0
+            context.control_from_input = not context.program.has_torque_out
+            measured = context.measured
+            here_nm = context.program.control.slope * measured.torque_in_nm
+            measured.controlled_nm = here_nm if context.control_from_input else measured.torque_out_nm
+            self._torque.begin(measured.controlled_nm, context.drive_torque_nm)
+            self._unloading.begin()
+        elif reaction == Reaction.POWER_OFF:
+            context.phase = self.POWERLESS
+            context.disable_drive()
+        else:
+            context.phase = self.STOPPING
+            context.drive_command = DriveCommand.QUICK_STOP
+            context.drive_torque_nm = context.drive_velocity_rad_s = 0.0
+
+    def scan(self, image: Image, elapsed: int, active: int) -> Outcome:
+        """One scan of the reaction; `active` is the mask of conditions that are still present."""
+        context, program = self._context, self._context.program
+        self._waited += elapsed
+        phase = context.phase
+        if phase == self.UNLOADING:
+            self._unload(image)
+        elif phase == self.STOPPING:
+            # the ramp of the drive's quick stop ends in a state without torque; if it does not, the voltage goes
+            if image.drive_state in DRIVE_IS_OFF or self._waited > program.enable_scans:
+                context.phase = self.POWERLESS
+                context.disable_drive()
+                self._waited = 0
+        elif phase == self.POWERLESS:
+            if self._waited >= program.settle_scans:
+                context.phase = self.SETTLED
+        elif phase == self.DRIVE_RESET:
+            return self._reset_drive(image, active)
+        return RUNNING
+
+    def _unload(self, image: Image) -> None:
+        context, program = self._context, self._context.program
+        done = image.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE and self._unloading.follow()
+        if done or self._waited > program.unload_limit_scans or image.drive_state != DriveState.OPERATION_ENABLED:
+            context.phase = self.POWERLESS
+            context.disable_drive()
+            self._waited = 0
+
+    def request_reset(self) -> str:
+        """Ask for the way back; says what stands against it, or '' when it has begun."""
+        if not self.acknowledged:
+            return "reset refused: the fault is not acknowledged"
+        if self._context.phase != self.SETTLED:
+            return "reset refused: the reaction to the fault is still under way"
+        self._context.phase = self.DRIVE_RESET
+        self._waited = 0
+        return ""
+
+    def _reset_drive(self, image: Image, active: int) -> Outcome:
+        context = self._context
+        if active & ~DRIVE_FAULT_BIT:
+            context.phase = self.SETTLED
+            context.notes.append("reset refused: a cause is still present")
+        elif image.drive_state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE):
+            # the rising edge: one scan without the bit, one with it
+            even = context.drive_command == DriveCommand.DISABLE_VOLTAGE
+            context.drive_command = DriveCommand.FAULT_RESET if even else DriveCommand.DISABLE_VOLTAGE
+            if self._waited > context.program.enable_scans:
+                context.disable_drive()
+                context.phase = self.SETTLED
+                context.notes.append("reset refused: the servo drive stays in fault")
+        elif active:
+            context.disable_drive()
+            if self._waited > context.program.enable_scans:
+                context.phase = self.SETTLED
+                context.notes.append("reset refused: the servo drive keeps reporting an error")
+        else:
+            context.disable_drive()
+            return Outcome(trigger="reset")
+        return RUNNING

@@ -1,0 +1,105 @@
+"""What the steps of a run share: the orders in the making, the references taken so far, and where the run stands."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from controller.image import DriveCommand, DriveMode, Image
+from controller.interlocks import Measured
+from controller.program import Program
+
+
+class Outcome(NamedTuple):
+    """What a step says after a scan: a trigger to fire, a fault to raise, or neither (both empty)."""
+
+    trigger: str = ""
+    fault: str = ""
+
+
+RUNNING = Outcome()
+
+
+class Event(NamedTuple):
+    """Something that happened: `kind` is "transition", "alarm" or "note"; `text` names it; times are scan numbers."""
+
+    scan: int
+    kind: str
+    state: str
+    text: str
+
+
+class Context:
+    """Shared by all steps of one controller; nothing here decides anything."""
+
+    __slots__ = (
+        "angle_in_zero_rad",
+        "angle_out_zero_rad",
+        "brake_current_a",
+        "brake_on",
+        "control_from_input",
+        "drive_command",
+        "drive_mode",
+        "drive_torque_nm",
+        "drive_velocity_rad_s",
+        "hold",
+        "loading_offset_nm",
+        "loading_slope",
+        "lock_zero_rad",
+        "measured",
+        "notes",
+        "phase",
+        "program",
+        "reference_nm",
+        "segment",
+        "stopping",
+        "torque_in_tare_nm",
+        "torque_out_tare_nm",
+    )
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.measured = Measured()
+        self.torque_in_tare_nm = self.torque_out_tare_nm = 0.0
+        self.angle_in_zero_rad = self.angle_out_zero_rad = self.lock_zero_rad = 0.0
+        self.brake_current_a = 0.0
+        self.brake_on = 0
+        self.notes: list[str] = []
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the run before, not what is still switched on: brake orders stay as they are."""
+        self.drive_command: int = DriveCommand.DISABLE_VOLTAGE
+        self.drive_mode: int = DriveMode.NONE
+        self.drive_torque_nm = self.drive_velocity_rad_s = 0.0
+        self.reference_nm = 0.0
+        self.phase = 0
+        self.segment = self.program.segments[0]
+        self.hold = False
+        self.stopping = False
+        self.measured.lock_motion_limit_rad = math.inf
+        self.measured.brake_current_expected_a = 0.0
+        self.control_from_input = not self.program.has_torque_out
+        self.loading_slope = self.program.control.slope
+        self.loading_offset_nm = self.program.control.offset_nm
+
+    def disable_drive(self) -> None:
+        """No torque and no voltage from the drive."""
+        self.drive_command = DriveCommand.DISABLE_VOLTAGE
+        self.drive_torque_nm = self.drive_velocity_rad_s = 0.0
+        self.measured.drive_enabled_expected = False
+        self.measured.mode_expected = 0
+
+    def take_references(self, image: Image) -> None:
+        """Count angles of both shafts from where they stand now."""
+        self.angle_in_zero_rad = image.angle_in_rad
+        self.angle_out_zero_rad = image.angle_out_rad
+        self.lock_zero_rad = self.locked_angle_rad(image)
+
+    def locked_angle_rad(self, image: Image) -> float:
+        """Angle of the shaft that the lock holds [rad]."""
+        return image.angle_out_rad if self.program.loading_input else image.angle_in_rad
+
+    def torque_is_low(self) -> bool:
+        """True when the torque in the unit is below the threshold under which the lock may open."""
+        return abs(self.measured.controlled_nm) <= self.program.release_torque_nm

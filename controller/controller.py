@@ -1,0 +1,251 @@
+"""The controller: one step per scan, a pure function of the program and of every image that came before.
+
+    orders = controller.step(image, scan)
+
+Order of a step: measure, interlocks, trip or command, the step of the state that is on, at most one trigger, orders.
+A trip and its orders belong to the same scan as the detection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from controller.aftermath import FaultReaction, Release
+from controller.context import RUNNING, Context, Event, Outcome
+from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
+from controller.image import Command, Image, Orders, Reaction, State
+from controller.interlocks import Watch
+from controller.loading import Loading
+from controller.preparation import CloseLock, Home, Readiness
+from controller.program import Program
+from controller.states import END_STATES, TRANSITIONS, Sequence
+
+_STOPPABLE = frozenset(row.source for row in TRANSITIONS if row.trigger == "stop")
+_LOADING_STATES = frozenset({State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG, State.UNLOAD})
+
+
+class Controller:
+    """Runs a program. `events` collects what happened; whoever calls `step` takes them out."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.events: list[Event] = []
+        self.first_out = 0
+        self._context = Context(program)
+        self._sequence = Sequence()
+        self._watch = Watch(program)
+        self._readiness = Readiness(self._context)
+        self._home = Home(self._context)
+        self._close_lock = CloseLock(self._context)
+        self._loading = Loading(self._context)
+        self._release = Release(self._context)
+        self._fault = FaultReaction(self._context)
+        self._scan_by_state: dict[State, Callable[[Image, int], Outcome]] = {
+            State.IDLE: self._scan_idle,
+            State.HOME: self._home.scan,
+            State.LOCK: self._scan_lock,
+            **dict.fromkeys(_LOADING_STATES, self._loading.scan),
+            State.RELEASE: self._release.scan,
+            State.COMPLETE: self._scan_end,
+            State.STOPPED: self._scan_end,
+        }
+        self._start_pending = False
+        self._logged = 0
+        self._last_counter = -1
+        self._last_scan = -1
+        self._in_state = 0
+        self._context.measured.brake_tolerance_a = program.lock.tolerance_a
+
+    @property
+    def state(self) -> State:
+        """State after the last step."""
+        return self._sequence.state
+
+    @property
+    def finished(self) -> bool:
+        """True when the run is over and its tail recorded: complete, stopped, or a fault whose reaction has ended."""
+        state = self._sequence.state
+        if state in END_STATES:
+            return self._in_state >= self.program.settle_scans
+        return state == State.FAULT and self._context.phase == FaultReaction.SETTLED
+
+    def step(self, image: Image, scan: int) -> Orders:
+        """Decide one scan. `scan` is the scan number, which jumps over missed periods; never raises on any image."""
+        context, sequence = self._context, self._sequence
+        elapsed = scan - self._last_scan
+        self._last_scan = scan
+        self._in_state += elapsed
+        self._measure(image)
+        state = sequence.state
+        strongest = self._watch.look(image, context.measured, state)
+        if state == State.FAULT:
+            self._log_alarms(scan)
+            self._fault.escalate(Reaction(strongest), image)
+            self._command_in_fault(image.command)
+            outcome = self._fault.scan(image, elapsed, self._watch.active)
+            if outcome.trigger:
+                self._leave_fault(image, scan)
+        elif strongest >= Reaction.UNLOAD:
+            self._trip(self._watch.active, Reaction(strongest), image, scan)
+        else:
+            if self._watch.active:
+                self._log_alarms(scan)
+            context.hold = strongest == Reaction.HOLD
+            outcome = self._command(image.command, scan) or self._scan_by_state[state](image, elapsed)
+            if outcome.fault:
+                number = FAULT_BY_ID[outcome.fault].number
+                self._trip(1 << number, FAULT_BY_NUMBER[number].reaction, image, scan)
+            elif outcome.trigger == "closed":
+                self._loading.begin(self._first_segment(State.LOCK))
+            elif outcome.trigger:
+                self._move(outcome.trigger, image, scan)
+        if context.notes:
+            self._take_notes(scan)
+        return self._orders(strongest)
+
+    # --- what the scan knows
+
+    def _measure(self, image: Image) -> None:
+        context, program = self._context, self.program
+        measured = context.measured
+        measured.torque_in_nm = image.torque_in_nm - context.torque_in_tare_nm
+        measured.torque_out_nm = image.torque_out_nm - context.torque_out_tare_nm
+        if context.control_from_input:
+            measured.controlled_nm = program.control.slope * measured.torque_in_nm
+        else:
+            measured.controlled_nm = measured.torque_out_nm
+        if program.loading_input:
+            measured.travel_rad = image.angle_in_rad - context.angle_in_zero_rad
+            measured.locked_motion_rad = image.angle_out_rad - context.lock_zero_rad
+        else:
+            measured.travel_rad = image.angle_out_rad - context.angle_out_zero_rad
+            measured.locked_motion_rad = image.angle_in_rad - context.lock_zero_rad
+        measured.speed_rad_s = image.drive_velocity_rad_s
+        measured.counter_stands = image.sample_counter == self._last_counter
+        self._last_counter = image.sample_counter
+        measured.agreement_live = program.loading_input and program.has_torque_in and program.has_torque_out
+
+    # --- the state that is on
+
+    def _scan_idle(self, image: Image, elapsed: int) -> Outcome:
+        return self._readiness.scan(image, elapsed) if self._start_pending else RUNNING
+
+    def _scan_lock(self, image: Image, elapsed: int) -> Outcome:
+        closing = self._context.phase in (CloseLock.CLOSE, CloseLock.SETTLE)
+        return self._close_lock.scan(image, elapsed) if closing else self._loading.scan(image, elapsed)
+
+    @staticmethod
+    def _scan_end(_image: Image, _elapsed: int) -> Outcome:
+        return RUNNING
+
+    def _command(self, command: int, scan: int) -> Outcome | None:
+        if command == Command.NONE:
+            return None
+        state = self._sequence.state
+        if command == Command.START and state == State.IDLE:
+            self._start_pending = True
+            self._readiness.enter()
+            self.events.append(Event(scan, "note", state.name.lower(), "start ordered"))
+        elif command == Command.RESET and state in END_STATES:
+            return Outcome(trigger="rearm")
+        elif command == Command.STOP:
+            self._context.stopping = True
+            self._start_pending = False
+            if state in _STOPPABLE:
+                self.events.append(Event(scan, "note", state.name.lower(), "stop ordered by the operator"))
+                return Outcome(trigger="stop")
+        return None
+
+    def _command_in_fault(self, command: int) -> None:
+        if command == Command.ACKNOWLEDGE:
+            self._fault.acknowledged = True
+            self._context.notes.append("fault acknowledged")
+        elif command == Command.RESET:
+            refused = self._fault.request_reset()
+            if refused:
+                self._context.notes.append(refused)
+
+    # --- moving
+
+    def _move(self, trigger: str, image: Image, scan: int) -> None:
+        before = self._sequence.state
+        self._sequence.fire(trigger)
+        state = self._sequence.state
+        self._in_state = 0
+        self.events.append(Event(scan, "transition", before.name.lower(), state.name.lower()))
+        if state == State.HOME:
+            self._start_pending = False
+            self._context.begin()
+            self._loading.forget()
+            self._home.enter(image)
+        elif state == State.LOCK:
+            self._close_lock.enter()
+        elif state == State.UNLOAD:
+            self._loading.begin(self.program.unload_segment)
+        elif state in _LOADING_STATES:
+            self._loading.begin(self._context.segment.index + 1)
+        elif state == State.RELEASE:
+            self._release.enter()
+        else:
+            self._context.phase = 0
+
+    def _trip(self, raised: int, reaction: Reaction, image: Image, scan: int) -> None:
+        self._watch.latched |= raised
+        self.first_out = self._watch.first_out(raised)
+        self._log_alarms(scan)
+        self._move("trip", image, scan)
+        self._start_pending = False
+        self._fault.enter(reaction, image)
+
+    def _leave_fault(self, image: Image, scan: int) -> None:
+        self._watch.forget()
+        self._logged = 0
+        self.first_out = 0
+        self._context.stopping = True
+        self._context.control_from_input = not self.program.has_torque_out
+        self._move("reset", image, scan)
+
+    def _first_segment(self, state: State) -> int:
+        return next(segment.index for segment in self.program.segments if segment.state == state)
+
+    # --- saying it
+
+    def _log_alarms(self, scan: int) -> None:
+        """One event per alarm, when it appears for the first time since the last reset."""
+        fresh = self._watch.latched & ~self._logged
+        self._logged |= fresh
+        while fresh:
+            bit = fresh & -fresh
+            fresh ^= bit
+            fault = FAULT_BY_NUMBER[bit.bit_length() - 1]
+            self.events.append(Event(scan, "alarm", self._sequence.state.name.lower(), fault.id))
+
+    def _take_notes(self, scan: int) -> None:
+        state = self._sequence.state.name.lower()
+        self.events.extend(Event(scan, "note", state, text) for text in self._context.notes)
+        self._context.notes.clear()
+
+    def _orders(self, strongest: int) -> Orders:
+        context = self._context
+        state = self._sequence.state
+        return Orders(
+            context.drive_command,
+            context.drive_mode,
+            context.drive_torque_nm,
+            context.drive_velocity_rad_s,
+            context.brake_on,
+            context.brake_current_a,
+            state,
+            context.phase,
+            context.segment.index,
+            context.segment.cycle,
+            self._fault.reaction if state is State.FAULT else strongest,
+            self.first_out,
+            self._watch.latched,
+            context.reference_nm,
+            context.measured.controlled_nm,
+            context.torque_in_tare_nm,
+            context.torque_out_tare_nm,
+            context.angle_in_zero_rad,
+            context.angle_out_zero_rad,
+        )

@@ -1,0 +1,333 @@
+"""The interlocks: conditions that are looked at in every scan, in the states where they mean something.
+
+One row per interlock: the fault it raises (`controller.faults` holds reaction, debounce and wording), the states in
+which it is live, and the check. A check sees the image, what was measured from it and the limits; it answers True when
+the condition is present. It keeps nothing: debouncing is done in one place, here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
+from controller.image import (
+    AGE_NEVER,
+    Command,
+    DriveState,
+    Image,
+    Link,
+    NmtState,
+    Reaction,
+    SampleStatus,
+    State,
+)
+from controller.program import Limits, Program
+
+
+class Measured:
+    """What one scan knows beyond the raw image: tared torques, motions since the references, what is expected.
+
+    Torques in N·m and angles in rad. `drive_enabled_expected`, `mode_expected` and `brake_current_expected_a` are what
+    the orders of earlier scans should have led to by now.
+    """
+
+    __slots__ = (
+        "agreement_live",
+        "brake_current_expected_a",
+        "brake_tolerance_a",
+        "controlled_nm",
+        "counter_stands",
+        "drive_enabled_expected",
+        "lock_motion_limit_rad",
+        "locked_motion_rad",
+        "mode_expected",
+        "speed_rad_s",
+        "torque_in_nm",
+        "torque_out_nm",
+        "travel_rad",
+    )
+
+    def __init__(self) -> None:
+        self.torque_in_nm = self.torque_out_nm = self.controlled_nm = 0.0
+        self.travel_rad = self.locked_motion_rad = self.speed_rad_s = 0.0
+        self.lock_motion_limit_rad = math.inf
+        self.brake_current_expected_a = self.brake_tolerance_a = 0.0
+        self.drive_enabled_expected = self.counter_stands = self.agreement_live = False
+        self.mode_expected = 0
+
+
+Check = Callable[[Image, Measured, Limits, Program], bool]
+
+
+def _estop(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return not i.estop_released and i.io_age_scans != AGE_NEVER
+
+
+def _guard_open(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return not i.guard_closed and i.io_age_scans != AGE_NEVER
+
+
+def _operator_quick_stop(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return i.command == Command.QUICK_STOP
+
+
+def _can_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return bool(i.links_lost & Link.CAN)
+
+
+def _drive_heartbeat_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
+    return i.drive_heartbeat_age_scans > li.heartbeat_scans
+
+
+def _drive_data_stale(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
+    return i.drive_age_scans > li.drive_stale_scans or i.drive_nmt_state != NmtState.OPERATIONAL
+
+
+def _amplifier_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return bool(i.links_lost & Link.AMPLIFIER)
+
+
+def _sample_stale(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
+    return i.sample_age_scans > li.sample_stale_scans
+
+
+def _sample_late(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
+    return i.sample_age_scans > li.sample_late_scans
+
+
+def _sample_frozen(_i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
+    return m.counter_stands
+
+
+def _brake_link_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
+    return bool(i.links_lost & Link.BRAKE) or i.brake_age_scans > li.brake_stale_scans
+
+
+def _remote_io_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
+    return bool(i.links_lost & Link.REMOTE_IO) or i.io_age_scans > li.io_stale_scans
+
+
+def _drive_fault(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return i.drive_state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+
+
+def _drive_emergency(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return i.drive_emcy_code != 0
+
+
+def _drive_dropped_out(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
+    return m.drive_enabled_expected and i.drive_state != DriveState.OPERATION_ENABLED
+
+
+def _drive_mode_refused(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
+    return m.mode_expected not in (0, i.drive_mode)
+
+
+def _drive_internal_limit(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
+    return m.drive_enabled_expected and bool(i.drive_internal_limit)
+
+
+def _torque_out_trip(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
+    return abs(m.torque_out_nm) > li.torque_out_trip_nm
+
+
+def _torque_in_trip(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
+    return abs(m.torque_in_nm) > li.torque_in_trip_nm
+
+
+def _torque_out_alarm(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
+    return abs(m.torque_out_nm) > li.torque_out_alarm_nm
+
+
+def _overspeed(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
+    return abs(m.speed_rad_s) > li.speed_rad_s
+
+
+def _over_travel(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
+    return abs(m.travel_rad) > li.travel_rad
+
+
+def _lock_slip(_i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
+    return abs(m.locked_motion_rad) > m.lock_motion_limit_rad
+
+
+def _brake_current_lost(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
+    return m.brake_current_expected_a > 0.0 and (
+        not i.brake_on or i.brake_current_a < m.brake_current_expected_a - m.brake_tolerance_a
+    )
+
+
+def _housing_temperature(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
+    return i.io_age_scans != AGE_NEVER and i.housing_temp_c > li.housing_temperature_c
+
+
+def _missed_periods(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
+    return i.missed_periods > li.missed_in_a_row
+
+
+def _sensor_not_a_number(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    # a sum is finite only when every term is: one test instead of eight
+    return not math.isfinite(
+        i.torque_in_nm
+        + i.torque_out_nm
+        + i.angle_in_rad
+        + i.angle_out_rad
+        + i.brake_current_a
+        + i.housing_temp_c
+        + i.drive_torque_nm
+        + i.drive_angle_rad
+        + i.drive_velocity_rad_s,
+    )
+
+
+def _sensor_saturated(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return bool(i.sample_status & (SampleStatus.TORQUE_IN_SATURATED | SampleStatus.TORQUE_OUT_SATURATED))
+
+
+def _torque_channels_disagree(_i: Image, m: Measured, li: Limits, p: Program) -> bool:
+    if not m.agreement_live:
+        return False
+    ideal_nm, out_nm = abs(m.torque_in_nm) * p.ratio, abs(m.torque_out_nm)
+    margin_nm, factor = li.torque_agreement_nm, li.torque_agreement_ratio
+    return out_nm > ideal_nm * factor + margin_nm or out_nm < ideal_nm / factor - margin_nm
+
+
+def _brake_stays_closed(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
+    return i.brake_age_scans != AGE_NEVER and (bool(i.brake_on) or i.brake_current_a > m.brake_tolerance_a)
+
+
+S = State
+_RUNNING = frozenset({S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE})
+_LOCKED = frozenset({S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD})
+_LOADED = frozenset({S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG})
+_ALWAYS = _RUNNING | {S.FAULT}
+
+
+class Interlock(NamedTuple):
+    """Row of the interlock table: fault id, states in which it is live, and the check."""
+
+    fault: str
+    live_in: frozenset[State]
+    check: Check
+
+
+INTERLOCKS: tuple[Interlock, ...] = (
+    Interlock("estop", _ALWAYS, _estop),
+    Interlock("guard_open", _ALWAYS, _guard_open),
+    Interlock("operator_quick_stop", _RUNNING, _operator_quick_stop),
+    Interlock("can_lost", _ALWAYS, _can_lost),
+    Interlock("drive_heartbeat_lost", _ALWAYS, _drive_heartbeat_lost),
+    Interlock("drive_data_stale", _ALWAYS, _drive_data_stale),
+    Interlock("amplifier_lost", _ALWAYS, _amplifier_lost),
+    Interlock("sample_stale", _ALWAYS, _sample_stale),
+    Interlock("sample_frozen", _RUNNING, _sample_frozen),
+    Interlock("brake_link_lost", _ALWAYS, _brake_link_lost),
+    Interlock("remote_io_lost", _ALWAYS, _remote_io_lost),
+    Interlock("drive_fault", _ALWAYS, _drive_fault),
+    Interlock("drive_emergency", _ALWAYS, _drive_emergency),
+    Interlock("drive_dropped_out", _RUNNING, _drive_dropped_out),
+    Interlock("drive_mode_refused", _RUNNING, _drive_mode_refused),
+    Interlock("drive_internal_limit", _RUNNING, _drive_internal_limit),
+    Interlock("torque_out_trip", _ALWAYS, _torque_out_trip),
+    Interlock("torque_in_trip", _ALWAYS, _torque_in_trip),
+    Interlock("torque_out_alarm", _LOADED, _torque_out_alarm),
+    Interlock("overspeed", _ALWAYS, _overspeed),
+    Interlock("over_travel", _ALWAYS, _over_travel),
+    Interlock("lock_slip", _LOCKED, _lock_slip),
+    Interlock("brake_current_lost", _LOCKED, _brake_current_lost),
+    Interlock("housing_temperature", _RUNNING, _housing_temperature),
+    Interlock("missed_periods", _RUNNING, _missed_periods),
+    Interlock("sensor_not_a_number", _ALWAYS, _sensor_not_a_number),
+    Interlock("sensor_saturated", _RUNNING, _sensor_saturated),
+    Interlock("torque_channels_disagree", _LOADED, _torque_channels_disagree),
+    Interlock("brake_stays_closed", frozenset({S.HOME}), _brake_stays_closed),
+    Interlock("sample_late", _LOADED, _sample_late),
+)
+
+RAISED_BY_STEPS: frozenset[str] = frozenset(
+    {
+        "drive_enable_timeout",
+        "homing_failed",
+        "devices_not_ready",
+        "tare_out_of_range",
+        "tare_unsteady",
+        "lock_not_closed",
+        "lock_unproven",
+        "target_not_reached",
+        "calibration_failed",
+        "unload_failed",
+        "brake_stays_closed",
+        "drive_mode_refused",
+        "drive_dropped_out",
+    },
+)
+"""Faults that a step of the sequence raises when what it waits for does not come."""
+
+
+class Watch:
+    """Runs the interlocks of a state, debounces them, and keeps what is active.
+
+    `active` is the bit mask of conditions present now (after debouncing), `latched` of everything since the last reset.
+    """
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._limits = program.limits
+        debounce = {"drive_internal_limit": program.limits.internal_limit_scans}
+        self._rows: dict[State, tuple[tuple[Check, int, int, int], ...]] = {
+            state: tuple(
+                (
+                    row.check,
+                    FAULT_BY_ID[row.fault].number,
+                    debounce.get(row.fault, FAULT_BY_ID[row.fault].debounce_scans),
+                    int(FAULT_BY_ID[row.fault].reaction),
+                )
+                for row in INTERLOCKS
+                if state in row.live_in
+            )
+            for state in State
+        }
+        self._counts = [0] * 64
+        self._counting = 0
+        self.active = 0
+        self.latched = 0
+
+    def look(self, image: Image, measured: Measured, state: State) -> int:
+        """Evaluate the live interlocks; the strongest reaction of all active ones (`Reaction` as int)."""
+        limits, program, counts = self._limits, self._program, self._counts
+        active = counting = strongest = 0
+        for check, number, debounce, reaction in self._rows[state]:
+            if check(image, measured, limits, program):
+                counting |= 1 << number
+                counts[number] += 1
+                if counts[number] > debounce:
+                    active |= 1 << number
+                    strongest = max(strongest, reaction)
+        fell = self._counting & ~counting
+        while fell:
+            bit = fell & -fell
+            counts[bit.bit_length() - 1] = 0
+            fell ^= bit
+        self._counting = counting
+        self.active = active
+        self.latched |= active
+        return strongest
+
+    def first_out(self, raised: int) -> int:
+        """Number of the fault that counts as the cause of those raised together: the most severe, then the first."""
+        best, best_reaction = 0, Reaction.NONE
+        while raised:
+            bit = raised & -raised
+            raised ^= bit
+            number = bit.bit_length() - 1
+            reaction = FAULT_BY_NUMBER[number].reaction
+            if reaction > best_reaction:
+                best, best_reaction = number, reaction
+        return best
+
+    def forget(self) -> None:
+        """After a reset by a person: counts and latches start anew; a condition still present comes back at once."""
+        self._counts = [0] * 64
+        self._counting = self.active = self.latched = 0

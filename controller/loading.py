@@ -1,0 +1,182 @@
+"""Runs the segments of the program: torque and speed ramps, dwells, and the unloading, one scan at a time."""
+
+from __future__ import annotations
+
+from controller.calibration import LoadingLine
+from controller.context import RUNNING, Context, Outcome
+from controller.image import DriveCommand, DriveMode, DriveState, Image, State
+from controller.preparation import ENABLE_PATH
+from controller.program import Segment
+from controller.ramp import SpeedRamp, TorqueRamp
+from controller.states import TRIGGER_INTO
+from controller.unloading import Unloading
+
+TIMEOUT_FAULT: dict[State, str] = {
+    State.LOCK: "lock_unproven",
+    State.CALIBRATE: "target_not_reached",
+    State.RAMP_POS: "target_not_reached",
+    State.RAMP_NEG: "target_not_reached",
+    State.REVERSE: "target_not_reached",
+    State.UNLOAD: "unload_failed",
+}
+"""What it means when a segment of this state does not end in time."""
+
+
+class Loading:
+    """Steps through the segments; says by a trigger when the next one belongs to another state."""
+
+    ENABLE, MODE, RUN = 10, 11, 12
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._torque = TorqueRamp(context.program.control, context.program.period_s)
+        self._speed = SpeedRamp(context.program.control, context.program.period_s)
+        self._line = LoadingLine()
+        self._unloading = Unloading(context, self._torque)
+        self._waited = 0
+        self._target_nm = 0.0
+        self._regulating: tuple[int, bool] = (DriveMode.NONE, False)
+
+    def forget(self) -> None:
+        """A new run: the loading line is gathered anew, and no ramp is under way."""
+        self._line = LoadingLine()
+        self._torque.slope = self._context.program.control.slope
+        self._regulating = (DriveMode.NONE, False)
+
+    def begin(self, index: int) -> None:
+        """Take up a segment: its mode of operation first, when the drive is in another one."""
+        context = self._context
+        segment = context.program.segments[index]
+        context.segment = segment
+        self._waited = 0
+        if segment.state not in (State.LOCK, State.CALIBRATE, State.UNLOAD):
+            context.control_from_input = context.program.control.controlled_from_input
+        else:
+            context.control_from_input = not context.program.has_torque_out
+        self._target_nm = self._controlled_target(segment)
+        if not context.measured.drive_enabled_expected:
+            context.phase = self.ENABLE
+        elif segment.dwell_scans or context.drive_mode == self._mode(segment):
+            self._take_over()
+        else:
+            context.phase = self.MODE
+            context.measured.mode_expected = 0
+
+    def scan(self, image: Image, elapsed: int) -> Outcome:
+        """One scan of the segment that is on."""
+        context = self._context
+        self._waited += elapsed
+        segment = context.segment
+        if context.phase == self.ENABLE:
+            return self._enable(image)
+        if context.phase == self.MODE:
+            return self._switch_mode(image, segment)
+        if segment.state == State.CALIBRATE and segment.role == "calibrate":
+            self._line.add(segment, context.measured.torque_in_nm, context.measured.torque_out_nm)
+        if self._unloading.follow() if segment.state == State.UNLOAD else self._run(segment):
+            return self._advance()
+        if self._waited > segment.limit_scans and not segment.dwell_scans:
+            return Outcome(fault=TIMEOUT_FAULT[segment.state])
+        return RUNNING
+
+    @staticmethod
+    def _mode(segment: Segment) -> DriveMode:
+        return DriveMode.CYCLIC_SYNC_VELOCITY if segment.speed_rad_s else DriveMode.CYCLIC_SYNC_TORQUE
+
+    def _controlled_target(self, segment: Segment) -> float:
+        """The target in terms of the controlled torque: by the loading line where the input torque is controlled."""
+        context, target_nm = self._context, segment.target_nm
+        if not context.control_from_input:
+            return target_nm
+        offset_nm = context.loading_offset_nm
+        return target_nm - offset_nm if target_nm > 0.0 else target_nm + offset_nm
+
+    def _take_over(self) -> None:
+        context = self._context
+        context.phase = self.RUN
+        context.measured.mode_expected = context.drive_mode
+        if context.segment.state == State.UNLOAD:
+            context.measured.controlled_nm = self._controlled_now()
+            self._unloading.begin()
+        regulating = (context.drive_mode, context.control_from_input)
+        if regulating == self._regulating:
+            return  # the reference goes on in value and rate
+        self._regulating = regulating
+        if context.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
+            self._speed.begin()
+        else:
+            self._torque.begin(self._controlled_now(), context.drive_torque_nm)
+
+    def _controlled_now(self) -> float:
+        measured, control = self._context.measured, self._context.program.control
+        return control.slope * measured.torque_in_nm if self._context.control_from_input else measured.torque_out_nm
+
+    def _enable(self, image: Image) -> Outcome:
+        """Only on the way back from a fault: the drive comes on without torque, to unwind what is stored."""
+        context = self._context
+        if context.torque_is_low():
+            return Outcome(trigger="release")
+        context.drive_mode = DriveMode.CYCLIC_SYNC_TORQUE
+        context.drive_torque_nm = 0.0
+        context.drive_command = ENABLE_PATH.get(image.drive_state, DriveCommand.DISABLE_VOLTAGE)
+        if image.drive_state == DriveState.OPERATION_ENABLED and image.drive_mode == context.drive_mode:
+            context.measured.drive_enabled_expected = True
+            self._waited = 0
+            self._take_over()
+        elif self._waited > context.program.enable_scans:
+            return Outcome(fault="drive_enable_timeout")
+        return RUNNING
+
+    def _switch_mode(self, image: Image, segment: Segment) -> Outcome:
+        context = self._context
+        wanted = self._mode(segment)
+        if context.drive_mode != wanted:
+            context.drive_mode = wanted
+            context.drive_velocity_rad_s = 0.0
+            # the torque that holds the shaft now, so that the change of mode does not move it
+            context.drive_torque_nm = image.drive_torque_nm
+        if image.drive_mode == wanted:
+            self._waited = 0
+            self._take_over()
+        elif self._waited > context.program.mode_scans:
+            return Outcome(fault="drive_mode_refused")
+        return RUNNING
+
+    def _run(self, segment: Segment) -> bool:
+        context = self._context
+        controlled_nm = context.measured.controlled_nm
+        if context.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
+            if segment.dwell_scans:
+                context.drive_velocity_rad_s = 0.0
+                return self._waited >= segment.dwell_scans
+            done = self._speed.follow(segment, controlled_nm, hold=context.hold)
+            context.drive_velocity_rad_s = self._speed.velocity_rad_s
+            context.reference_nm = segment.target_nm
+            return done
+        rate_nm_s = segment.rate_nm_s or context.program.segments[context.program.unload_segment].rate_nm_s
+        done = self._torque.follow(self._target_nm, rate_nm_s, controlled_nm, hold=context.hold)
+        context.drive_torque_nm = self._torque.drive_nm
+        context.reference_nm = self._torque.reference_nm
+        return self._waited >= segment.dwell_scans if segment.dwell_scans else done
+
+    def _advance(self) -> Outcome:
+        context = self._context
+        segments = context.program.segments
+        following = segments[context.segment.index + 1] if context.segment.index + 1 < len(segments) else None
+        if context.segment.state == State.CALIBRATE and (following is None or following.state != State.CALIBRATE):
+            fitted = self._line.fit() if context.program.control.measure_ratio else None
+            if fitted is not None:
+                context.loading_slope, context.loading_offset_nm = fitted
+                self._torque.slope = fitted[0]
+                context.notes.append(f"loading line: T_out = {fitted[1]:.3f} N·m + {fitted[0]:.3f} T_in")
+            elif context.program.control.measure_ratio:
+                return Outcome(fault="calibration_failed")
+        if context.segment.state == State.LOCK and (following is None or following.state != State.LOCK):
+            context.measured.lock_motion_limit_rad = context.program.limits.lock_slip_rad
+            context.notes.append("lock proven")
+        if context.segment.state == State.UNLOAD:
+            return Outcome(trigger="release")
+        if following is None or following.state != context.segment.state:
+            return Outcome(trigger=TRIGGER_INTO[following.state] if following is not None else "unload")
+        self.begin(following.index)
+        return RUNNING

@@ -1,0 +1,57 @@
+"""Torque to zero so that it stays zero: friction would hold a rest in the unit once the drive lets go.
+
+When the output torque has come to zero, the input still carries its friction torque. Switching the drive off there
+would let the output torque rise again by what the friction held. So the drive's torque is relaxed to zero first, the
+rest is read, and the unloading is repeated past zero by that rest until it is small. A handful of passes is enough.
+"""
+
+from __future__ import annotations
+
+import math
+
+from controller.context import Context
+from controller.ramp import TorqueRamp
+
+
+class Unloading:
+    """Brings the torque to zero with the drive in torque mode; `follow` once per scan until it answers True."""
+
+    RELAX_SCANS = 50
+    SMALL_SHARE = 0.5
+    """Rest that is accepted, as a share of the torque at which the lock may open."""
+
+    def __init__(self, context: Context, ramp: TorqueRamp) -> None:
+        self._context = context
+        self._ramp = ramp
+        self._target_nm = 0.0
+        self._relaxing = False
+        self._at_rest = 0
+
+    def begin(self) -> None:
+        """Start towards zero from wherever the torque is."""
+        context = self._context
+        self._relaxing = False
+        self._target_nm = 0.0
+        if context.control_from_input:
+            # without an output sensor, the loading line tells how far past zero the input has to go
+            self._target_nm = math.copysign(context.loading_offset_nm, -context.measured.controlled_nm)
+
+    def follow(self) -> bool:
+        """Advance one scan; True once the drive's torque is zero and so is the unit's, as far as can be measured."""
+        context, ramp = self._context, self._ramp
+        program, controlled_nm = context.program, context.measured.controlled_nm
+        if not self._relaxing:
+            rate_nm_s = program.segments[program.unload_segment].rate_nm_s
+            self._relaxing = ramp.follow(self._target_nm, rate_nm_s, controlled_nm, hold=False)
+            self._at_rest = 0
+        elif ramp.relax():
+            self._at_rest += 1
+            if self._at_rest >= self.RELAX_SCANS:
+                if context.control_from_input or abs(controlled_nm) <= self.SMALL_SHARE * program.release_torque_nm:
+                    return True
+                self._target_nm -= controlled_nm
+                self._relaxing = False
+                ramp.begin(controlled_nm, 0.0)
+        context.drive_torque_nm = ramp.drive_nm
+        context.reference_nm = ramp.reference_nm
+        return False

@@ -1,0 +1,226 @@
+"""The servo drive inside the scan: process data, heartbeat and emergency messages, by struct and by hand.
+
+`poll` drains what has arrived, `send` sends set-points, SYNC and our heartbeat once each. Nothing waits, nothing
+raises: a frame of the wrong length is counted and its value keeps ageing, a set-point that does not fit its object is
+clamped, counted, and shows as an internal limit in the next image.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import can
+
+from controller.image import AGE_NEVER, DriveCommand, DriveMode, DriveState, NmtState, Orders
+from drivers.can_bus import CanLink
+from drivers.cia402 import control_word, decode_state
+from drivers.config import DriveConfig
+from drivers.data_types import to_integer
+from drivers.drive_units import drive_units
+from drivers.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, PdoCodec, rpdo_cob_id, tpdo_cob_id
+from drivers.profile import ReceivePdo
+
+FRAMES_PER_POLL = 64
+"""A babbling bus must not hold a scan; what is left is drained in the next one."""
+
+VELOCITY_SCANS_AFTER_CSV = 10
+"""Zero velocity is sent this long after the velocity mode was left, so that no old set-point waits in the drive."""
+
+_EMCY_BYTES = 8
+_FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
+
+
+class Emergency(NamedTuple):
+    """One emergency message as received."""
+
+    scan: int
+    code: int
+    error_register: int
+    vendor: bytes
+
+
+class _Receiver:
+    """One transmit PDO of the drive: its codec, its last values, the scan they came in."""
+
+    __slots__ = ("codec", "scan", "values")
+
+    def __init__(self, codec: PdoCodec) -> None:
+        self.codec = codec
+        self.values: tuple[int, ...] = (0,) * len(codec.names)
+        self.scan = -1
+
+
+class _Sender:
+    """One receive PDO of the drive: its codec and the frame that is filled anew for every send."""
+
+    __slots__ = ("codec", "data", "message", "only_velocity", "sources")
+
+    def __init__(self, pdo: ReceivePdo, node_id: int, names: tuple[str, ...]) -> None:
+        self.codec = PdoCodec(pdo.objects)
+        self.data = bytearray(self.codec.size)
+        self.message = _message(rpdo_cob_id(pdo.number, node_id), self.data)
+        self.sources = tuple(names.index(name) for name in self.codec.names)
+        self.only_velocity = self.codec.names == ("target_velocity",)
+
+
+def _message(cob_id: int, data: bytes | bytearray) -> can.Message:
+    return can.Message(arbitration_id=cob_id, is_extended_id=False, data=data)
+
+
+class CanDrive:
+    """The drive as the scan sees it. Attributes hold what was last received, in the drive's own numbers."""
+
+    def __init__(self, link: CanLink, config: DriveConfig, heartbeat_scans: int) -> None:
+        """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats."""
+        self.link = link
+        self.units = drive_units(config)
+        self.nmt_state = int(NmtState.NEVER_HEARD)
+        self.emcy_code = 0
+        self.emergencies: deque[Emergency] = deque(maxlen=32)
+        self.frames_malformed = 0
+        self.frames_foreign = 0
+        self.setpoints_clamped = 0
+        self.setpoint_is_clamped = False
+        self._error_register = 0
+        self._emcy_withdrawn = False
+        self._reset_asked = False
+        self._heartbeat_scan = -1
+        self._heartbeat_sent_scan = -heartbeat_scans
+        self._heartbeat_scans = heartbeat_scans
+        self._velocity_scans_left = 0
+        self._receivers = {
+            tpdo_cob_id(pdo.number, config.node_id): _Receiver(PdoCodec(pdo.objects))
+            for pdo in config.profile.transmit_pdos
+        }
+        self._all_receivers = tuple(self._receivers.values())
+        self._places = {
+            name: (receiver, position)
+            for receiver in self._all_receivers
+            for position, name in enumerate(receiver.codec.names)
+        }
+        names = ("controlword", "mode", "target_torque", "target_velocity")
+        self._senders = tuple(_Sender(pdo, config.node_id, names) for pdo in config.profile.receive_pdos)
+        self._heartbeat_cob_id = HEARTBEAT_BASE + config.node_id
+        self._emcy_cob_id = EMCY_BASE + config.node_id
+        self._sync = _message(SYNC_COB_ID, b"")
+        self._heartbeat = _message(HEARTBEAT_BASE + config.controller_node_id, bytes((NmtState.OPERATIONAL,)))
+
+    def poll(self, scan: int) -> None:
+        """Take everything that has arrived for scan number `scan`."""
+        if self._emcy_withdrawn:  # an emergency and its reset in one scan: the emergency was seen for that scan
+            self._emcy_withdrawn = False
+            self.emcy_code = 0
+        receive = self.link.receive
+        for count in range(FRAMES_PER_POLL):
+            message = receive()
+            if message is None:
+                if count == 0:
+                    self.link.check_peer()
+                break
+            self._take(message, scan)
+        if self._reset_asked and self.scan_of_process_data == scan:
+            self._after_reset()
+
+    def _take(self, message: can.Message, scan: int) -> None:
+        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+            self.frames_foreign += 1
+            return
+        cob_id = message.arbitration_id
+        data = message.data
+        receiver = self._receivers.get(cob_id)
+        if receiver is not None:
+            if len(data) == receiver.codec.size:
+                receiver.values = receiver.codec.unpack(data)
+                receiver.scan = scan
+            else:
+                self.frames_malformed += 1
+        elif cob_id == self._heartbeat_cob_id:
+            if len(data) == 1:
+                self.nmt_state = data[0] & 0x7F
+                self._heartbeat_scan = scan
+            else:
+                self.frames_malformed += 1
+        elif cob_id == self._emcy_cob_id:
+            self._take_emergency(data, scan)
+        else:
+            self.frames_foreign += 1
+
+    def _take_emergency(self, data: bytearray, scan: int) -> None:
+        if len(data) != _EMCY_BYTES:
+            self.frames_malformed += 1
+            return
+        code = data[0] | data[1] << 8
+        self._error_register = data[2]
+        self.emergencies.append(Emergency(scan, code, data[2], bytes(data[3:])))
+        if code:
+            self.emcy_code = code
+            self._emcy_withdrawn = False
+        elif self.emergencies_in(scan):
+            self._emcy_withdrawn = True
+        else:
+            self.emcy_code = 0
+
+    def emergencies_in(self, scan: int) -> int:
+        """Count the emergencies with a code that came in scan number `scan`."""
+        return sum(1 for emergency in self.emergencies if emergency.scan == scan and emergency.code)
+
+    def _after_reset(self) -> None:
+        # Some drives never send the "error reset" message: leaving the fault state after our reset says the same.
+        if decode_state(self.value("statusword")) not in _FAULTED:
+            self._reset_asked = False
+            self.emcy_code = 0
+
+    def value(self, name: str) -> int:
+        """Return the last received number of a mapped object; 0 before the first and for an unmapped one."""
+        place = self._places.get(name)
+        return place[0].values[place[1]] if place else 0
+
+    @property
+    def error_register(self) -> int:
+        """Error register 0x1001, from process data where mapped, else from the last emergency message."""
+        place = self._places.get("error_register")
+        return place[0].values[place[1]] if place else self._error_register
+
+    @property
+    def scan_of_process_data(self) -> int:
+        """Scan in which the oldest of the process data came; -1 while one of them has never come."""
+        return min([receiver.scan for receiver in self._all_receivers])
+
+    def age_scans(self, scan: int) -> int:
+        """Age of the oldest process data at scan number `scan`."""
+        came = self.scan_of_process_data
+        return AGE_NEVER if came < 0 else min(scan - came, AGE_NEVER)
+
+    def heartbeat_age_scans(self, scan: int) -> int:
+        """Age of the last heartbeat at scan number `scan`."""
+        return AGE_NEVER if self._heartbeat_scan < 0 else min(scan - self._heartbeat_scan, AGE_NEVER)
+
+    def send(self, orders: Orders, scan: int) -> None:
+        """Send the set-points of one scan, then SYNC, then our heartbeat when it is due."""
+        mode = orders.drive_mode
+        torque, torque_clamped = to_integer(orders.drive_target_torque_nm / self.units.torque_nm_per_count, "i16")
+        velocity, velocity_clamped = 0, False
+        if mode == DriveMode.CYCLIC_SYNC_VELOCITY:
+            counts = orders.drive_target_velocity_rad_s / self.units.velocity_rad_s_per_count
+            velocity, velocity_clamped = to_integer(counts, "i32")
+            self._velocity_scans_left = VELOCITY_SCANS_AFTER_CSV
+        mode_number, mode_clamped = to_integer(mode, "i8")
+        self.setpoint_is_clamped = torque_clamped or velocity_clamped or mode_clamped
+        if self.setpoint_is_clamped:
+            self.setpoints_clamped += 1
+        if orders.drive_command == DriveCommand.FAULT_RESET:
+            self._reset_asked = True
+        numbers = (control_word(orders.drive_command), mode_number, torque, velocity)
+        link_send = self.link.send
+        for sender in self._senders:
+            if sender.only_velocity and not self._velocity_scans_left:
+                continue
+            sender.codec.pack_into(sender.data, 0, *[numbers[source] for source in sender.sources])
+            link_send(sender.message)
+        if mode != DriveMode.CYCLIC_SYNC_VELOCITY and self._velocity_scans_left:
+            self._velocity_scans_left -= 1
+        link_send(self._sync)
+        if scan - self._heartbeat_sent_scan >= self._heartbeat_scans:
+            self._heartbeat_sent_scan = scan
+            link_send(self._heartbeat)

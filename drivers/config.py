@@ -1,0 +1,109 @@
+"""The bench's hardware as plain data: what a caller fills in to get a `drivers.wire_bench.WireBench`.
+
+Nothing here reads files. SI units; the profiles are the models of `drivers.profile`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.profile import DriveProfile, ModbusProfile
+
+ALL_CHANNELS = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
+"""Measured channels of a bench with all four sensors."""
+
+
+@dataclass(frozen=True)
+class CanConfig:
+    """How to reach the CAN bus; `host` and `port` for socketcand, `serial_port` for slcan, else `channel`."""
+
+    interface: Literal["socketcand", "socketcan", "slcan", "virtual"]
+    channel: str = "can0"
+    host: str = "127.0.0.1"
+    port: int = 29536
+    bitrate: int = 1_000_000
+    serial_port: str = ""
+    serial_baudrate: int = 115_200
+    connect_timeout_s: float = 3.0
+    send_timeout_s: float = 0.002
+    """Longest time that one send may hold the scan; beyond it the bus is lost. Kernels round up to their tick."""
+
+    @property
+    def where(self) -> str:
+        """The bus as a person would look for it."""
+        if self.interface == "socketcand":
+            return f"socketcand {self.host}:{self.port} channel {self.channel}"
+        if self.interface == "slcan":
+            return f"slcan {self.serial_port}"
+        return f"{self.interface} {self.channel}"
+
+
+@dataclass(frozen=True)
+class DriveConfig:
+    """The servo drive as mounted on this bench; torques and speeds at the motor unless the name says otherwise."""
+
+    node_id: int
+    controller_node_id: int
+    profile: DriveProfile
+    gear_ratio: float
+    """Motor turns per turn of the loaded shaft."""
+    rated_torque_nm: float
+    max_torque_nm: float
+    max_speed_rad_s: float
+    torque_slope_nm_s: float
+    controller_heartbeat_s: float
+    controller_heartbeat_timeout_s: float
+    drive_heartbeat_s: float
+    setpoint_timeout_s: float
+    abort_connection_option: int
+    quick_stop_option: int
+    fault_reaction_option: int
+    boot_timeout_s: float = 3.0
+    """Longest wait for the drive's boot-up message and its first operational heartbeat."""
+
+
+@dataclass(frozen=True)
+class ModbusConfig:
+    """One Modbus device: how to reach it, how often it is read, and its register map."""
+
+    transport: Literal["tcp", "rtu"]
+    unit_id: int
+    profile: ModbusProfile
+    poll_every_s: float
+    timeout_s: float
+    host: str = "127.0.0.1"
+    port: int = 502
+    serial_port: str = ""
+    baudrate: int = 19_200
+    parity: Literal["N", "E", "O"] = "N"
+    stop_bits: Literal[1, 2] = 1
+    worst_reply_s: float | None = None
+    """RTU: longest time after a request in which its reply may still come; three time-outs when None."""
+    reassert_s: float = 0.25
+    """An unchanged order is written again after this time, so that a lost write cannot stay."""
+    connect_timeout_s: float = 3.0
+
+    @property
+    def line(self) -> str:
+        """The connection; devices with the same line share it, one request at a time."""
+        return f"{self.host}:{self.port}" if self.transport == "tcp" else self.serial_port
+
+    @property
+    def where(self) -> str:
+        """The device as a person would look for it."""
+        return f"{self.profile.profile.name} at {self.line} unit {self.unit_id}"
+
+
+@dataclass(frozen=True)
+class WireBenchConfig:
+    """Everything a bench needs to open its wires."""
+
+    period_ns: int
+    can: CanConfig
+    drive: DriveConfig
+    amplifier: ModbusConfig
+    brake: ModbusConfig
+    remote_io: ModbusConfig
+    channels: tuple[str, ...] = ALL_CHANNELS
+    """The channels that this bench has sensors for; the amplifier's profile must deliver each."""

@@ -1,0 +1,301 @@
+"""Modbus as a split transaction: a request goes out in one scan, its reply is taken in a later one.
+
+One line is one TCP connection or one serial port with one request in flight. Frames and their checks are pymodbus'
+(its framers and PDUs, without its client); this is the only module that uses it. A reply is believed only when unit,
+function, length and, on TCP, the transaction id are those of the request.
+
+RTU has no transaction id, so a late reply would be taken for the next request's answer and every later one would be
+off by one. After a time-out, and after anything that is not the expected reply, the line therefore discards what comes
+for the worst-case reply time, and `epoch` counts up: the devices on it then read their identity again before they
+believe a value.
+
+Once open, nothing here raises or waits: a line that broke is `lost` and stays so until it is opened anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import select
+import socket
+import time
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import serial
+from pymodbus.exceptions import ModbusException
+from pymodbus.framer import FramerRTU, FramerSocket
+from pymodbus.pdu import DecodePDU, ModbusPDU
+from pymodbus.pdu.register_message import (
+    ReadHoldingRegistersRequest,
+    ReadInputRegistersRequest,
+    WriteMultipleRegistersRequest,
+)
+
+from drivers.config import ModbusConfig
+from drivers.errors import ModbusError, Problem
+from drivers.modbus_port import open_port
+
+READ_SIZE = 4096
+TCP_HEADER_BYTES = 6
+TCP_LENGTH_RANGE = range(3, 255)
+"""Bytes after the TCP header: unit, function and 1 to 252 bytes (Modbus application protocol 1.1b3)."""
+EXCEPTION_BIT = 0x80
+QUIET_SCANS = 2
+"""RTU: scans without a byte that end the discarding of a late reply."""
+
+_READ_REQUESTS: dict[str, type[ModbusPDU]] = {
+    "holding": ReadHoldingRegistersRequest,
+    "input": ReadInputRegistersRequest,
+}
+_NOT_A_FRAME = (ModbusException, ValueError, IndexError, KeyError, TypeError)
+_CHECK_NEXT = "check cable, power, address and unit id of the device"
+
+
+class Outcome(IntEnum):
+    """What became of a request."""
+
+    DATA = 0
+    EXCEPTION = 1
+    TIMEOUT = 2
+    GARBAGE = 3
+    LOST = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A request ready to send: its frame (on TCP the first two bytes are the transaction id), what must answer it."""
+
+    unit_id: int
+    function: int
+    address: int
+    register_count: int
+    frame: bytes
+    reply_bytes: int
+    """Length of the expected reply's unit, function and data, without header or check sum."""
+
+
+class Reply(NamedTuple):
+    """The end of a transaction; `registers` with DATA of a read, `exception_code` with EXCEPTION."""
+
+    outcome: Outcome
+    registers: list[int]
+    exception_code: int = 0
+
+
+class ModbusLine:
+    """Transactor over a non-blocking socket or serial port, given by its file descriptor."""
+
+    def __init__(self, config: ModbusConfig, timeout_scans: int, drain_scans: int) -> None:
+        """Prepare a closed line; times in scans: of a reply, and of the worst case reply after a request (RTU)."""
+        self.config = config
+        self.rtu = config.transport == "rtu"
+        self.lost = True
+        self.lost_because = "not opened"
+        self.epoch = 0
+        self.garbage = 0
+        self.timeouts = 0
+        self.strangers = 0
+        self.timeout_scans = timeout_scans
+        self.drain_scans = drain_scans
+        decoder = DecodePDU(is_server=False)
+        self._framer = FramerRTU(decoder) if self.rtu else FramerSocket(decoder)
+        self._overhead = 2 if self.rtu else TCP_HEADER_BYTES
+        self._port: socket.socket | serial.Serial | None = None
+        self._descriptor = -1
+        self._pending: Request | None = None
+        self._sent_scan = 0
+        self._transaction_id = 0
+        self._received = bytearray()
+        self._drain_until: int | None = None
+
+    def read_request(self, unit_id: int, table: str, address: int, count: int) -> Request:
+        """Build a request for `count` registers of the table "input" or "holding"."""
+        pdu = _READ_REQUESTS[table](dev_id=unit_id, transaction_id=0, address=address, count=count)
+        return Request(unit_id, pdu.function_code, address, count, self._framer.buildFrame(pdu), 3 + 2 * count)
+
+    def write_request(self, unit_id: int, address: int, registers: list[int]) -> Request:
+        """Build a request to write adjoining holding registers."""
+        pdu = WriteMultipleRegistersRequest(dev_id=unit_id, transaction_id=0, address=address, registers=registers)
+        return Request(unit_id, pdu.function_code, address, len(registers), self._framer.buildFrame(pdu), 6)
+
+    def attach(self, port: socket.socket | serial.Serial) -> None:
+        """Use a connected, non-blocking port from now on, with nothing in flight."""
+        self._port = port
+        self._descriptor = port.fileno()
+        self.lost = False
+        self.lost_because = ""
+        self.epoch += 1
+        self._pending = None
+        self._received.clear()
+        self._drain_until = None
+
+    def open(self) -> None:
+        """Connect (blocking, bounded by the connect time-out); raises ModbusError with what to check next."""
+        logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)  # it would format a line for every bad frame
+        self.close()
+        try:
+            self.attach(open_port(self.config))
+        except (OSError, ValueError) as error:
+            raise ModbusError(
+                Problem("no connection", self.config.where, str(error), "an open connection", _CHECK_NEXT)
+            ) from error
+
+    def close(self) -> None:
+        """Close the connection; safe to call twice."""
+        if self._port is not None:
+            with contextlib.suppress(OSError):
+                self._port.close()
+        self._port = None
+        self._descriptor = -1
+        self._lose("closed")
+
+    def ready(self, scan: int) -> bool:
+        """Tell whether a request may be sent; while an RTU line discards late replies, go on with that."""
+        if self._pending is not None or self.lost:
+            return False
+        if self.rtu:
+            if self._arrived():
+                # Nothing was asked: a reply later than the worst case, or another master on the line.
+                if self._drain_until is None:
+                    self.strangers += 1
+                    self.epoch += 1
+                self._drain_until = max(self._drain_until or 0, scan + QUIET_SCANS)
+            elif self._drain_until is not None and scan >= self._drain_until:
+                self._drain_until = None
+        return self._drain_until is None and not self.lost
+
+    def send(self, request: Request, scan: int) -> bool:
+        """Send a request if the line is ready; False when it is not or when it broke."""
+        if not self.ready(scan):
+            return False
+        frame = request.frame
+        if not self.rtu:
+            self._transaction_id = self._transaction_id % 0xFFFF + 1  # never 0, which pymodbus takes for any
+            frame = self._transaction_id.to_bytes(2, "big") + frame[2:]
+        try:
+            sent = os.write(self._descriptor, frame)
+        except OSError as error:
+            self._lose(f"sending failed: {error}")
+            return False
+        if sent != len(frame):
+            self._lose("sending failed: the device does not read")
+            return False
+        self._pending = request
+        self._sent_scan = scan
+        return True
+
+    def poll(self, scan: int) -> Reply | None:
+        """Take what has arrived; the reply when the transaction in flight ended, else None."""
+        request = self._pending
+        if request is None:
+            return None
+        arrived = self._arrived()
+        if self.lost:
+            return Reply(Outcome.LOST, [])
+        if arrived:
+            self._received += arrived
+            reply = self._match_rtu(request) if self.rtu else self._match_tcp(request)
+            if reply is not None:
+                return self._end(reply, scan)
+        if scan - self._sent_scan >= self.timeout_scans:
+            self.timeouts += 1
+            return self._end(Reply(Outcome.TIMEOUT, []), scan)
+        return None
+
+    def exchange(self, request: Request, timeout_s: float) -> Reply:
+        """Blocking transaction for use before the scan; `timeout_s` bounds the wait."""
+        if not self.send(request, 0):
+            return Reply(Outcome.LOST, [])
+        deadline = time.monotonic() + timeout_s
+        while (left := deadline - time.monotonic()) > 0:
+            select.select([self._descriptor], [], [], left)
+            reply = self.poll(0)
+            if reply is not None:
+                return reply
+        return self.poll(self.timeout_scans) or Reply(Outcome.TIMEOUT, [])
+
+    def _arrived(self) -> bytes:
+        """Take the bytes that are there; none when the line broke, which it then knows."""
+        try:
+            arrived = os.read(self._descriptor, READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            self._lose(f"the connection broke: {error}")
+            return b""
+        if not arrived and not self.rtu:  # a terminal reads empty when nothing is there, a socket when it was closed
+            self._lose("the device closed the connection")
+        return arrived
+
+    def _match_tcp(self, request: Request) -> Reply | None:
+        received = self._received
+        while len(received) >= TCP_HEADER_BYTES:
+            length = received[4] << 8 | received[5]
+            if received[2] or received[3] or length not in TCP_LENGTH_RANGE:
+                return self._spoilt()
+            if len(received) < TCP_HEADER_BYTES + length:
+                return None
+            frame = bytes(received[: TCP_HEADER_BYTES + length])
+            del received[: TCP_HEADER_BYTES + length]
+            if frame[0] << 8 | frame[1] != self._transaction_id:
+                self.strangers += 1  # a late reply to a request given up before
+                continue
+            return self._decode(request, frame)
+        return None
+
+    def _match_rtu(self, request: Request) -> Reply | None:
+        received = self._received
+        if received[0] != request.unit_id:
+            return self._spoilt()
+        if len(received) < 2:
+            return None
+        if received[1] & ~EXCEPTION_BIT != request.function:
+            return self._spoilt()
+        expected = (3 if received[1] & EXCEPTION_BIT else request.reply_bytes) + self._overhead
+        if len(received) < expected:
+            return None
+        frame = bytes(received)
+        received.clear()
+        return self._decode(request, frame) if len(frame) == expected else self._spoilt()
+
+    def _decode(self, request: Request, frame: bytes) -> Reply:
+        """Decode exactly one frame by pymodbus and compare it with its request."""
+        try:
+            used, pdu = self._framer.handleFrame(frame, 0, 0)
+        except _NOT_A_FRAME:
+            return self._spoilt()
+        if pdu is None or used != len(frame) or pdu.dev_id != request.unit_id:
+            return self._spoilt()
+        if pdu.function_code == request.function | EXCEPTION_BIT:
+            return Reply(Outcome.EXCEPTION, [], pdu.exception_code)
+        if pdu.function_code != request.function or len(frame) != request.reply_bytes + self._overhead:
+            return self._spoilt()
+        registers = list(pdu.registers)
+        if request.function in {3, 4}:
+            return Reply(Outcome.DATA, registers) if len(registers) == request.register_count else self._spoilt()
+        same = pdu.address == request.address and pdu.count == request.register_count
+        return Reply(Outcome.DATA, registers) if same else self._spoilt()
+
+    def _spoilt(self) -> Reply:
+        self.garbage += 1
+        self._received.clear()
+        return Reply(Outcome.GARBAGE, [])
+
+    def _end(self, reply: Reply, scan: int) -> Reply:
+        self._pending = None
+        self._received.clear()
+        if self.rtu and reply.outcome in {Outcome.TIMEOUT, Outcome.GARBAGE}:
+            self.epoch += 1
+            self._drain_until = max(self._sent_scan + self.drain_scans, scan + QUIET_SCANS)
+        return reply
+
+    def _lose(self, because: str) -> None:
+        self._pending = None
+        self._received.clear()
+        self._drain_until = None
+        if not self.lost:
+            self.lost = True
+            self.lost_because = because

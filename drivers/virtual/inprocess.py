@@ -1,0 +1,229 @@
+"""The virtual bench without wires: the same plant and drive machine, stepped by the scan itself.
+
+Latency is that of the wires: orders of scan n act from n on, what the devices say at n arrives at n + 1, slow devices
+are asked at their own periods and their values age in between. Numbers pass through the same integers as over the
+bus, so a controller sees the same steps.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+from controller.image import (
+    AGE_NEVER,
+    DriveCommand,
+    DriveMode,
+    DriveState,
+    Image,
+    Link,
+    NmtState,
+    Orders,
+)
+from drivers.virtual import cia402_tables as tables
+from drivers.virtual.cia402_tables import PowerState
+from drivers.virtual.config import BenchConfig
+from drivers.virtual.drive_axis import DriveAxis
+from drivers.virtual.plant import Plant, Sample
+from drivers.virtual.scenario import FaultInjector, Scenario
+
+CONTROLWORDS: dict[int, int] = {
+    DriveCommand.DISABLE_VOLTAGE: 0x0000,
+    DriveCommand.SHUTDOWN: 0x0006,
+    DriveCommand.SWITCH_ON: 0x0007,
+    DriveCommand.ENABLE_OPERATION: 0x000F,
+    DriveCommand.QUICK_STOP: 0x0002,
+    DriveCommand.FAULT_RESET: 0x0080,
+    DriveCommand.START_HOMING: 0x001F,
+}
+DRIVE_STATES: dict[PowerState, int] = {
+    PowerState.NOT_READY_TO_SWITCH_ON: int(DriveState.NOT_READY_TO_SWITCH_ON),
+    PowerState.SWITCH_ON_DISABLED: int(DriveState.SWITCH_ON_DISABLED),
+    PowerState.READY_TO_SWITCH_ON: int(DriveState.READY_TO_SWITCH_ON),
+    PowerState.SWITCHED_ON: int(DriveState.SWITCHED_ON),
+    PowerState.OPERATION_ENABLED: int(DriveState.OPERATION_ENABLED),
+    PowerState.QUICK_STOP_ACTIVE: int(DriveState.QUICK_STOP_ACTIVE),
+    PowerState.FAULT_REACTION_ACTIVE: int(DriveState.FAULT_REACTION_ACTIVE),
+    PowerState.FAULT: int(DriveState.FAULT),
+}
+LINKS: dict[str, int] = {
+    "amplifier": int(Link.AMPLIFIER),
+    "brake": int(Link.BRAKE),
+    "remote_io": int(Link.REMOTE_IO),
+}
+INT32 = 0x7FFFFFFF
+POWER_ON_NS = 100_000_000  # the devices have been on for a while when the first scan comes
+NO_SAMPLE = Sample(0.0, 0.0, 0.0, 0.0, 0, 0, 4)
+CURRENT_STEP_A = 1e-3
+TEMPERATURE_STEP_C = 0.1
+
+
+class VirtualTimeBench:
+    """A bench whose time is the scan number; `read` then `write` once per scan, `period_ns` apart."""
+
+    def __init__(self, config: BenchConfig, period_ns: int, scenario: Scenario | None = None) -> None:
+        self.plant = Plant(config)
+        self.plant.advance(POWER_ON_NS)
+        self.axis = DriveAxis(self.plant, config.drive)
+        self.axis.protect(config.drive.protections, config.drive.controller_node_id)
+        self.faults = FaultInjector(scenario, self.plant, self.axis)
+        drive = config.drive
+        self._period_ns = period_ns
+        self._config = config
+        self._torque_unit_nm = drive.rated_torque_nm / 1000.0 * drive.gear_ratio
+        self._rad_per_count = 2.0 * pi / drive.profile.position_counts_per_motor_rev / drive.gear_ratio
+        self._rad_s_per_count = 1.0 / drive.profile.velocity_counts_per_rad_s / drive.gear_ratio
+        self._node = drive.controller_node_id
+        self._beat_every = max(round(drive.controller_heartbeat_s * 1e9 / period_ns), 1)
+        self._drive_beat_every = max(round(drive.protections.drive_heartbeat_s * 1e9 / period_ns), 1)
+        self._sample_every = max(round(config.amplifier_poll.every_s * 1e9 / period_ns), 1)
+        self._brake_every = max(round(config.brake_poll.every_s * 1e9 / period_ns), 1)
+        self._io_every = max(round(config.remote_io_poll.every_s * 1e9 / period_ns), 1)
+        # Values as the devices last sent them, and the scans at which they arrive.
+        self._status = (0, 0, 0, 0, 0)  # state, word, mode, torque, error register
+        self._motion = (0, 0)
+        self._emcy = 0
+        self._sample = NO_SAMPLE
+        self._brake_values = (0.0, 0)
+        self._io_values = (0, 0, 0.0, 0.0)
+        self._status_scan = self._sample_scan = self._brake_scan = self._io_scan = -AGE_NEVER
+        self._beat_scan = 0
+        self._orders_brake: tuple[int, float] = (0, 0.0)
+
+    def read(self, scan: int, missed_periods: int, command: int) -> Image:
+        """Let the time since the last scan pass and return what has arrived from the devices."""
+        if scan:
+            self.plant.advance(self._period_ns * (1 + missed_periods))
+        axis = self.axis
+        now_ns = self.plant.now_ns
+        axis.tick(now_ns)
+        self.faults.step(now_ns)
+        state, word, mode, torque, register = self._status
+        position, velocity = self._motion
+        sample = self._sample
+        current, brake_on = self._brake_values
+        estop, guard, housing, ambient = self._io_values
+        cyclic = mode in (DriveMode.CYCLIC_SYNC_VELOCITY, DriveMode.CYCLIC_SYNC_TORQUE)
+        homing = mode == DriveMode.HOMING
+        return Image(
+            missed_periods,
+            command,
+            state,
+            word,
+            mode,
+            1 if word & tables.INTERNAL_LIMIT else 0,
+            1 if cyclic and word & tables.FOLLOWS_COMMAND else 0,
+            1 if homing and word & tables.HOMING_ATTAINED else 0,
+            1 if homing and word & tables.HOMING_ERROR else 0,
+            torque * self._torque_unit_nm,
+            position * self._rad_per_count,
+            velocity * self._rad_s_per_count,
+            age if (age := scan - self._status_scan) < AGE_NEVER else AGE_NEVER,
+            NmtState.OPERATIONAL.value,
+            age if (age := scan - self._beat_scan) < AGE_NEVER else AGE_NEVER,
+            self._emcy,
+            register,
+            sample.torque_in_nm,
+            sample.torque_out_nm,
+            sample.angle_in_rad,
+            sample.angle_out_rad,
+            sample.counter,
+            sample.time_us,
+            sample.status,
+            age if (age := scan - self._sample_scan) < AGE_NEVER else AGE_NEVER,
+            current,
+            brake_on,
+            age if (age := scan - self._brake_scan) < AGE_NEVER else AGE_NEVER,
+            estop,
+            guard,
+            housing,
+            ambient,
+            age if (age := scan - self._io_scan) < AGE_NEVER else AGE_NEVER,
+            self._links_lost(),
+        )
+
+    def write(self, orders: Orders, scan: int) -> None:
+        """Take the orders of a scan, and let the devices answer: their values arrive at the next scan."""
+        axis = self.axis
+        machine = axis.machine
+        now_ns = self.plant.now_ns
+        if scan % self._beat_every == 0:
+            machine.heartbeat(self._node, now_ns)
+        machine.setpoint_received(now_ns)
+        machine.write_mode(orders.drive_mode)
+        machine.write_target_torque(_clip16(round(orders.drive_target_torque_nm / self._torque_unit_nm)))
+        if orders.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
+            machine.write_target_velocity(round(orders.drive_target_velocity_rad_s / self._rad_s_per_count))
+        machine.write_controlword(CONTROLWORDS[orders.drive_command], now_ns)
+        axis.apply()
+        self._write_brake(orders)
+        self._answer_drive(scan)
+        self._answer_slow(scan)
+
+    def close(self) -> None:
+        """Release nothing: there are no wires."""
+
+    def _write_brake(self, orders: Orders) -> None:
+        wanted = (orders.brake_on, orders.brake_current_a)
+        if wanted == self._orders_brake:
+            return
+        if "brake" in self.faults.wires.cut:
+            self.faults.seen("modbus.brake")
+            return
+        self._orders_brake = wanted
+        current = round(orders.brake_current_a / CURRENT_STEP_A) * CURRENT_STEP_A if orders.brake_on else 0.0
+        self.plant.set_brake_current(current)
+
+    def _answer_drive(self, scan: int) -> None:
+        machine, wires = self.axis.machine, self.faults.wires
+        motor = machine.motor
+        if wires.tpdo1:
+            self._status = (
+                DRIVE_STATES[machine.state],
+                machine.statusword,
+                int(machine.mode_display),
+                motor.torque_permille,
+                machine.error_register,
+            )
+            self._status_scan = scan + 1
+        else:
+            self.faults.seen("can.drive.tpdo1")
+        position = machine.position_counts
+        self._motion = ((position + INT32 + 1 & 0xFFFFFFFF) - INT32 - 1, motor.velocity_counts_s)
+        self._emcy = machine.error_code
+        if scan % self._drive_beat_every == 0:
+            if wires.heartbeat:
+                self._beat_scan = scan + 1
+            else:
+                self.faults.seen("can.drive.heartbeat")
+
+    def _answer_slow(self, scan: int) -> None:
+        plant = self.plant
+        if scan % self._sample_every == 0 and not self._is_cut("amplifier"):
+            self._sample = plant.sample()
+            self._sample_scan = scan + 1
+        if scan % self._brake_every == 0 and not self._is_cut("brake"):
+            self._brake_values = (plant.brake_current_a, self._orders_brake[0])
+            self._brake_scan = scan + 1
+        if scan % self._io_every == 0 and not self._is_cut("remote_io"):
+            wires = self.faults.wires
+            self._io_values = (
+                int(wires.estop_released),
+                int(wires.guard_closed),
+                round(plant.housing_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
+                round(plant.ambient_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
+            )
+            self._io_scan = scan + 1
+
+    def _is_cut(self, device: str) -> bool:
+        if device not in self.faults.wires.cut:
+            return False
+        self.faults.seen(f"modbus.{device}")
+        return True
+
+    def _links_lost(self) -> int:
+        cut = self.faults.wires.cut
+        return sum(LINKS[device] for device in cut) if cut else 0
+
+
+def _clip16(value: int) -> int:
+    return min(max(value, -0x8000), 0x7FFF)

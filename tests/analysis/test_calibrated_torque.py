@@ -1,0 +1,139 @@
+"""Output torque from the input torque: four quadrants, the transition after a reversal, and what one line does."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from reference_unit import ReferenceUnit, bench_trace
+
+from analysis import (
+    AnalysisError,
+    Method,
+    MetricWanted,
+    Quadrants,
+    TorqueLine,
+    Trace,
+    analyse,
+    commanded_runs,
+    fit_quadrants,
+)
+
+METHOD = Method(ratio=121, rated_torque_nm=412, output_torque="calibrated")
+WANTED = [
+    MetricWanted("backlash_width_3pct"),
+    MetricWanted("stiffness_50_100", branch="load"),
+    MetricWanted("spring_constant"),
+]
+TRACE = bench_trace(ReferenceUnit(), 453.2, cycles=2)
+QUADRANTS = fit_quadrants(TRACE, commanded_runs(TRACE))
+
+
+def test_four_lines() -> None:
+    for line, mirrored in (
+        (QUADRANTS.load_positive, QUADRANTS.load_negative),
+        (QUADRANTS.unload_positive, QUADRANTS.unload_negative),
+    ):
+        assert mirrored.offset_nm == pytest.approx(-line.offset_nm, abs=0.1)
+        assert mirrored.slope == pytest.approx(line.slope, rel=1e-3)
+    assert QUADRANTS.load_positive.offset_nm == pytest.approx(-13.9, abs=0.1)
+    assert QUADRANTS.load_positive.slope == pytest.approx(94.7, abs=0.3)
+    assert QUADRANTS.unload_positive.offset_nm == pytest.approx(24.8, abs=0.2)
+    assert QUADRANTS.unload_positive.slope == pytest.approx(168, abs=0.5)
+
+
+def test_transition_length_is_that_of_presliding() -> None:
+    """Presliding length at the peak: friction level over presliding stiffness."""
+    unit = ReferenceUnit()
+    level = unit.input_friction_nm + unit.input_friction_slope * 453.2 / 121
+    assert QUADRANTS.transition_rad == pytest.approx(level / unit.input_presliding, rel=0.05)
+
+
+def test_loop_from_input_torque() -> None:
+    backlash, stiffness, spring = analyse(TRACE, METHOD, WANTED).metrics
+    for side in backlash.sides:
+        assert side.value == pytest.approx(0.94, abs=0.05)
+    for side in stiffness.sides:
+        assert side.value == pytest.approx(104.70, rel=0.02)
+    for side in spring.sides:
+        assert side.value == pytest.approx(115.17, rel=0.02)
+
+
+def test_stored_calibration_without_transition_masks_it() -> None:
+    stored = dataclasses.replace(METHOD, quadrants=dataclasses.replace(QUADRANTS, transition_rad=None, fits={}))
+    result = analyse(TRACE, stored, WANTED)
+    assert result.metrics[0].headline.value == pytest.approx(0.94, abs=0.05)
+    assert result.metrics[1].headline.value == pytest.approx(104.70, rel=0.02)
+    assert any("masked" in note and "masked, 0" not in note for note in result.notes)
+
+
+def test_one_line_for_the_whole_loop_reads_a_wrong_backlash() -> None:
+    """Converting the unloading branch by the loading line makes 0.94 arcmin read 1.7."""
+    load = QUADRANTS.load_positive
+    mirrored = TorqueLine(-load.offset_nm, load.slope)
+    one_line = Quadrants(load, load, mirrored, mirrored)
+    result = analyse(TRACE, dataclasses.replace(METHOD, quadrants=one_line), WANTED[:1])
+    assert result.metrics[0].headline.value != pytest.approx(0.94, abs=0.3)
+
+
+def test_torque_ratio_is_a_metric_with_the_uncertainty_of_its_fit() -> None:
+    wanted = [MetricWanted("torque_ratio_slope"), MetricWanted("torque_ratio_offset", min=-25.0)]
+    result = analyse(TRACE, dataclasses.replace(METHOD, output_torque="reaction"), wanted)
+    slope, offset = result.metrics
+    assert slope.headline.value == QUADRANTS.load_positive.slope
+    assert slope.headline.uncertainty == pytest.approx(2 * QUADRANTS.fits["load_positive"].u_slope)
+    assert [side.value for side in offset.sides] == [
+        QUADRANTS.load_positive.offset_nm,
+        -QUADRANTS.load_negative.offset_nm,
+    ]
+    assert result.verdict == "PASS"
+
+
+def test_tight_unit_fails_on_the_offset() -> None:
+    tight = bench_trace(ReferenceUnit(input_friction_nm=0.3), 453.2, cycles=1)
+    wanted = [MetricWanted("torque_ratio_offset", min=-25.0)]
+    result = analyse(tight, dataclasses.replace(METHOD, output_torque="reaction"), wanted)
+    assert result.verdict == "FAIL"
+    assert "tight" in result.reasons[0]
+
+
+def test_one_quadrant_missing_is_named() -> None:
+    runs = [run for run in commanded_runs(TRACE) if run.role == "calibrate"]
+    with pytest.raises(AnalysisError, match="quadrant unload_positive has 0 points"):
+        fit_quadrants(TRACE, runs[:1])
+
+
+def without(*missing: str) -> Trace:
+    channels = {
+        name: getattr(TRACE, name)
+        for name in ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "segment")
+        if name not in missing
+    }
+    return Trace(**channels, segments={} if "segment" in missing else TRACE.segments)
+
+
+@pytest.mark.parametrize(
+    ("missing", "said"),
+    [
+        (("torque_in_nm", "torque_out_nm"), "column torque_in_nm"),
+        (("segment",), "no calibrate segment"),
+        (("torque_out_nm",), "column torque_out_nm"),
+    ],
+)
+def test_what_the_method_needs_and_the_trace_lacks_is_named(missing: tuple[str, ...], said: str) -> None:
+    with pytest.raises(AnalysisError, match=said):
+        analyse(without(*missing), METHOD, WANTED)
+
+
+def test_output_torque_alone_is_taken_as_converted_before() -> None:
+    result = analyse(without("torque_in_nm"), METHOD, WANTED)
+    measured = analyse(TRACE, dataclasses.replace(METHOD, output_torque="reaction"), WANTED)
+    assert [metric.headline.value for metric in result.metrics] == [
+        metric.headline.value for metric in measured.metrics
+    ]
+    assert any("as given" in note for note in result.notes)
+
+
+def test_line_that_cannot_be_inverted_is_refused() -> None:
+    line = TorqueLine(0.0, 94.7)
+    with pytest.raises(AnalysisError, match="unload_negative"):
+        Quadrants(line, line, line, TorqueLine(0.0, np.nan))

@@ -1,0 +1,291 @@
+"""Every interlock, injected into a running ramp: reaction, orders, first-out cause, latching."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from programs import short_program
+from timeline import Timeline
+
+from controller.faults import FAULT_BY_ID, FAULTS
+from controller.image import (
+    AGE_NEVER,
+    Command,
+    DriveCommand,
+    DriveState,
+    Link,
+    NmtState,
+    Reaction,
+    SampleStatus,
+    State,
+)
+from controller.interlocks import INTERLOCKS, RAISED_BY_STEPS
+
+S = State
+
+# fault -> what the image shows; the condition is put on in the middle of a ramp with about +200 N·m on the unit
+SHOWN: dict[str, dict[str, float]] = {
+    "estop": {"estop_released": 0},
+    "guard_open": {"guard_closed": 0},
+    "operator_quick_stop": {},
+    "can_lost": {"links_lost": Link.CAN},
+    "drive_heartbeat_lost": {"drive_heartbeat_age_scans": 101},
+    "drive_data_stale": {"drive_age_scans": 11},
+    "amplifier_lost": {"links_lost": Link.AMPLIFIER},
+    "sample_stale": {"sample_age_scans": 11},
+    "sample_late": {"sample_age_scans": 6},
+    "sample_frozen": {"sample_counter": 7},
+    "brake_link_lost": {"brake_age_scans": AGE_NEVER},
+    "remote_io_lost": {"links_lost": Link.REMOTE_IO},
+    "drive_fault": {"drive_state": DriveState.FAULT},
+    "drive_emergency": {"drive_emcy_code": 0x8130},
+    "drive_dropped_out": {"drive_state": DriveState.SWITCH_ON_DISABLED},
+    "drive_mode_refused": {"drive_mode": 9},
+    "drive_internal_limit": {"drive_internal_limit": 1},
+    "torque_out_trip": {"torque_out_nm": 495.0},
+    "torque_in_trip": {"torque_in_nm": -5.5},
+    "torque_out_alarm": {"torque_out_nm": 475.0},
+    "overspeed": {"drive_velocity_rad_s": -6.3},
+    "over_travel": {"angle_in_rad": 1.2},
+    "lock_slip": {"angle_out_rad": 1e-3},
+    "brake_current_lost": {"brake_current_a": 5.0},
+    "housing_temperature": {"housing_temp_c": 61.0},
+    "missed_periods": {"missed_periods": 21},
+    "sensor_not_a_number": {"torque_out_nm": math.nan},
+    "sensor_saturated": {"sample_status": SampleStatus.TORQUE_OUT_SATURATED},
+    "torque_channels_disagree": {"torque_in_nm": 0.0, "torque_out_nm": 400.0},
+}
+
+ORDER_OF = {
+    Reaction.UNLOAD: DriveCommand.ENABLE_OPERATION,
+    Reaction.QUICK_STOP: DriveCommand.QUICK_STOP,
+    Reaction.POWER_OFF: DriveCommand.DISABLE_VOLTAGE,
+}
+
+
+def mid_ramp() -> Timeline:
+    run = Timeline(short_program())
+    run.until_state(S.RAMP_NEG)
+    run.until(lambda orders: orders.controlled_torque_nm < 200.0)
+    return run
+
+
+def test_every_interlock_has_a_case_here_and_every_fault_a_detector():
+    assert set(SHOWN) == {row.fault for row in INTERLOCKS} - {"brake_stays_closed"}
+    detectors = {row.fault for row in INTERLOCKS} | RAISED_BY_STEPS
+    assert {fault.id for fault in FAULTS} == detectors
+    assert all(row.live_in for row in INTERLOCKS)
+
+
+def test_fault_numbers_fit_the_alarm_mask_and_are_unique():
+    numbers = [fault.number for fault in FAULTS]
+    assert len(set(numbers)) == len(FAULTS) == len({fault.id for fault in FAULTS})
+    assert all(0 < number < 64 for number in numbers)
+    assert all(fault.text and fault.cause and fault.next_action for fault in FAULTS)
+    assert all(fault.reaction > Reaction.NONE for fault in FAULTS)
+
+
+@pytest.mark.parametrize("fault_id", sorted(SHOWN))
+def test_interlock_reacts_in_the_scan_of_its_detection(fault_id):
+    fault = FAULT_BY_ID[fault_id]
+    run = mid_ramp()
+    run.bench.frozen = dict(SHOWN[fault_id])
+    debounce = run.controller.program.limits.internal_limit_scans if fault_id == "drive_internal_limit" else None
+    debounce = fault.debounce_scans if debounce is None else debounce
+    if fault_id == "sample_frozen":
+        debounce += 1  # the first repetition is what makes it stand still
+    for _ in range(debounce):
+        run.go()
+        assert run.controller.state == S.RAMP_NEG, "reacted before the debounce time"
+    if fault_id == "operator_quick_stop":
+        run.bench.command = Command.QUICK_STOP
+    orders = run.go()
+    if fault.reaction == Reaction.HOLD:
+        assert (orders.state, orders.reaction) == (S.RAMP_NEG, Reaction.HOLD)
+        return
+    assert orders.state == S.FAULT
+    assert orders.fault == fault.number
+    assert orders.drive_command == ORDER_OF[fault.reaction]
+    assert fault_id in run.alarms()
+    if fault.reaction > Reaction.UNLOAD:
+        assert orders.drive_target_torque_nm == 0.0
+
+
+@pytest.mark.parametrize("fault_id", sorted(SHOWN))
+def test_a_fault_stays_latched_with_its_first_cause_and_the_lock_stays_closed(fault_id):
+    fault = FAULT_BY_ID[fault_id]
+    if fault.reaction < Reaction.UNLOAD:
+        return
+    run = mid_ramp()
+    run.bench.frozen = dict(SHOWN[fault_id])
+    run.bench.command = Command.QUICK_STOP if fault_id == "operator_quick_stop" else Command.NONE
+    run.until_state(S.FAULT)
+    run.bench.frozen = {}
+    run.go(8000)
+    orders = run.orders[-1]
+    assert (orders.state, orders.fault) == (S.FAULT, fault.number)
+    assert run.controller.finished
+    assert orders.brake_on
+    assert orders.drive_command == DriveCommand.DISABLE_VOLTAGE
+
+
+def test_hold_freezes_the_ramp_and_goes_on_by_itself():
+    run = mid_ramp()
+    run.bench.frozen = {"sample_age_scans": 6}
+    run.go(300)
+    held = run.orders[-1].reference_torque_nm
+    run.go(300)
+    assert run.orders[-1].reference_torque_nm == pytest.approx(held, abs=1e-9)
+    run.bench.frozen = {}
+    run.until_finished()
+    assert run.controller.state == S.COMPLETE
+
+
+def test_unload_reaction_brings_the_torque_to_zero_and_then_switches_the_drive_off():
+    run = mid_ramp()
+    run.bench.frozen = {"housing_temp_c": 80.0}
+    run.until_state(S.FAULT)
+    run.until_finished()
+    off = next(i for i, o in enumerate(run.orders) if o.state == S.FAULT and o.drive_command == 0)
+    assert abs(run.images[off].torque_out_nm) < 0.02 * 412.0
+    slew = run.controller.program.control.slew_nm_s * 1e-3
+    torques = [o.drive_target_torque_nm for o in run.orders[:off]]
+    assert max(abs(b - a) for a, b in itertools.pairwise(torques)) <= slew * 1.001
+
+
+def test_the_strongest_reaction_wins_and_a_weaker_one_never_softens_it():
+    run = mid_ramp()
+    run.bench.frozen = {"housing_temp_c": 80.0}
+    run.until_state(S.FAULT)
+    run.go(20)
+    assert run.orders[-1].reaction == Reaction.UNLOAD
+    run.bench.frozen = {"housing_temp_c": 80.0, "estop_released": 0}
+    orders = run.go()
+    assert (orders.reaction, orders.drive_command) == (Reaction.POWER_OFF, DriveCommand.DISABLE_VOLTAGE)
+    assert orders.fault == FAULT_BY_ID["housing_temperature"].number, "the first cause is kept"
+    run.bench.frozen = {"housing_temp_c": 80.0}
+    assert run.go().reaction == Reaction.POWER_OFF
+    assert run.alarms() == ["housing_temperature", "estop"]
+
+
+def test_several_causes_in_one_scan_name_the_most_severe():
+    run = mid_ramp()
+    run.bench.frozen = {"torque_out_nm": 500.0, "estop_released": 0, "links_lost": Link.AMPLIFIER}
+    orders = run.go()
+    assert orders.fault == FAULT_BY_ID["estop"].number
+    assert set(run.alarms()) == {"estop", "torque_out_trip", "amplifier_lost"}
+
+
+def test_way_back_needs_the_cause_gone_an_acknowledgement_and_a_reset():
+    run = mid_ramp()
+    run.bench.frozen = {"estop_released": 0}
+    run.until_finished()
+    run.command(Command.RESET)
+    run.go(300)
+    assert run.controller.state == S.FAULT, "not acknowledged"
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.go(300)
+    assert run.controller.state == S.FAULT, "cause still there"
+    run.bench.frozen = {}
+    run.go(300)
+    assert run.controller.state == S.FAULT, "nothing clears by itself"
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+    assert run.states()[-4:] == [S.FAULT, S.UNLOAD, S.RELEASE, S.STOPPED]
+    assert run.orders[-1].fault == 0
+
+
+def test_reset_gives_the_drive_a_rising_edge_on_the_fault_bit():
+    run = mid_ramp()
+    run.bench.image = run.bench.image._replace(drive_state=DriveState.FAULT)
+    run.until_finished()
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+    commands = [orders.drive_command for orders in run.orders]
+    first = commands.index(DriveCommand.FAULT_RESET)
+    assert commands[first - 1] == DriveCommand.DISABLE_VOLTAGE
+
+
+def test_a_wound_up_unit_is_unloaded_before_the_lock_opens_after_a_reset():
+    program = short_program()
+    run = Timeline(program)
+    run.until_state(S.RAMP_NEG)
+    run.until(lambda orders: orders.controlled_torque_nm < 200.0)
+    run.bench.frozen = {"estop_released": 0, "torque_out_nm": 25.0}  # what friction keeps after the power went
+    run.until_finished()
+    run.bench.frozen = {}
+    run.bench.image = run.bench.image._replace(torque_out_nm=25.0)
+    stored = run.bench.write
+    run.bench.write = lambda orders: (stored(orders), keep(run, orders))[0]
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+    unload = [o for o in run.orders if o.state == S.UNLOAD]
+    assert any(o.drive_target_torque_nm < 0.0 for o in unload), "friction is crossed by the drive"
+    opened = next(i for i in range(1, len(run.orders)) if run.orders[i - 1].brake_on and not run.orders[i].brake_on)
+    assert abs(run.images[opened].torque_out_nm) <= program.release_torque_nm
+
+
+def keep(run: Timeline, orders) -> None:
+    """A disabled drive leaves the torque that friction holds; the model forgets it."""
+    if run.bench.image.drive_state != DriveState.OPERATION_ENABLED and orders.state in (S.FAULT, S.UNLOAD):
+        run.bench.image = run.bench.image._replace(torque_out_nm=25.0)
+
+
+START_FAULTS: dict[str, dict[str, float]] = {
+    "devices_not_ready": {"sample_age_scans": AGE_NEVER, "io_age_scans": AGE_NEVER},
+    "estop": {"estop_released": 0},
+    "drive_data_stale": {"drive_nmt_state": NmtState.PRE_OPERATIONAL},
+    "tare_out_of_range": {"torque_in_nm": 0.2},
+    "drive_enable_timeout": {"drive_state": DriveState.NOT_READY_TO_SWITCH_ON},
+    "homing_failed": {"drive_homing_error": 1, "drive_homing_attained": 0},
+    "brake_stays_closed": {"brake_on": 1, "brake_current_a": 6.0},
+}
+
+
+@pytest.mark.parametrize("fault_id", sorted(START_FAULTS))
+def test_a_start_that_cannot_be_is_refused_by_name(fault_id):
+    run = Timeline(short_program())
+    run.bench.frozen = dict(START_FAULTS[fault_id])
+    run.until_finished()
+    assert run.controller.state == S.FAULT
+    assert run.alarms()[0] == fault_id
+    assert S.LOCK not in run.states()
+
+
+def test_noisy_sensor_is_not_tared():
+    run = Timeline(short_program())
+    for k in range(60):
+        run.bench.frozen = {"torque_out_nm": 11.0 * (k % 2) - 5.5}
+        run.go()
+    assert run.alarms() == ["tare_unsteady"]
+
+
+def test_open_lock_is_not_proven():
+    run = Timeline(short_program())
+    run.bench.lock_holds = False
+    run.until_finished()
+    assert run.controller.state == S.FAULT
+    assert run.alarms()[0] in ("lock_slip", "lock_unproven")
+    assert S.CALIBRATE not in run.states()
+
+
+def test_brake_without_current_is_not_a_lock():
+    run = Timeline(short_program())
+    run.until_state(S.LOCK)
+    run.bench.frozen = {"brake_current_a": 1.0}
+    run.until_finished()
+    assert run.alarms() == ["lock_not_closed"]
+    assert max(abs(orders.drive_target_torque_nm) for orders in run.orders) == 0.0
+
+
+def test_ramp_that_does_not_arrive_ends_in_time():
+    run = Timeline(short_program())
+    run.until_state(S.RAMP_NEG)
+    run.bench.frozen = {"torque_out_nm": 300.0}
+    run.until_finished()
+    assert run.controller.state == S.FAULT

@@ -1,0 +1,56 @@
+"""What the driver tests share: profiles read from the shipped files, and configurations on top of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from drivers.config import DriveConfig, ModbusConfig
+from drivers.profile import DriveProfile, ModbusProfile
+
+PROFILES = Path(__file__).parents[2] / "drivers" / "profiles"
+PERIOD_NS = 1_000_000
+
+
+def raw_profile(name: str) -> Any:
+    return YAML(typ="rt").load(PROFILES / f"{name}.yaml")
+
+
+def modbus_profile(name: str) -> ModbusProfile:
+    return ModbusProfile.model_validate(raw_profile(name))
+
+
+def drive_config(**changes: Any) -> DriveConfig:
+    values: dict[str, Any] = {
+        "node_id": 5,
+        "controller_node_id": 126,
+        "profile": DriveProfile.model_validate(raw_profile("virtual-drive")),
+        "gear_ratio": 2.0,
+        "rated_torque_nm": 5.0,
+        "max_torque_nm": 5.5,
+        "max_speed_rad_s": 12.566370614359172,
+        "torque_slope_nm_s": 50.0,
+        "controller_heartbeat_s": 0.02,
+        "controller_heartbeat_timeout_s": 0.1,
+        "drive_heartbeat_s": 0.02,
+        "setpoint_timeout_s": 0.05,
+        "abort_connection_option": 2,
+        "quick_stop_option": 2,
+        "fault_reaction_option": 2,
+        "boot_timeout_s": 0.5,
+    }
+    return DriveConfig(**(values | changes))
+
+
+def modbus_config(name: str, unit_id: int, **changes: Any) -> ModbusConfig:
+    values: dict[str, Any] = {
+        "transport": "tcp",
+        "unit_id": unit_id,
+        "profile": modbus_profile(name),
+        "poll_every_s": 0.001,
+        "timeout_s": 0.005,
+        "connect_timeout_s": 1.0,
+    }
+    return ModbusConfig(**(values | changes))

@@ -1,0 +1,84 @@
+"""The three Modbus devices of the virtual bench by a real pymodbus server, in a thread of the test process."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+
+from pymodbus.constants import ExcCodes
+from pymodbus.server import ModbusTcpServer
+from pymodbus.simulator import DataType, SimData, SimDevice
+
+AMPLIFIER, BRAKE, REMOTE_IO = 1, 2, 3
+WRITE_REGISTERS = 16
+
+
+def _device(unit_id: int, inputs: list[int], holdings: list[int], action: object) -> SimDevice:
+    nothing = [SimData(0, values=[False], datatype=DataType.BITS)]
+    blocks = (
+        nothing,
+        nothing,
+        [SimData(0, values=holdings, datatype=DataType.REGISTERS)],
+        [SimData(0, values=inputs, datatype=DataType.REGISTERS)],
+    )
+    return SimDevice(unit_id, simdata=blocks, action=action)  # type: ignore[arg-type]
+
+
+class PymodbusBench:
+    """Server on a free port: the amplifier counts its samples, the brake does as it is told."""
+
+    def __init__(self) -> None:
+        self.orders = [0, 0]
+        self.writes = 0
+        self.sample_counter = 0
+        self.counting = True
+        self.exception: ExcCodes | None = None
+        self.torque_out_counts = 1_234_567
+        self.port = 0
+        self._loop = asyncio.new_event_loop()
+        self._up = threading.Event()
+        self._server: ModbusTcpServer | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+        assert self._up.wait(5)
+
+    async def _amplify(
+        self, _function: int, _start: int, _address: int, _count: int, now: list[int], _new: object
+    ) -> object:
+        self.sample_counter += self.counting
+        torque = self.torque_out_counts.to_bytes(4, "big", signed=True)
+        now[2:4] = self.sample_counter >> 16, self.sample_counter & 0xFFFF
+        now[8:10] = int.from_bytes(torque[:2], "big"), int.from_bytes(torque[2:], "big")
+        return self.exception
+
+    async def _brake(
+        self, function: int, _start: int, _address: int, _count: int, now: list[int], new: object
+    ) -> object:
+        if function == WRITE_REGISTERS:
+            self.orders = list(new)  # type: ignore[call-overload]
+            self.writes += 1
+        else:
+            now[1:3] = self.orders
+        return self.exception
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.run_until_complete(self._serve())
+
+    async def _serve(self) -> None:
+        devices = [
+            _device(AMPLIFIER, [0x4C41, *[0] * 13], [0], self._amplify),
+            _device(BRAKE, [0x4C42, 0, 0], [0, 0], self._brake),
+            _device(REMOTE_IO, [0x4C49, 0b11, 253, 0xFFCE], [0], None),
+        ]
+        self._server = ModbusTcpServer(devices, address=("127.0.0.1", 0))
+        await self._server.listen()
+        self.port = self._server.transport.sockets[0].getsockname()[1]  # type: ignore[union-attr]
+        self._up.set()
+        await self._server.serving
+
+    def close(self) -> None:
+        if self._server is not None and self._thread.is_alive():
+            asyncio.run_coroutine_threadsafe(self._server.shutdown(), self._loop).result(5)
+            self._thread.join(5)
+        self._loop.close()

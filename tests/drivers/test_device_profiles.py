@@ -1,0 +1,83 @@
+"""Profile models: the shipped files load, and each kind of mistake is refused with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from drivers_support import PROFILES, raw_profile
+from pydantic import ValidationError
+
+from drivers.profile import DriveProfile, ModbusProfile
+
+MODELS = {"cia402-drive": DriveProfile, "modbus": ModbusProfile}
+
+
+@pytest.mark.parametrize("path", sorted(PROFILES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_profiles_load(path: Any) -> None:
+    raw = raw_profile(path.stem)
+    profile = MODELS[raw["profile"]["kind"]].model_validate(raw)
+    assert profile.profile.name == path.stem
+
+
+def test_mapping_entry_is_index_subindex_bits() -> None:
+    profile = DriveProfile.model_validate(raw_profile("virtual-drive"))
+    assert [item.mapping for item in profile.receive_pdos[0].objects] == [0x60400010, 0x60600008, 0x60710010]
+
+
+def _set(*path: Any) -> Callable[[Any], None]:
+    *keys, last, value = path
+
+    def change(raw: Any) -> None:
+        for key in keys:
+            raw = raw[key]
+        raw[last] = value
+
+    return change
+
+
+DRIVE_MISTAKES = [
+    (_set("receive_pdos", 0, "objects", 2, "name", "target_torq"), "unknown name 'target_torq'"),
+    (_set("receive_pdos", 0, "objects", 2, "type", "i32"), "target_torque has type i32; CiA 402 gives it i16"),
+    (_set("transmit_pdos", 1, "number", 1), "a PDO number is used twice"),
+    (_set("transmit_pdos", 1, "objects", 1, "name", "actual_position"), "an object is mapped twice"),
+    (lambda raw: raw["receive_pdos"].pop(), "not mapped: target_velocity"),
+    (_set("profile", "vendor_id", "0x12"), "valid integer"),
+    (_set("scaling", "velocity_counts_per_rad_s", 0.0), "greater than 0"),
+    (_set("comment", "x"), "Extra inputs are not permitted"),
+    (
+        lambda raw: raw["transmit_pdos"][1]["objects"].append(raw["transmit_pdos"][0]["objects"][3]),
+        "PDO 2 maps 9 bytes; a frame holds 8",
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "reason"), DRIVE_MISTAKES, ids=[reason for _, reason in DRIVE_MISTAKES])
+def test_drive_profile_mistakes(change: Callable[[Any], None], reason: str) -> None:
+    raw = raw_profile("virtual-drive")
+    change(raw)
+    with pytest.raises(ValidationError, match=reason):
+        DriveProfile.model_validate(raw)
+
+
+MODBUS_MISTAKES = [
+    (_set("read", "count", 3), "outside the 3 registers read"),
+    (_set("read", "fields", 1, "type", "i16"), "a bit is taken from a u16 without scale"),
+    (_set("read", "fields", 1, "name", "identity"), "a field name is used twice"),
+    (_set("read", "table", "coil"), "Input should be 'input' or 'holding'"),
+    (_set("identity", "value", 65536), "less than or equal to 65535"),
+    (_set("write", {"table": "input", "address": 0, "fields": []}), "Input should be 'holding'"),
+    (
+        _set("write", {"table": "holding", "address": 0, "fields": [{"name": "a", "offset": 1, "type": "u16"}]}),
+        "without gaps it is 0",
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "reason"), MODBUS_MISTAKES, ids=[reason for _, reason in MODBUS_MISTAKES])
+def test_modbus_profile_mistakes(change: Callable[[Any], None], reason: str) -> None:
+    raw = raw_profile("virtual-remote-io")
+    change(raw)
+    with pytest.raises(ValidationError, match=reason):
+        ModbusProfile.model_validate(raw)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from recipes.quantity import PERIOD, TORQUE, show
+from recipes.quantity import PERIOD, show
 from recipes.section import (
     Age,
     AngleNoise,
@@ -43,27 +43,20 @@ class BenchHeader(Section):
     name: Name
     revision: Revision
     loading: Literal["input", "output"]
-    embedded: bool
-    serves: tuple[Name, ...] = ()
+    embedded: bool = False
+    """The program starts this bench itself."""
+    models: tuple[Name, ...] = ()
     """Models that fit this bench; empty when any does."""
 
 
-class Can(Section):
-    """CAN bus of the drive; which options matter depends on the interface."""
+class CanBus(Section):
+    """CAN bus of the drive: socketcand by host, port and channel, slcan by the serial port in `channel`."""
 
     interface: Literal["socketcand", "socketcan", "slcan", "virtual"]
     channel: Word
     host: Host = "127.0.0.1"
     port: Port = 29536
-    serial_port: Word | None = None
     bitrate: Bitrate = 1000000
-
-    @model_validator(mode="after")
-    def _complete(self) -> Can:
-        if self.interface == "slcan" and self.serial_port is None:
-            hint = "Add 'serial_port: /dev/ttyACM0' with the adapter's port."
-            raise refusal("slcan without a serial port", "the option 'serial_port' for slcan", hint)
-        return self
 
 
 class Drive(Section):
@@ -71,7 +64,7 @@ class Drive(Section):
 
     node_id: NodeId
     controller_node_id: NodeId
-    profile: Word
+    profile: Name
     gear_ratio: Annotated[float, Field(gt=0, le=10000)]
     rated_torque_nm: Torque
     max_torque_nm: Torque
@@ -101,26 +94,26 @@ class ModbusDevice(Section):
     """Device on Modbus TCP or RTU, and how often it is asked."""
 
     transport: Literal["tcp", "rtu"]
-    host: Host | None = None
+    host: Host | Literal[""] = ""
     port: Port = 502
-    serial_port: Word | None = None
+    serial_port: Word | Literal[""] = ""
     baudrate: Baudrate = 115200
     unit_id: Annotated[int, Field(ge=0, le=247)]
-    profile: Word
+    profile: Name
     poll_every_s: Age
     timeout_s: Age
 
     @model_validator(mode="after")
     def _addressed(self) -> ModbusDevice:
-        if self.transport == "tcp" and self.host is None:
+        if self.transport == "tcp" and not self.host:
             raise refusal("tcp without a host", "the option 'host' for tcp", "Add 'host: 192.168.0.10'.")
-        if self.transport == "rtu" and self.serial_port is None:
+        if self.transport == "rtu" and not self.serial_port:
             hint = "Add 'serial_port: /dev/ttyUSB0'."
             raise refusal("rtu without a serial port", "the option 'serial_port' for rtu", hint)
         return self
 
 
-class Brake(ModbusDevice):
+class BrakeDevice(ModbusDevice):
     """Supply of the powder brake that locks a shaft; its torque is `torque_constant` times the current."""
 
     torque_constant_nm_per_a: TorqueConstant
@@ -161,7 +154,7 @@ class Sensors(Section):
 
     torque_in: TorqueSensor | None = None
     torque_out: TorqueSensor | None = None
-    angle_in: AngleSensor | None = None
+    angle_in: AngleSensor
     angle_out: AngleSensor | None = None
 
 
@@ -178,23 +171,17 @@ class QuadrantLine(Section):
     offset_nm: SignedTorque
 
 
-class Quadrants(Section):
-    """Torque ratio by sign of the torque, loading and unloading: friction reverses between them."""
-
-    load_positive: QuadrantLine
-    unload_positive: QuadrantLine
-    load_negative: QuadrantLine
-    unload_negative: QuadrantLine
-
-
 class Calibration(Section):
-    """Stored torque-ratio calibration of one model on this bench."""
+    """Stored torque ratio of one model on this bench, by sign of the torque and loading or unloading."""
 
     id: Name
     model: Name
     made: date
     due: date
-    quadrants: Quadrants
+    load_positive: QuadrantLine
+    unload_positive: QuadrantLine
+    load_negative: QuadrantLine
+    unload_negative: QuadrantLine
 
     @model_validator(mode="after")
     def _in_order(self) -> Calibration:
@@ -207,10 +194,10 @@ class Bench(Section):
     """A bench file as loaded."""
 
     bench: BenchHeader
-    can: Can
+    can: CanBus
     drive: Drive
     amplifier: ModbusDevice
-    brake: Brake
+    brake: BrakeDevice
     remote_io: ModbusDevice
     sensors: Sensors
     fixture: Fixture
@@ -225,7 +212,3 @@ class Bench(Section):
     def max_loading_speed_rad_s(self) -> float:
         """Largest speed of the loaded shaft [rad/s]."""
         return self.drive.max_speed_rad_s / self.drive.gear_ratio
-
-    def describe_drive(self) -> str:
-        """Return the drive's torque at the loaded shaft for messages."""
-        return f"{show(self.max_loading_torque_nm, TORQUE)} of the drive at the {self.bench.loading} shaft"

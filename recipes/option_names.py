@@ -23,8 +23,14 @@ def options_at(model: type[BaseModel], place: OptionPath) -> tuple[str, ...]:
     names: dict[str, None] = {}
     for annotation in annotations:
         for known in _models(annotation):
-            names.update(dict.fromkeys(_written_name(name, field) for name, field in known.model_fields.items()))
+            options = (pair for pair in known.model_fields.items() if not _is_constant(pair[1]))
+            names.update(dict.fromkeys(_written_name(name, field) for name, field in options))
     return tuple(names)
+
+
+def _is_constant(field: FieldInfo) -> bool:
+    """Say whether an option has one value only, which is its default: nobody needs to write it."""
+    return get_origin(field.annotation) is Literal and get_args(field.annotation) == (field.default,)
 
 
 def _written_name(name: str, field: FieldInfo) -> str:

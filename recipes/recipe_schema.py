@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
-from recipes.problems import did_you_mean, excerpt, one_of
+from recipes.problems import Problem, did_you_mean, excerpt, one_of
 from recipes.quantity import TORQUE, QuantityError, read_quantity, show
 from recipes.section import (
     FROM_DOCUMENT,
@@ -32,7 +32,7 @@ from recipes.section import (
     refusal,
 )
 from recipes.sequence_schema import Step
-from recipes.yaml_source import Source
+from recipes.yaml_source import OptionPath, Source, dotted
 
 GUARD_FACTOR_95_PERCENT = 0.8225
 """r of w = r·U for a one-sided 95 % acceptance: w = 1.645 u with U = 2 u (JCGM 106)."""
@@ -43,7 +43,7 @@ class Header(Section):
 
     name: Name
     revision: Revision
-    description: Text
+    description: Text = "no description"
 
 
 class LoadingTorqueRatio(Section):
@@ -67,7 +67,7 @@ class Measurement(Section):
     """Where the output torque comes from, and the torque that the percentages of metrics refer to."""
 
     output_torque: Literal["reaction", "calibrated"]
-    calibration: Literal["measured", "stored"]
+    calibration: Literal["measured", "stored"] = "measured"
     reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)
 
 
@@ -77,6 +77,11 @@ class Sampling(Section):
     period_ns: PeriodNs
     missed_periods_fraction: Fraction
     sample_age_s: Age
+
+    @property
+    def period_s(self) -> float:
+        """Scan period [s]."""
+        return self.period_ns * 1e-9
 
 
 class Interlocks(Section):
@@ -170,15 +175,16 @@ class Decision(Section):
     """How limits and uncertainty become a verdict; the guard band is `guard_factor` times the expanded uncertainty."""
 
     rule: Literal["simple", "guard_band"]
-    guard_factor: float = Field(default=0.0, validate_default=True, ge=0, le=3)
+    guard_factor: float = Field(default=None, validate_default=True, ge=0, le=3)
 
     @field_validator("guard_factor", mode="before")
     @classmethod
     def _of_the_rule(cls, value: Any, info: ValidationInfo) -> Any:
         guarded = info.data.get("rule") == "guard_band"
-        if value == 0.0 and not isinstance(value, bool):
+        if value is None:
             return GUARD_FACTOR_95_PERCENT if guarded else 0.0
-        if not guarded and info.data.get("rule") is not None:
+        from_document = (info.context or {}).get(FROM_DOCUMENT)
+        if from_document and not guarded and info.data.get("rule") is not None:
             raise refusal(
                 excerpt(value), "a guard factor with 'rule: guard_band' only", "Delete it or change the rule."
             )
@@ -200,10 +206,11 @@ class Recipe(Section):
 
     _source: Source | None = PrivateAttr(default=None)
 
-    @property
-    def source(self) -> Source | None:
-        """Where every option stands in the file; None for a recipe that was not loaded from a file."""
-        return self._source
+    def problem(self, option: OptionPath, found: str, allowed: str, hint: str = "") -> Problem:
+        """Return a problem at one of the options, with its place when the recipe was loaded from a file."""
+        if self._source is None:
+            return Problem(self.recipe.name, 1, 1, dotted(option), found, allowed, hint)
+        return self._source.problem(option, found, allowed, hint)
 
     def with_source(self, source: Source) -> Recipe:
         """Return this recipe with the places of its options."""

@@ -30,7 +30,7 @@ from recipes.yaml_source import Source
 
 MeasuredCount = Annotated[int, Field(ge=1, le=1000)]
 FatigueCount = Annotated[int, Field(ge=1, le=1_000_000)]
-LevelCount = Annotated[int, Field(ge=2, le=200)]
+LevelCount = Annotated[int, Field(ge=2, le=1000)]
 
 
 class Home(Section):
@@ -58,7 +58,7 @@ class Calibrate(Section):
     kind: Literal["calibrate"] = "calibrate"
     peak_torque_nm: TorqueOfRated
     torque_rate_nm_s: TorqueRate
-    dwell_s: Dwell
+    dwell_s: Dwell = 0.2
 
 
 class TorqueCycles(Section):
@@ -68,7 +68,7 @@ class TorqueCycles(Section):
     count: MeasuredCount
     peak_torque_nm: TorqueOfRated
     torque_rate_nm_s: TorqueRate
-    dwell_s: Dwell
+    dwell_s: Dwell = 0.2
 
 
 class SpeedCycles(Section):
@@ -79,7 +79,7 @@ class SpeedCycles(Section):
     peak_torque_nm: TorqueOfRated
     speed_rad_s: Speed
     acceleration_rad_s2: Acceleration
-    dwell_s: Dwell
+    dwell_s: Dwell = 0.2
     time_limit_s: TimeLimit
 
 
@@ -91,7 +91,7 @@ class StepCycles(Section):
     peak_torque_nm: TorqueOfRated
     steps: LevelCount
     torque_rate_nm_s: TorqueRate
-    dwell_s: Dwell
+    dwell_s: Dwell = 0.2
 
 
 class FatigueCycles(Section):

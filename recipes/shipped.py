@@ -28,9 +28,19 @@ def shipped_benches() -> dict[str, Path]:
     return {path.stem: path for path in sorted((HERE / "benches").glob("*.yaml"))}
 
 
+def find_recipe(name_or_path: str | Path) -> Path:
+    """Return the path of a recipe that is named by its path or its shipped name. Raises RecipeError."""
+    return _file(name_or_path, shipped_recipes(), "recipe")
+
+
+def find_bench(name_or_path: str | Path) -> Path:
+    """Return the path of a bench file that is named by its path or its shipped name. Raises RecipeError."""
+    return _file(name_or_path, shipped_benches(), "bench")
+
+
 def load_recipe(path: str | Path) -> Recipe:
     """Load a recipe from a file or by its shipped name. Raises RecipeError with all problems of the file."""
-    return _recipe_of(read_source(_file(path, shipped_recipes(), "recipe")))
+    return _recipe_of(read_source(find_recipe(path)))
 
 
 def parse_recipe(raw: bytes, path: str) -> Recipe:
@@ -40,7 +50,7 @@ def parse_recipe(raw: bytes, path: str) -> Recipe:
 
 def load_bench(path: str | Path) -> Bench:
     """Load a bench from a file or by its shipped name. Raises RecipeError with all problems of the file."""
-    return load_source(read_source(_file(path, shipped_benches(), "bench")), Bench)
+    return load_source(read_source(find_bench(path)), Bench)
 
 
 def parse_bench(raw: bytes, path: str) -> Bench:
@@ -48,23 +58,24 @@ def parse_bench(raw: bytes, path: str) -> Bench:
     return load_source(parse_source(raw, path), Bench)
 
 
-def default_bench(recipe: Recipe) -> Bench:
-    """Return the embedded bench that a recipe runs on when none is named.
+def default_bench(recipe: Recipe) -> tuple[Path, Bench]:
+    """Return the embedded bench that a recipe runs on when none is named, and its file.
 
-    One that serves the recipe's model by name comes before one that serves any. Raises RecipeError when none loads the
-    shaft that the recipe loads.
+    One that names the recipe's model comes before one that takes any. Raises RecipeError when none fits.
     """
     model = recipe.unit_under_test.model
-    benches = [load_bench(path) for path in shipped_benches().values()]
-    fitting = [bench for bench in benches if bench.bench.embedded and bench.bench.loading == recipe.loading]
-    for bench in fitting:
-        if model in bench.bench.serves:
-            return bench
-    for bench in fitting:
-        if not bench.bench.serves:
-            return bench
-    allowed = one_of([bench.bench.name for bench in benches if bench.bench.embedded])
-    raise RecipeError([Problem(recipe.recipe.name, 1, 1, "loading", recipe.loading, allowed, "Name a bench.")])
+    fitting = [
+        (path, bench)
+        for path, bench in ((path, load_bench(path)) for path in shipped_benches().values())
+        if bench.bench.embedded
+        and bench.bench.loading == recipe.loading
+        and (not bench.bench.models or model in bench.bench.models)
+    ]
+    if not fitting:
+        found = f"'{recipe.loading}' for {model}, which no virtual bench takes"
+        hint = "Name a bench file with --bench."
+        raise RecipeError([recipe.problem(("loading",), found, "the side and model of a virtual bench", hint)])
+    return max(fitting, key=lambda item: bool(item[1].bench.models))
 
 
 def _recipe_of(source: Any) -> Recipe:

@@ -56,7 +56,7 @@ YAML_HINTS = (
 
 
 class Mark(NamedTuple):
-    """Place of one value and of its name, counted from 1; entries of a list have their value's place for both."""
+    """Place of a value and of its name, counted from 1; where one of the two is not written, both have the other's."""
 
     line: int
     column: int
@@ -280,7 +280,8 @@ class _Builder:
         if frame.repeated:  # the first one counts; what is inside a later one must not move its places
             return (*frame.option, name, SECOND)
         option = (*frame.option, name)
-        self.marks[option] = Mark(line, column, *frame.name_mark)
+        empty = value is None and not getattr(event, "value", "")
+        self.marks[option] = Mark(*(frame.name_mark if empty else (line, column)), *frame.name_mark)
         frame.content[name] = value
         return option
 

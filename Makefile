@@ -5,13 +5,14 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
 
-.PHONY: help setup run test check format bench clean
+.PHONY: help setup run test check format docs bench clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
 	@echo "make test    set everything up and run the tests"
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
+	@echo "make docs    write the reference pages that are tables of the code"
 	@echo "make bench   performance figures, as ratios measured in one run"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -36,6 +37,9 @@ check: $(STAMP)
 format: $(STAMP)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+docs: $(STAMP)
+	$(BIN)/python -m docs.generate
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -147,9 +147,11 @@ class Cia402Machine:
         """Note that the supervised receive PDO arrived."""
         self._setpoint_ns = now_ns
 
-    def connection_closed(self) -> None:
-        """Forget the receive PDO's timer: the node left the operational state on purpose."""
+    def network_stopped(self, now_ns: int) -> None:
+        """Note that the node left the NMT state operational: set-points end, which a moving motor must not survive."""
         self._setpoint_ns = None
+        if self.state in tables.ENERGIZED:
+            self._controller_lost(tables.COMMUNICATION_LOST, "NMT state operational left while enabled", now_ns)
 
     # What comes from the machine itself ------------------------------------------------------------------------
 
@@ -158,6 +160,7 @@ class Cia402Machine:
         if active == self._safe_torque_off:
             return
         self._safe_torque_off = active
+        self._settled = None
         if active:
             self._event(now_ns, "safe_torque_off", 0, "emergency stop: torque switched off by STO")
             if self.state not in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
@@ -296,9 +299,10 @@ class Cia402Machine:
 
     def _controller_lost(self, code: int, text: str, now_ns: int) -> None:
         option = AbortConnection(self.objects.abort_connection)
-        reaction = option.name.lower().replace("_", " ")
+        energized = self.state in tables.ENERGIZED
+        reaction = option.name.lower().replace("_", " ") if energized else "the motor is off already"
         self._event(now_ns, "controller_lost", code, f"{text}; abort connection option 0x6007 = {option}: {reaction}")
-        if self.state not in tables.ENERGIZED or option is AbortConnection.NOTHING:
+        if not energized or option is AbortConnection.NOTHING:
             self._warning = True
             self._emcy(code, now_ns)
         elif option is AbortConnection.FAULT:

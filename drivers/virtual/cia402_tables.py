@@ -145,6 +145,7 @@ class AbortConnection(IntEnum):
 HOMING_METHODS = (35, 37)
 """The current position becomes the home position."""
 
+COMMUNICATION_LOST = 0x8100
 HEARTBEAT_LOST = 0x8130
 SETPOINT_TIMEOUT = 0x8250
 

@@ -1,0 +1,228 @@
+"""Modbus TCP devices of the virtual bench: measuring amplifier, brake supply, remote I/O.
+
+pymodbus does the framing, the PDUs and the connections. Requests are answered where they arrive instead of through its
+data store: the values are those of the plant at the moment of the request, and at 1000 requests per second the store's
+task per request costs more than everything else. All of pymodbus that the virtual bench uses is named in this file.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from pymodbus import ExceptionResponse
+from pymodbus.constants import ExcCodes
+from pymodbus.exceptions import ModbusIOException
+from pymodbus.pdu import ModbusPDU
+from pymodbus.pdu.register_message import (
+    ReadHoldingRegistersRequest,
+    ReadHoldingRegistersResponse,
+    ReadInputRegistersRequest,
+    ReadInputRegistersResponse,
+    WriteMultipleRegistersRequest,
+    WriteMultipleRegistersResponse,
+    WriteSingleRegisterRequest,
+    WriteSingleRegisterResponse,
+)
+from pymodbus.server import ModbusTcpServer
+from pymodbus.server.requesthandler import ServerRequestHandler
+from pymodbus.simulator import DataType, SimData, SimDevice
+
+from drivers.virtual.config import ModbusPort, Register, RegisterMap
+
+WORDS: dict[str, int] = {"u16": 1, "i16": 1, "u32": 2, "i32": 2}
+RANGES: dict[str, tuple[int, int]] = {
+    "u16": (0, 0xFFFF),
+    "i16": (-0x8000, 0x7FFF),
+    "u32": (0, 0xFFFFFFFF),
+    "i32": (-0x80000000, 0x7FFFFFFF),
+}
+
+
+class Device:
+    """One device: its registers, what it reads from the plant and what a write does."""
+
+    def __init__(
+        self,
+        port: ModbusPort,
+        read: Callable[[], Mapping[str, float]],
+        write: Callable[[dict[str, float]], None] | None = None,
+    ) -> None:
+        self.registers = port.registers
+        self.unit_id = port.unit_id
+        self._read = read
+        self._write = write
+        self._holding = [0] * sum(WORDS[row.type] for row in port.registers.write)
+
+    def answer(self, request: ModbusPDU) -> ModbusPDU:
+        """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3."""
+        code = request.function_code
+        if request.dev_id != self.unit_id:
+            return ExceptionResponse(code, ExcCodes.GATEWAY_NO_RESPONSE)
+        match request:
+            case ReadInputRegistersRequest() if self.registers.read_table == "input":
+                return self._answer_read(request, ReadInputRegistersResponse)
+            case ReadHoldingRegistersRequest():
+                return self._answer_holding(request)
+            case WriteMultipleRegistersRequest() if self._write is not None:
+                refused = self._take(request.address, request.registers)
+                return refused or WriteMultipleRegistersResponse(address=request.address, count=len(request.registers))
+            case WriteSingleRegisterRequest() if self._write is not None:
+                refused = self._take(request.address, request.registers)
+                return refused or WriteSingleRegisterResponse(address=request.address, registers=request.registers)
+        return ExceptionResponse(code, ExcCodes.ILLEGAL_FUNCTION)
+
+    def _answer_read(
+        self,
+        request: ModbusPDU,
+        response: type[ReadInputRegistersResponse | ReadHoldingRegistersResponse],
+    ) -> ModbusPDU:
+        first = request.address - self.registers.read_address
+        if first < 0 or request.count < 1 or first + request.count > self.registers.read_count:
+            return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
+        values = {**self._read(), "identity": self.registers.identity}
+        words = encode(self.registers, values)
+        return response(registers=words[first : first + request.count])
+
+    def _answer_holding(self, request: ModbusPDU) -> ModbusPDU:
+        if self.registers.read_table == "holding" and self.registers.write_table is None:
+            return self._answer_read(request, ReadHoldingRegistersResponse)
+        first = request.address - self.registers.write_address
+        if first < 0 or request.count < 1 or first + request.count > len(self._holding):
+            return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
+        return ReadHoldingRegistersResponse(registers=self._holding[first : first + request.count])
+
+    def _take(self, address: int, words: Sequence[int]) -> ExceptionResponse | None:
+        """Store written registers and let them act; returns the refusal, if any."""
+        first = address - self.registers.write_address
+        if first < 0 or first + len(words) > len(self._holding):
+            return ExceptionResponse(WriteMultipleRegistersRequest.function_code, ExcCodes.ILLEGAL_ADDRESS)
+        self._holding[first : first + len(words)] = words
+        if self._write is not None:
+            self._write(decode(self.registers.write, self._holding))
+        return None
+
+
+class ModbusServer:
+    """One device on its own port. `before` runs ahead of every request; `is_cut` tells whether a fault cut the line."""
+
+    def __init__(self, device: Device, before: Callable[[], None], is_cut: Callable[[], bool]) -> None:
+        self.device = device
+        self.before = before
+        self.is_cut = is_cut
+        self.connections: set[Connection] = set()
+        self._server: _Server | None = None
+
+    async def start(self, host: str, port: int) -> int:
+        """Listen and return the port; port 0 takes a free one. Raises `OSError` when it cannot be had."""
+        self._server = _Server(self, host, port)
+        try:
+            await self._server.serve_forever(background=True)
+        except RuntimeError as error:
+            raise OSError(f"{self.device.registers.name}: port {port} on {host} cannot be had") from error
+        transport: Any = self._server.transport
+        return int(transport.sockets[0].getsockname()[1])
+
+    def cut(self) -> None:
+        """Drop all connections."""
+        for connection in list(self.connections):
+            connection.drop()
+
+    async def stop(self) -> None:
+        """Close the port and all connections."""
+        self.cut()
+        if self._server is not None:
+            await self._server.shutdown()  # type: ignore[no-untyped-call]
+
+
+class _Server(ModbusTcpServer):
+    """pymodbus' TCP server with our connections instead of its own."""
+
+    def __init__(self, owner: ModbusServer, host: str, port: int) -> None:
+        # The store is never asked; the server insists on one.
+        store = SimDevice(owner.device.unit_id, SimData(0, values=0, datatype=DataType.REGISTERS))
+        super().__init__(store, address=(host, port))
+        self._owner = owner
+
+    def callback_new_connection(self) -> Connection:
+        """Return the protocol of a new connection."""
+        return Connection(self, self._owner)
+
+
+class Connection(ServerRequestHandler):
+    """One client; answers at once, and all requests of a packet instead of only the first."""
+
+    def __init__(self, server: _Server, owner: ModbusServer) -> None:
+        super().__init__(server, None, None, None)  # type: ignore[no-untyped-call]
+        self._owner = owner
+
+    def callback_connected(self) -> None:
+        """Take the connection, or drop it while the line is cut."""
+        super().callback_connected()
+        self._owner.connections.add(self)
+        if self._owner.is_cut():
+            self.drop()
+
+    def callback_disconnected(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        super().callback_disconnected(exc)
+        self._owner.connections.discard(self)
+
+    def callback_data(self, data: bytes, addr: tuple[Any, ...] | None = None) -> int:
+        """Answer every complete request in `data` and return how much of it was used."""
+        owner = self._owner
+        if owner.is_cut():
+            self.drop()
+            return len(data)
+        owner.before()
+        used = 0
+        while used < len(data):
+            try:
+                length, request = self.framer.handleFrame(data[used:], 0, 0)
+            except ModbusIOException as error:
+                response: ModbusPDU = ExceptionResponse(error.fcode or 0, ExcCodes.ILLEGAL_FUNCTION)
+                response.dev_id, response.transaction_id = error.dev_id, error.transaction_id
+                self.pdu_send(response, addr=addr)
+                return len(data)
+            if not length:
+                break
+            used += length
+            if request is not None:
+                response = owner.device.answer(request)
+                response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
+                self.pdu_send(response, addr=addr)
+        return used
+
+    def drop(self) -> None:
+        """End the connection at once."""
+        if isinstance(self.transport, asyncio.Transport):
+            self.transport.abort()
+
+
+def encode(registers: RegisterMap, values: Mapping[str, float]) -> list[int]:
+    """Return the words of the read block; numbers beyond their type stop at its end, as a device's do."""
+    block = bytearray(2 * registers.read_count)
+    for row in registers.read:
+        value = values[row.name]
+        if row.bit is not None:
+            word = struct.unpack_from(">H", block, 2 * row.offset)[0] | (int(value) & 1) << row.bit
+            struct.pack_into(">H", block, 2 * row.offset, word)
+            continue
+        low, high = RANGES[row.type]
+        count = min(max(round(value / row.scale), low), high)
+        block[2 * row.offset : 2 * (row.offset + WORDS[row.type])] = (count & 0xFFFFFFFF).to_bytes(4, "big")[
+            -2 * WORDS[row.type] :
+        ]
+    return list(struct.unpack(f">{registers.read_count}H", block))
+
+
+def decode(rows: tuple[Register, ...], words: list[int]) -> dict[str, float]:
+    """Return the values in a block of written words."""
+    values = {}
+    for row in rows:
+        raw = b"".join(word.to_bytes(2, "big") for word in words[row.offset : row.offset + WORDS[row.type]])
+        count = int.from_bytes(raw, "big", signed=row.type.startswith("i"))
+        values[row.name] = count * row.scale
+    return values

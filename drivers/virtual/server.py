@@ -1,0 +1,202 @@
+"""The virtual bench as a process: CAN and Modbus servers around one plant in real time.
+
+Prints one JSON line with its ports when everything is compiled and listening, then JSON lines about what the drive and
+the injected faults do on standard error, until SIGTERM or SIGINT. The plant is advanced to the present on every frame,
+request and tick, so nobody ever sees an old value.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from drivers.virtual.cia402_tables import HEARTBEAT_LOST
+from drivers.virtual.config import ServerConfig, Socketcand
+from drivers.virtual.drive_node import DriveNode
+from drivers.virtual.errors import VirtualBenchError
+from drivers.virtual.modbus_servers import Device, ModbusServer
+from drivers.virtual.plant import Plant, warm_up
+from drivers.virtual.python_can_port import PythonCanPort
+from drivers.virtual.scenario import Acted, Scenario
+from drivers.virtual.socketcand_server import SocketcandServer
+
+TICK_S = 0.002
+LARGEST_LAG_NS = 500_000_000  # after a longer stop of the process the plant does not make up for the time
+INPUT_CHUNK = 1024
+
+LogLine = Callable[..., None]
+
+
+class VirtualBench:
+    """Plant, drive node and Modbus devices on one clock, wired to the servers by `run`."""
+
+    def __init__(self, config: ServerConfig, scenario: Scenario | None, log: LogLine) -> None:
+        bench = config.bench
+        self._log = log
+        self.plant = Plant(bench)
+        self._clock_ns = time.monotonic_ns()
+        self._brake_on = 0
+        if isinstance(config.can, Socketcand):
+            self.can: SocketcandServer | PythonCanPort = SocketcandServer(config.can.channel, self._frame, log)
+        else:
+            self.can = PythonCanPort(config.can, self._frame, log)
+        self.drive = DriveNode(self.plant, bench.drive, self.can.send, scenario, self._fault_acted)
+        self.servers = {
+            "amplifier": self._serve("amplifier", Device(config.amplifier, self._read_amplifier)),
+            "brake": self._serve("brake", Device(config.brake, self._read_brake, self._write_brake)),
+            "remote_io": self._serve("remote_io", Device(config.remote_io, self._read_remote_io)),
+        }
+
+    def advance(self) -> None:
+        """Bring the plant to the present."""
+        now_ns = time.monotonic_ns()
+        elapsed_ns = now_ns - self._clock_ns
+        self._clock_ns = now_ns
+        if elapsed_ns > LARGEST_LAG_NS:
+            self._log("process_stopped", f"the process stood still for {elapsed_ns / 1e9:.2f} s")
+            elapsed_ns = LARGEST_LAG_NS
+        self.plant.advance(elapsed_ns)
+
+    def tick(self) -> None:
+        """Do what time alone makes due: supervision, ramps, faults."""
+        self.advance()
+        before = set(self.drive.faults.wires.cut)
+        self.drive.tick()
+        for name in self.drive.faults.wires.cut - before:
+            self.servers[name].cut()
+        for event in self.drive.axis.machine.events:
+            self._log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
+            if event.code == HEARTBEAT_LOST and event.kind == "controller_lost":
+                self._log("controller_vanished", "the controller has vanished: the drive acts on its own")
+        self.drive.axis.machine.events.clear()
+
+    def _serve(self, name: str, device: Device) -> ModbusServer:
+        def is_cut() -> bool:
+            if name not in self.drive.faults.wires.cut:
+                return False
+            self.drive.faults.seen(f"modbus.{name}")
+            return True
+
+        return ModbusServer(device, self.advance, is_cut)
+
+    def _frame(self, cob_id: int, data: bytes) -> None:
+        self.advance()
+        self.drive.receive(cob_id, data)
+
+    def _read_amplifier(self) -> dict[str, float]:
+        sample = self.plant.sample()
+        return {
+            "torque_in_nm": sample.torque_in_nm,
+            "torque_out_nm": sample.torque_out_nm,
+            "angle_in_rad": sample.angle_in_rad,
+            "angle_out_rad": sample.angle_out_rad,
+            "sample_counter": sample.counter,
+            "sample_time_us": sample.time_us,
+            "sample_status": sample.status,
+        }
+
+    def _read_brake(self) -> dict[str, float]:
+        return {"brake_on": self._brake_on, "brake_current_a": self.plant.brake_current_a}
+
+    def _write_brake(self, values: dict[str, float]) -> None:
+        self._brake_on = 1 if values["brake_on"] else 0
+        self.plant.set_brake_current(values["brake_current_a"] if self._brake_on else 0.0)
+
+    def _read_remote_io(self) -> dict[str, float]:
+        wires = self.drive.faults.wires
+        return {
+            "estop_released": wires.estop_released,
+            "guard_closed": wires.guard_closed,
+            "housing_temp_c": self.plant.housing_temp_c,
+            "ambient_temp_c": self.plant.ambient_temp_c,
+        }
+
+    def _fault_acted(self, acted: Acted) -> None:
+        fault = acted.fault
+        self._log("fault_acted", f"{fault.target} {fault.verb}", value=fault.value, plant_s=acted.at_s)
+
+
+def log_line(kind: str, text: str, **more: Any) -> None:
+    """Write one JSON line to standard error."""
+    line = {"t_s": round(time.time(), 6), "event": kind, "text": text, **more}
+    sys.stderr.write(json.dumps(line, ensure_ascii=False) + "\n")
+    sys.stderr.flush()
+
+
+async def run(
+    config: ServerConfig,
+    scenario: Scenario | None = None,
+    *,
+    announce: Callable[[dict[str, Any]], None] | None = None,
+    stop: asyncio.Event | None = None,
+    log: LogLine = log_line,
+) -> None:
+    """Serve the bench until `stop` is set, a signal comes, or (`end_with_parent`) standard input closes.
+
+    `announce` gets the ready message; without it the message goes to standard output as one JSON line. Raises
+    `VirtualBenchError` when the unit is unknown or a port cannot be had.
+    """
+    warm_up(config.bench)
+    bench = VirtualBench(config, scenario, log)
+    stop = stop or asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        with contextlib.suppress(ValueError, RuntimeError):  # only the main thread may
+            loop.add_signal_handler(number, stop.set)
+    ready = await _start(bench, config)
+    if config.end_with_parent:
+        loop.add_reader(sys.stdin.fileno(), _watch_input, loop, stop)
+    gc.collect()
+    gc.freeze()
+    bench.advance()
+    (announce or _print_ready)(ready)
+    try:
+        while not stop.is_set():
+            bench.tick()
+            await asyncio.sleep(TICK_S)
+    finally:
+        for fault in bench.drive.faults.unseen():
+            log("fault_not_seen", f"{fault.target} {fault.verb} has had no effect")
+        log("stopping", "virtual bench stops")
+        for server in bench.servers.values():
+            await server.stop()
+        await bench.can.stop()
+
+
+async def _start(bench: VirtualBench, config: ServerConfig) -> dict[str, Any]:
+    """Open all ports and return the ready message."""
+    ready: dict[str, Any] = {"ready": True, "unit": config.bench.unit}
+    try:
+        if isinstance(bench.can, SocketcandServer) and isinstance(config.can, Socketcand):
+            port = await bench.can.start(config.can.host, config.can.port)
+            ready["can"] = {"interface": "socketcand", "host": config.can.host, "port": port}
+        elif isinstance(bench.can, PythonCanPort) and not isinstance(config.can, Socketcand):
+            await bench.can.start()
+            ready["can"] = {"interface": config.can.interface}
+        ready["can"]["channel"] = config.can.channel
+        for name, where in (("amplifier", config.amplifier), ("brake", config.brake), ("remote_io", config.remote_io)):
+            port = await bench.servers[name].start(where.host, where.port)
+            ready[name] = {"host": where.host, "port": port, "unit_id": where.unit_id}
+    except OSError as error:
+        raise VirtualBenchError(f"virtual bench: {error}. Choose another port, or 0 for a free one.") from error
+    return ready
+
+
+def _print_ready(ready: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(ready) + "\n")
+    sys.stdout.flush()
+
+
+def _watch_input(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
+    """End with the parent: its end of our standard input closes when it dies, however it dies."""
+    if not os.read(sys.stdin.fileno(), INPUT_CHUNK):
+        loop.remove_reader(sys.stdin.fileno())
+        stop.set()

@@ -1,0 +1,92 @@
+"""From bench and recipe files to what the drivers want to be told: plain configurations, field by field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
+from drivers.profile import DriveProfile, ModbusProfile
+from recipes import Bench, load_document
+from recipes.bench_schema import ModbusDevice
+
+Ports = Mapping[str, Any]
+"""Ready line of the virtual bench: host and port of `can`, `amplifier`, `brake` and `remote_io`."""
+
+CHANNEL_OF_SENSOR = {
+    "torque_in": "torque_in_nm",
+    "torque_out": "torque_out_nm",
+    "angle_in": "angle_in_rad",
+    "angle_out": "angle_out_rad",
+}
+
+
+def channels(bench: Bench) -> tuple[str, ...]:
+    """Return the channels of the process image that this bench has sensors for."""
+    sensors = bench.sensors
+    return tuple(channel for name, channel in CHANNEL_OF_SENSOR.items() if getattr(sensors, name) is not None)
+
+
+def wire_config(bench: Bench, profiles: Mapping[str, Path], period_ns: int, ports: Ports | None) -> WireBenchConfig:
+    """Return the configuration of a `WireBench`; `ports` of a started virtual bench replace the file's.
+
+    Raises:
+        recipes.RecipeError: a profile has problems, each with its place.
+
+    """
+    return WireBenchConfig(
+        period_ns=period_ns,
+        can=_can(bench, ports),
+        drive=_drive(bench, load_document(profiles[bench.drive.profile], DriveProfile)),
+        amplifier=_modbus(bench.amplifier, profiles, ports, "amplifier"),
+        brake=_modbus(bench.brake, profiles, ports, "brake"),
+        remote_io=_modbus(bench.remote_io, profiles, ports, "remote_io"),
+        channels=channels(bench),
+    )
+
+
+def _can(bench: Bench, ports: Ports | None) -> CanConfig:
+    can = bench.can
+    if ports is not None:
+        there = ports["can"]
+        interface: Literal["socketcand"] = "socketcand"
+        return CanConfig(interface, channel=there["channel"], host=there["host"], port=there["port"])
+    serial_port = can.channel if can.interface == "slcan" else ""
+    return CanConfig(can.interface, can.channel, can.host, can.port, can.bitrate, serial_port)
+
+
+def _drive(bench: Bench, profile: DriveProfile) -> DriveConfig:
+    drive = bench.drive
+    return DriveConfig(
+        node_id=drive.node_id,
+        controller_node_id=drive.controller_node_id,
+        profile=profile,
+        gear_ratio=drive.gear_ratio,
+        rated_torque_nm=drive.rated_torque_nm,
+        max_torque_nm=drive.max_torque_nm,
+        max_speed_rad_s=drive.max_speed_rad_s,
+        torque_slope_nm_s=drive.torque_slope_nm_s,
+        controller_heartbeat_s=drive.controller_heartbeat_s,
+        controller_heartbeat_timeout_s=drive.controller_heartbeat_timeout_s,
+        drive_heartbeat_s=drive.drive_heartbeat_s,
+        setpoint_timeout_s=drive.setpoint_timeout_s,
+        abort_connection_option=drive.abort_connection_option,
+        quick_stop_option=drive.quick_stop_option,
+        fault_reaction_option=drive.fault_reaction_option,
+    )
+
+
+def _modbus(device: ModbusDevice, profiles: Mapping[str, Path], ports: Ports | None, part: str) -> ModbusConfig:
+    there: Mapping[str, Any] = {"host": device.host, "port": device.port} if ports is None else ports[part]
+    return ModbusConfig(
+        transport=device.transport if ports is None else "tcp",
+        host=there["host"],
+        port=there["port"],
+        unit_id=device.unit_id,
+        profile=load_document(profiles[device.profile], ModbusProfile),
+        poll_every_s=device.poll_every_s,
+        timeout_s=device.timeout_s,
+        serial_port=device.serial_port,
+        baudrate=device.baudrate,
+    )

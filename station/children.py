@@ -1,0 +1,121 @@
+"""The two processes of a real-time run: started in sessions of their own, watched, and never left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from station.errors import BenchFaultError
+
+READY_TIMEOUT_S = 120.0
+"""The first start of the virtual bench compiles its physics."""
+
+TERMINATE_TIMEOUT_S = 3.0
+LONGEST_READY_LINE = 65536
+
+
+class LifeLine:
+    """A pipe that nobody writes to: the virtual bench ends when everyone who holds its other end is gone."""
+
+    def __init__(self) -> None:
+        self.reader, self.writer = os.pipe()
+
+    def close(self) -> None:
+        """Let go of both ends."""
+        for handle in (self.reader, self.writer):
+            with contextlib.suppress(OSError):
+                os.close(handle)
+
+
+def _run_module(module: str, spec: Path, **options: Any) -> subprocess.Popen[bytes]:
+    # A session of its own: Ctrl-C in the terminal is for the desk, which unloads the torque first.
+    return subprocess.Popen([sys.executable, "-m", module, str(spec)], start_new_session=True, **options)  # noqa: S603
+
+
+def start_virtual_bench(spec: Path, log: Path, life_line: LifeLine) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    """Start the embedded virtual bench; return its process and its ready line.
+
+    Raises:
+        BenchFaultError: it did not come up; the text holds what it said.
+
+    """
+    with log.open("wb") as errors:
+        process = _run_module(
+            "station.virtual_bench_process",
+            spec,
+            stdin=life_line.reader,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+        )
+    line = _first_line(process, READY_TIMEOUT_S)
+    try:
+        ready: dict[str, Any] = json.loads(line)
+    except ValueError:
+        stop(process)
+        said = log.read_text(errors="replace").strip().splitlines()[-3:]
+        raise BenchFaultError(f"the virtual bench did not start: {' '.join(said) or 'it said nothing'}") from None
+    return process, ready
+
+
+def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:
+    stream = process.stdout
+    if stream is None:
+        return b""
+    deadline = time.monotonic() + timeout_s
+    line = b""
+    with selectors.DefaultSelector() as selector:
+        selector.register(stream, selectors.EVENT_READ)
+        while not line.endswith(b"\n") and len(line) < LONGEST_READY_LINE:
+            if not selector.select(max(deadline - time.monotonic(), 0.0)):
+                break
+            chunk = os.read(stream.fileno(), 4096)
+            if not chunk:
+                break
+            line += chunk
+    return line
+
+
+def start_scan(spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
+    """Start the scan process; its standard error goes to `log`. It holds the virtual bench's life line too."""
+    handles = () if life_line is None else (life_line.writer,)
+    with log.open("wb") as errors:
+        return _run_module(
+            "station.scan_process",
+            spec,
+            stdin=subprocess.DEVNULL,
+            stdout=errors,
+            stderr=errors,
+            pass_fds=handles,
+        )
+
+
+def stop(process: subprocess.Popen[bytes], timeout_s: float = TERMINATE_TIMEOUT_S) -> None:
+    """End a process that was started here, politely first, and collect it.
+
+    The scan process needs its time: it brings the torque to zero before it ends.
+    """
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    if process.stdout is not None:
+        process.stdout.close()
+
+
+def why_it_ended(process: subprocess.Popen[bytes]) -> str:
+    """Return how a process ended, in words."""
+    code = process.returncode
+    if code is not None and code < 0:
+        return f"killed by {signal.Signals(-code).name}"
+    return f"ended with code {code}"

@@ -1,0 +1,170 @@
+"""The command line. Every command imports what it needs when it runs, so that help answers at once."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from station.errors import BenchFaultError, StationError
+
+EXIT_BAD_INPUT = 2
+EXIT_BENCH = 4
+DEFAULT_DATA = Path("runs")
+
+app = typer.Typer(
+    name="lostmotion",
+    help="End-of-line test bench for precision gear reducers: torsional stiffness, backlash and lost motion.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
+BenchOption = Annotated[
+    str | None,
+    typer.Option("--bench", metavar="FILE", help="Bench file or shipped bench. Default: the embedded virtual bench."),
+]
+DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+UnitOption = Annotated[
+    str | None,
+    typer.Option("--unit", metavar="NAME[:SEED]", help="Unit on the virtual bench: P1, worn, soft, tight, cracked ..."),
+]
+ScenarioOption = Annotated[
+    Path | None,
+    typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
+]
+
+
+@app.command()
+def run(
+    recipe: RecipeArgument,
+    serial: Annotated[str, typer.Option("--serial", metavar="SN", help="Serial number of the unit.")] = "unnamed",
+    bench: BenchOption = None,
+    data: DataOption = DEFAULT_DATA,
+    unit: UnitOption = None,
+    scenario: ScenarioOption = None,
+    virtual_time: Annotated[
+        bool,
+        typer.Option("--virtual-time", help="Against the plant in process, faster than real time."),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Run a recipe: measure a unit, judge it, store the record.
+
+    Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
+    Exit code: 0 PASS, 1 FAIL, 2 bad input, 3 NOT DECIDABLE, 4 bench fault or stopped.
+    """
+    from station import command_run
+
+    options = command_run.Options(recipe, serial, bench, data, unit, scenario, virtual_time, as_json)
+    raise typer.Exit(command_run.run(options))
+
+
+@app.command()
+def check(recipe: RecipeArgument, bench: BenchOption = None, as_json: JsonOption = False) -> None:
+    """Check a recipe and show its load profile, duration and peak torque. Exit code: 0 in order, 2 not."""
+    from station import command_check
+
+    raise typer.Exit(command_check.check(recipe, bench, as_json=as_json))
+
+
+@app.command()
+def analyze(
+    trace: Annotated[str, typer.Argument(metavar="TRACE", help="Stored run, or a CSV or Parquet file.")],
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="How to evaluate. Default for a stored run: its own recipe."),
+    ] = None,
+    bench: Annotated[
+        str | None,
+        typer.Option("--bench", metavar="FILE", help="Bench the trace comes from: its fixture and calibrations."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute metrics and verdict of a trace. Exit code as run."""
+    from station import command_analyze
+
+    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, as_json=as_json))
+
+
+@app.command()
+def show(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Show a stored run."""
+    from station import command_show
+
+    raise typer.Exit(command_show.show(name, data, as_json=as_json))
+
+
+@app.command(name="list")
+def list_runs(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
+    """List all stored runs, newest last."""
+    from station import command_show
+
+    raise typer.Exit(command_show.list_runs(data, as_json=as_json))
+
+
+@app.command()
+def virtual_bench(
+    bench: BenchOption = None,
+    can: Annotated[
+        str | None,
+        typer.Option("--can", metavar="WHERE", help="HOST:PORT to serve socketcand, socketcan:CHANNEL to join."),
+    ] = None,
+    modbus: Annotated[
+        str | None,
+        typer.Option("--modbus", metavar="HOST:PORT", help="Amplifier; brake and remote I/O take the next two ports."),
+    ] = None,
+    unit: UnitOption = None,
+    scenario: ScenarioOption = None,
+) -> None:
+    """Run the virtual bench alone; prints its ports as one JSON line when it is ready."""
+    from station import command_virtual_bench
+
+    raise typer.Exit(command_virtual_bench.virtual_bench(bench, can, modbus, unit, scenario))
+
+
+def _bad_input() -> tuple[type[Exception], ...]:
+    """Return the errors that a person can mend. Called when one was raised: its module is loaded then anyway."""
+    loaded = sys.modules
+    names = (
+        ("recipes", "RecipeError"),
+        ("analysis", "AnalysisError"),
+        ("drivers.virtual.errors", "VirtualBenchError"),
+    )
+    return (StationError, *(getattr(loaded[module], name) for module, name in names if module in loaded))
+
+
+def main() -> None:
+    """Run the command line; errors that a person can mend are plain text on standard error, without a traceback."""
+    try:
+        app()
+    except BenchFaultError as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(EXIT_BENCH)
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted before anything moved\n")
+        sys.exit(EXIT_BENCH)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+    except Exception as error:
+        if not isinstance(error, _bad_input()):
+            raise
+        sys.stderr.write(f"{error}\n")
+        sys.exit(EXIT_BAD_INPUT)
+
+
+if __name__ == "__main__":
+    main()

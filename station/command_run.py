@@ -1,0 +1,194 @@
+"""`lostmotion run`: the main job, from a recipe to a verdict on disk."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import json
+import platform
+import sys
+from pathlib import Path
+from typing import Any
+
+from station.conclusion import Conclusion, Ending, conclude, finite
+from station.errors import BenchFaultError, StationError
+from station.evaluation import method_of
+from station.live import LiveReader
+from station.log import open_log
+from station.loop_plot import loop_figure, png
+from station.progress import Progress
+from station.record_store import RunRecord, Store, check_serial, now_text
+from station.report import report_html
+from station.request import Job, Source, load_job
+from station.result_view import result_console, show_result
+
+EXIT_CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
+EXIT_BENCH = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """What the command line asked for."""
+
+    recipe: str
+    serial: str
+    bench: str | None
+    data: Path
+    unit: str | None
+    scenario: Path | None
+    virtual_time: bool
+    json: bool
+
+
+def exit_code(result: dict[str, Any]) -> int:
+    """Return the exit code of a result: 4 for a run that did not come to its end, else by its verdict."""
+    if result["state"] not in ("complete", "analyzed"):
+        return EXIT_BENCH
+    return EXIT_CODES[result["verdict"]]
+
+
+def run(options: Options) -> int:
+    """Run a recipe; return the exit code.
+
+    Raises:
+        StationError, RecipeError, VirtualBenchError: bad input, before anything has moved.
+
+    """
+    serial = check_serial(options.serial)
+    job = load_job(options.recipe, options.bench)
+    unit = _unit(options, job)
+    scenario = _scenario(options, job)
+    record = _create(options, job, serial, unit, scenario)
+    reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
+    title = f"{serial}  {job.recipe.recipe.name}"
+    stream = sys.stderr if options.json else sys.stdout
+    with open_log(record.folder / "log.jsonl") as log:
+        log.info("run started", run=record.id, serial=serial, recipe=job.recipe.recipe.name, unit=unit)
+        try:
+            with Progress(reader, title, stream) as progress:
+                progress.say(f"{title}: {record.id}")
+                conclusion = _conclude(options, job, record, unit, progress)
+        except BaseException as error:
+            log.exception("run failed", kind=type(error).__name__)
+            if record.manifest()["state"] == "recording":
+                record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
+            raise
+        result = conclusion.result
+        log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
+        _illustrate(job, record, conclusion)
+        log.info("report written", path=str(record.folder / "report.html"))
+    if options.json:
+        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+    else:
+        show_result(result_console(), result)
+    return exit_code(result)
+
+
+def _unit(options: Options, job: Job) -> str | None:
+    """Return the unit on the virtual bench; None on a real one."""
+    if not (options.virtual_time or job.bench.bench.embedded):
+        if options.unit is not None or options.scenario is not None:
+            raise StationError(
+                f"--unit and --scenario are for the virtual bench; {job.bench_source.path} is a real one. "
+                "Leave them out, or add --virtual-time",
+            )
+        return None
+    from station.assemble_virtual import choose_unit  # noqa: PLC0415 - brings numba, which a real bench does not need
+
+    return choose_unit(options.unit, job.recipe.unit_under_test.model)
+
+
+def _scenario(options: Options, job: Job) -> Source | None:
+    if options.scenario is None:
+        return None
+    from station.assemble_virtual import load_scenario  # noqa: PLC0415 - as above
+
+    load_scenario(options.scenario)
+    _ = job
+    return Source.read(options.scenario)
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("lostmotion")
+    except importlib.metadata.PackageNotFoundError:
+        return "from its source folder"
+
+
+def _create(options: Options, job: Job, serial: str, unit: str | None, scenario: Source | None) -> RunRecord:
+    recipe, bench = job.recipe, job.bench
+    manifest = {
+        "recipe": {
+            "name": recipe.recipe.name,
+            "revision": recipe.recipe.revision,
+            "sha256": job.recipe_source.sha256,
+            "file": str(job.recipe_source.path),
+        },
+        "bench": {
+            "name": bench.bench.name,
+            "revision": bench.bench.revision,
+            "sha256": job.bench_source.sha256,
+            "file": str(job.bench_source.path),
+        },
+        "software": {
+            "name": "lostmotion",
+            "version": _version(),
+            "python": platform.python_version(),
+            "platform": platform.platform(),
+        },
+        "unit": {"model": recipe.unit_under_test.model, "virtual": unit},
+        "scenario": None if scenario is None else str(scenario.path),
+        "clock": "virtual" if options.virtual_time else "real",
+        "period_ns": recipe.sampling.period_ns,
+        "verdict": None,
+        "ring": None,
+    }
+    files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
+    files |= {f"profiles/{name}.yaml": Source.read(path).content for name, path in job.profile_paths.items()}
+    files |= {} if scenario is None else {"scenario.yaml": scenario.content}
+    record = Store(options.data).create(serial, manifest, files)
+    record.write_json("program.json", finite(dataclasses.asdict(job.program)))
+    return record
+
+
+def _conclude(
+    options: Options,
+    job: Job,
+    record: RunRecord,
+    unit: str | None,
+    progress: Progress,
+) -> Conclusion:
+    scenario = record.folder / "scenario.yaml" if record.has("scenario.yaml") else None
+    if options.virtual_time and unit is not None:
+        from station.virtual_run import run_in_virtual_time  # noqa: PLC0415 - brings numba
+
+        ending = run_in_virtual_time(job, record, unit, scenario, progress.show)
+    else:
+        from station.desk import Desk  # noqa: PLC0415 - not needed in virtual time
+
+        try:
+            ending = Desk(job, record, progress.show, progress.say).run(unit, scenario)
+        except BenchFaultError as error:
+            record.samples.touch()
+            ending = refused(record, error)
+    progress.say("evaluating, reading the record back")
+    return conclude(record, job, ending)
+
+
+def refused(record: RunRecord, error: BenchFaultError) -> Ending:
+    """Return the ending of a run whose bench could not be opened: nothing has moved."""
+    return Ending(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)
+
+
+def _illustrate(job: Job, record: RunRecord, conclusion: Conclusion) -> None:
+    """Draw the loop and write the report; the verdict is on disk already and does not depend on them."""
+    result = conclusion.result
+    picture = None
+    if conclusion.trace is not None:
+        title = f"{result['serial']}   {result['recipe']['name']}   {result['verdict']}"
+        figure = loop_figure(conclusion.trace, conclusion.analysis, method_of(job.recipe, job.bench), title)
+        picture = png(figure)
+        record.write_bytes("loop.png", picture)
+    events = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()]
+    files = {name: (record.folder / name).read_text() for name in ("recipe.yaml", "bench.yaml")}
+    record.write_bytes("report.html", report_html(result, record.manifest(), events, files, picture))

@@ -1,0 +1,129 @@
+"""`lostmotion show` and `lostmotion list`: what was measured."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from station.errors import RecordError
+from station.record_check import check_file
+from station.record_store import RESULT, RunRecord, Store
+from station.result_view import VERDICT_STYLES, result_console, show_result
+
+STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
+
+
+def show(name: str, data: Path, *, as_json: bool) -> int:
+    """Print a stored run; its record is read back first, and a damaged one says so.
+
+    Raises:
+        StationError: there is no such run.
+
+    """
+    run = Store(data).find(name)
+    found = stored_result(run)
+    if as_json:
+        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+        return 0
+    console = result_console()
+    manifest = run.manifest()
+    console.print(
+        f"{run.id}  attempt {manifest['attempt']}, started {manifest['started']}, {run.records()} scans on disk",
+        highlight=False,
+        soft_wrap=True,
+    )
+    show_result(console, found)
+    return 0
+
+
+def stored_result(run: RunRecord) -> dict[str, Any]:
+    """Return a run's result; for a run without one, what is known; for a damaged record, no verdict."""
+    manifest, state = run.manifest(), run.state()
+    if run.has(RESULT):
+        result: dict[str, Any] = run.read_json(RESULT)
+        read_back = check_file(run.samples, manifest.get("records"))
+        if not read_back.sound:
+            damage = [f"the record is damaged: {problem}" for problem in read_back.problems]
+            result |= {"verdict": "NOT DECIDABLE", "reasons": [*damage, *result["reasons"]]}
+        return result
+    reasons = {
+        "recording": "the run is still going on",
+        "interrupted": "the run was interrupted before it was evaluated; its samples are kept",
+    }
+    trouble = manifest.get("trouble")
+    return {
+        "run": run.id,
+        "serial": manifest["serial"],
+        "recipe": {key: manifest["recipe"][key] for key in ("name", "revision", "sha256")},
+        "state": state,
+        "verdict": "NOT DECIDABLE",
+        "reasons": [reasons.get(state, f"the run ended as {state} without a result"), *([trouble] if trouble else [])],
+        "metrics": [],
+        "timing": None,
+        "alarms": [],
+        "record": str(run.folder),
+        "records": run.records(),
+    }
+
+
+def row(run: RunRecord) -> dict[str, Any]:
+    """Return one run as a row of the list; a manifest that cannot be read is a row as well."""
+    try:
+        manifest = run.manifest()
+        return {
+            "run": run.id,
+            "serial": manifest["serial"],
+            "attempt": manifest["attempt"],
+            "recipe": manifest["recipe"]["name"],
+            "revision": manifest["recipe"]["revision"],
+            "started": manifest["started"],
+            "state": run.state(),
+            "verdict": manifest["verdict"],
+            "records": run.records(),
+        }
+    except (RecordError, KeyError) as error:
+        damaged = dict.fromkeys(("serial", "attempt", "recipe", "revision", "started", "verdict"))
+        return {"run": run.id, **damaged, "state": "damaged", "records": run.records(), "error": str(error)}
+
+
+def table_width(rows: list[dict[str, Any]]) -> int:
+    """Return the width in characters that the list needs."""
+    widest = max(len(f"{one['run']}{one['serial']}{one['recipe']}{one['state']}") for one in rows)
+    return widest + 60
+
+
+def list_runs(data: Path, *, as_json: bool) -> int:
+    """Print all runs, newest last."""
+    rows = [row(run) for run in Store(data).runs()]
+    if as_json:
+        sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
+        return 0
+    if not rows:
+        sys.stdout.write(f"{data}: holds no runs\n")
+        return 0
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("run", "serial", "attempt", "recipe", "state", "verdict", "scans"):
+        table.add_column(name, justify="right" if name in ("attempt", "scans") else "left", no_wrap=True)
+    for one in rows:
+        verdict = one["verdict"] or ""
+        style = VERDICT_STYLES.get(verdict, "").split()[-1:]
+        table.add_row(
+            one["run"],
+            one["serial"] or "",
+            str(one["attempt"] or ""),
+            f"{one['recipe']} r{one['revision']}",
+            Text(one["state"], style=STATE_STYLES.get(one["state"], "bold red")),
+            Text(verdict, style=" ".join(style)),
+            str(one["records"]),
+        )
+    console = Console()
+    # A run id that is cut off cannot be copied: the table may be wider than the screen.
+    console.width = max(console.width, table_width(rows))
+    console.print(table)
+    return 0

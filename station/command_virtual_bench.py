@@ -1,0 +1,76 @@
+"""`lostmotion virtual-bench`: the virtual bench alone, for a controller that runs elsewhere."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from pathlib import Path
+
+from drivers.virtual.config import CanBus, ModbusPort, ServerConfig, Socketcand
+from drivers.virtual.server import run
+from recipes import find_bench, load_bench
+from station.assemble_virtual import choose_unit, load_scenario, server_config
+from station.errors import StationError
+from station.request import find_profile
+
+DEFAULT_BENCH = "virtual"
+DEFAULT_UNIT = "P1"
+
+
+def address(option: str, text: str) -> tuple[str, int]:
+    """Return host and port of `HOST:PORT`; StationError when it is not one."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdecimal() or int(port) > 65535:
+        raise StationError(f"{option}: found {text!r}; allowed is HOST:PORT, as in 127.0.0.1:29536")
+    return host, int(port)
+
+
+def can_bus(text: str, channel: str) -> Socketcand | CanBus:
+    """Return where the virtual drive sits: `HOST:PORT` serves socketcand, `socketcan:vcan0` joins a bus."""
+    interface, colon, name = text.partition(":")
+    if colon and interface in ("socketcan", "slcan", "virtual"):
+        return CanBus(interface, name)
+    host, port = address("--can", text)
+    return Socketcand(host, port, channel)
+
+
+def virtual_bench(
+    bench_name: str | None,
+    can: str | None,
+    modbus: str | None,
+    unit: str | None,
+    scenario: Path | None,
+) -> int:
+    """Serve a virtual bench until it is interrupted; its ports are printed as one JSON line when it is ready.
+
+    `modbus` is HOST:PORT of the measuring amplifier; brake and remote I/O take the next two ports (0: any free ones).
+
+    Raises:
+        StationError, RecipeError, VirtualBenchError: what cannot be had as asked.
+
+    """
+    path = find_bench(bench_name or DEFAULT_BENCH)
+    bench = load_bench(path)
+    names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
+    profiles = {name: find_profile(name, path) for name in names}
+    faults = None if scenario is None else load_scenario(scenario)
+    chosen = choose_unit(unit or DEFAULT_UNIT, "")
+    config = server_config(bench, profiles, chosen, scenario=scenario, embedded=False)
+    if can is not None:
+        config = dataclasses.replace(config, can=can_bus(can, bench.can.channel))
+    if modbus is not None:
+        config = _moved(config, *address("--modbus", modbus))
+    asyncio.run(run(config, faults))
+    return 0
+
+
+def _moved(config: ServerConfig, host: str, port: int) -> ServerConfig:
+    def at(device: ModbusPort, place: int) -> ModbusPort:
+        return dataclasses.replace(device, host=host, port=port + place if port else 0)
+
+    return dataclasses.replace(
+        config,
+        amplifier=at(config.amplifier, 0),
+        brake=at(config.brake, 1),
+        remote_io=at(config.remote_io, 2),
+    )

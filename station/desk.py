@@ -1,0 +1,213 @@
+"""The desk of a real-time run: starts the processes, brings the records to disk, passes the operator's wishes on.
+
+Ctrl-C once asks for a stop: the torque is brought to zero before the lock opens. Twice is a quick stop. Whatever ends
+the run, no process and no ring file stays behind, and every record that was written is in the run's folder.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from controller.image import Command
+from station import children
+from station.conclusion import Ending
+from station.durable import Appender
+from station.errors import BenchFaultError
+from station.record_store import RunRecord
+from station.request import Job
+from station.ring import RingReader, ScanState, create
+from station.scan_record import RECORD_BYTES
+
+LOOK_EVERY_S = 0.02
+SYNC_EVERY_S = 1.0
+"""A power failure costs at most about this much of the record."""
+
+SHOW_EVERY_S = 0.1
+ARM_TIMEOUT_S = 60.0
+LAST_WORDS_S = 0.6
+"""Time for the virtual drive to notice a dead controller and to say so before it is switched off."""
+
+EMBEDDED_SPIN_NS = 0
+REAL_SPIN_NS = 100_000
+"""Spinning takes a tenth of a processor; beside an embedded bench there is none to spare."""
+
+Show = Callable[[bytes], None]
+Say = Callable[[str], None]
+
+
+class Desk:
+    """One real-time run of a job."""
+
+    def __init__(self, job: Job, record: RunRecord, show: Show, say: Say) -> None:
+        self._job, self._record, self._show, self._say = job, record, show, say
+        self._interrupts = 0
+        self._sent = 0
+        self._newest = b""
+        self._written = 0
+
+    def run(self, unit: str | None, scenario: Path | None) -> Ending:
+        """Run to the end; `unit` and `scenario` are for the embedded virtual bench.
+
+        Raises:
+            BenchFaultError: the bench could not be opened; nothing has moved.
+            RecordError: the disk is full; the run has been stopped and unloaded.
+
+        """
+        with ExitStack() as cleanup:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                before = signal.signal(number, self._interrupt)
+                cleanup.callback(signal.signal, number, before)
+            ports, life_line = None, None
+            if self._job.bench.bench.embedded:
+                life_line = children.LifeLine()
+                cleanup.callback(life_line.close)
+                ports = self._start_bench(cleanup, life_line, unit, scenario)
+            ring_path = create(self._record.folder)
+            cleanup.callback(ring_path.unlink, missing_ok=True)
+            self._record.update(ring=str(ring_path))
+            ring = RingReader(ring_path)
+            cleanup.callback(ring.close)
+            report = self._record.folder / "scan-report.json"
+            process = self._start_scan(ring_path, report, ports, life_line)
+            cleanup.callback(children.stop, process, self._longest_unload_s())
+            file = Appender(self._record.samples)
+            cleanup.callback(file.close)
+            self._serve(process, ring, file)
+            return self._ending(process, ring, report, embedded=life_line is not None)
+
+    # --- starting
+
+    def _start_bench(
+        self,
+        cleanup: ExitStack,
+        life_line: children.LifeLine,
+        unit: str | None,
+        scenario: Path | None,
+    ) -> dict[str, Any]:
+        self._say("starting the virtual bench")
+        folder = self._record.folder
+        spec = {
+            "bench": str(folder / "bench.yaml"),
+            "profiles": self._profiles(),
+            "unit": unit,
+            "scenario": None if scenario is None else str(scenario),
+            "embedded": True,
+        }
+        path = folder / "virtual-bench-spec.json"
+        path.write_text(json.dumps(spec))
+        process, ready = children.start_virtual_bench(path, folder / "virtual-bench.jsonl", life_line)
+        cleanup.callback(children.stop, process)
+        return ready
+
+    def _start_scan(
+        self,
+        ring: Path,
+        report: Path,
+        ports: dict[str, Any] | None,
+        life_line: children.LifeLine | None,
+    ) -> subprocess.Popen[bytes]:
+        self._say("opening the bench: identities, drive protections")
+        folder = self._record.folder
+        spec = {
+            "ring": str(ring),
+            "report": str(report),
+            "recipe": str(folder / "recipe.yaml"),
+            "bench": str(folder / "bench.yaml"),
+            "profiles": self._profiles(),
+            "ports": ports,
+            "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
+        }
+        path = folder / "scan-spec.json"
+        path.write_text(json.dumps(spec))
+        return children.start_scan(path, folder / "scan-process.log", life_line)
+
+    def _longest_unload_s(self) -> float:
+        program = self._job.program
+        return (program.unload_limit_scans + program.release_scans + program.settle_scans) * program.period_s + 1.0
+
+    def _profiles(self) -> dict[str, str]:
+        return {name: str(self._record.folder / "profiles" / f"{name}.yaml") for name in self._job.profile_names}
+
+    # --- running
+
+    def _interrupt(self, *_: object) -> None:
+        self._interrupts += 1
+
+    def _serve(self, process: subprocess.Popen[bytes], ring: RingReader, file: Appender) -> None:
+        """Bring records to disk until the scan process has ended."""
+        started = synced = shown = time.monotonic()
+        armed = False
+        while process.poll() is None:
+            time.sleep(LOOK_EVERY_S)
+            ring.drain(self._keep(file))
+            now = time.monotonic()
+            if not armed and ring.state is ScanState.RUNNING and ring.written >= 1:
+                armed = True
+                ring.send(Command.START)
+            if not armed and now - started > ARM_TIMEOUT_S:
+                raise BenchFaultError(f"the scan process did not come up within {ARM_TIMEOUT_S:.0f} s")
+            self._pass_on(ring, process, armed=armed)
+            if now - synced > SYNC_EVERY_S:
+                synced = now
+                file.sync()
+            if now - shown > SHOW_EVERY_S and self._newest:
+                shown = now
+                self._show(self._newest)
+        ring.drain(self._keep(file))
+        file.sync()
+        if self._newest:
+            self._show(self._newest)
+
+    def _keep(self, file: Appender) -> Callable[[bytes], None]:
+        def keep(data: bytes) -> None:
+            file.write(data)
+            self._written += len(data) // RECORD_BYTES
+            self._newest = data[-RECORD_BYTES:]
+
+        return keep
+
+    def _pass_on(self, ring: RingReader, process: subprocess.Popen[bytes], *, armed: bool) -> None:
+        """Turn interrupts into commands: the first a stop, the next ones quick stops."""
+        if self._interrupts <= self._sent:
+            return
+        self._sent += 1
+        if not armed:
+            process.terminate()
+        elif self._sent == 1:
+            self._say("stopping: the torque is brought to zero first (Ctrl-C again: quick stop)")
+            ring.send(Command.STOP)
+        else:
+            self._say("quick stop")
+            ring.send(Command.QUICK_STOP)
+
+    # --- ending
+
+    def _ending(self, process: subprocess.Popen[bytes], ring: RingReader, report: Path, *, embedded: bool) -> Ending:
+        said = json.loads(report.read_bytes()) if report.exists() else {}
+        if said.get("state") == "refused":
+            raise BenchFaultError(str(said["error"]))
+        trouble = ""
+        if said.get("state") != "finished":
+            ring.mark_died()
+            reason = said.get("error") or children.why_it_ended(process)
+            trouble = (
+                f"the scan process was lost in the middle of the run ({reason}). The drive stops itself when it misses "
+                "the controller's heartbeat; torque may still be stored in the unit"
+            )
+            if embedded:
+                time.sleep(LAST_WORDS_S)
+        return Ending(
+            written=int(said.get("written", ring.written)) - ring.lost,
+            lost=ring.lost,
+            realtime=said.get("realtime", {"details": {}}),
+            notes=said.get("notes", []),
+            trouble=trouble,
+            counters=said.get("counters", {}),
+        )

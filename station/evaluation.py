@@ -1,0 +1,149 @@
+"""From a run's record to metrics and verdict: the trace, the method, and what speaks against deciding at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from analysis import Decision, Method, MetricWanted, Quadrants, Result, SegmentInfo, TorqueLine, Trace, analyse
+from analysis.trace import ROLES
+from controller.image import State
+from recipes import Bench, Calibration, Recipe
+from station.assemble import channels
+from station.errors import StationError
+from station.record_check import Table
+
+LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
+
+
+def method_of(recipe: Recipe, bench: Bench) -> Method:
+    """Return how a run of this recipe on this bench is evaluated."""
+    unit, measurement = recipe.unit_under_test, recipe.measurement
+    stored = measurement.output_torque == "calibrated" and measurement.calibration == "stored"
+    return Method(
+        ratio=unit.ratio,
+        rated_torque_nm=unit.rated_torque_nm,
+        reference_torque_nm=measurement.reference_torque_nm,
+        loading=recipe.loading,
+        output_torque=measurement.output_torque,
+        quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
+        fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
+    )
+
+
+def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
+    """Return the newest calibration of the bench for the recipe's model; StationError when there is none."""
+    model = recipe.unit_under_test.model
+    fitting = [one for one in bench.calibrations if one.model == model]
+    if not fitting:
+        raise StationError(
+            f"bench {bench.bench.name}: no stored calibration for {model}. Measure one, or choose measured",
+        )
+    return max(fitting, key=lambda one: one.made)
+
+
+def _stored_quadrants(stored: Calibration) -> Quadrants:
+    rows = (stored.load_positive, stored.unload_positive, stored.load_negative, stored.unload_negative)
+    lines = [TorqueLine(row.offset_nm, row.slope) for row in rows]
+    return Quadrants(lines[0], lines[1], lines[2], lines[3])
+
+
+def wanted_of(recipe: Recipe) -> list[MetricWanted]:
+    """Return the metrics that the recipe asks for, with their limits."""
+    return [
+        MetricWanted(
+            id=one.id,
+            branch=one.branch,
+            side=None if one.side == "both" else one.side,
+            torque_nm=one.torque_nm,
+            band=one.band,
+            min=one.min,
+            max=one.max,
+        )
+        for one in recipe.metrics
+    ]
+
+
+def decision_of(recipe: Recipe) -> Decision:
+    """Return the rule by which limits decide."""
+    return Decision(recipe.decision.rule, recipe.decision.guard_factor)
+
+
+def trace_of(table: Table, segments: list[dict[str, Any]], bench: Bench, period_ns: int, source: str) -> Trace:
+    """Return the measured trace of a record: fresh samples under the recipe's torque, tared, angles from reference.
+
+    Args:
+        table: all records of the run.
+        segments: the program's segment table, as in program.json.
+        bench: which sensors there were.
+        period_ns: scan period.
+        source: name for messages.
+
+    """
+    image, orders = table["image"], table["orders"]
+    counter = image["sample_counter"]
+    fresh = np.ones(len(table), dtype=np.bool_)
+    fresh[1:] = counter[1:] != counter[:-1]
+    kept = table[fresh & np.isin(orders["state"], LOADED)]
+    if not len(kept):
+        raise StationError(f"{source}: the run ended before anything was measured")
+    image, orders = kept["image"], kept["orders"]
+    there = channels(bench)
+    zeroes = {
+        "torque_in_nm": "torque_in_tare_nm",
+        "torque_out_nm": "torque_out_tare_nm",
+        "angle_in_rad": "angle_in_zero_rad",
+        "angle_out_rad": "angle_out_zero_rad",
+    }
+    measured = {name: image[name] - orders[zero] for name, zero in zeroes.items() if name in there}
+    return Trace(
+        t_s=kept["scan"] * (period_ns * 1e-9),
+        **measured,
+        temperature_c=image["housing_temp_c"].copy(),
+        segment=orders["segment"].astype(np.int64),
+        segments=segment_table(segments),
+        source=source,
+    )
+
+
+def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:
+    """Return the analysis' segment table; roles that it does not evaluate become `other`."""
+    table = {}
+    for row in segments:
+        role = row["role"] if row["role"] in ROLES else "other"
+        table[row["index"]] = SegmentInfo(role, row["direction"] if role != "other" else 0, row["cycle"])
+    return table
+
+
+def evaluate_trace(trace: Trace, recipe: Recipe, bench: Bench, objections: list[str]) -> Result:
+    """Evaluate and judge; `objections` say why the measurement may not count (see `timing_proof`)."""
+    return analyse(trace, method_of(recipe, bench), wanted_of(recipe), decision_of(recipe), objections)
+
+
+def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:
+    """Return the torque ratio that a run measured, as calibration.json; None when it measured none."""
+    quadrants = result.quadrants
+    if quadrants is None or not quadrants.fits:
+        return None
+    return {
+        "id": f"{run['id']}-ratio",
+        "bench": {"name": bench.bench.name, "revision": bench.bench.revision},
+        "model": run["unit"]["model"],
+        "made": run["started"],
+        "transition_rad": quadrants.transition_rad,
+        "quadrants": {
+            name: {
+                "slope": fit.slope,
+                "offset_nm": fit.offset_nm,
+                "u_slope": fit.u_slope,
+                "u_offset_nm": fit.u_offset_nm,
+                "correlation": fit.correlation,
+                "residual_sd_nm": fit.residual_sd_nm,
+                "r_squared": fit.r_squared,
+                "points": fit.points,
+                "flagged": int(fit.flagged.size),
+            }
+            for name, fit in quadrants.fits.items()
+        },
+    }

@@ -1,0 +1,115 @@
+"""What the scan process asks of the machine, each thing optional, each answered with granted or refused and why.
+
+The figures behind the choices: sleeping is late by 50 µs of timer slack unless the slack is set to 1 ns; a collection
+of a large heap takes tens of milliseconds unless the heap is frozen; the first touch of a page costs up to 2 ms.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import mmap
+import os
+import resource
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+FIFO_PRIORITY = 80
+"""Above the kernel's threaded interrupts (50), below its watchdogs (99)."""
+
+PREFAULT_BYTES = 8 * 1024 * 1024
+"""Heap that is touched before the scan starts."""
+
+TIMER_SLACK_NS = 1
+PR_SET_TIMERSLACK = 29
+MCL_CURRENT, MCL_FUTURE = 1, 2
+
+
+class Grant(NamedTuple):
+    """Answer of the machine to one request."""
+
+    name: str
+    granted: bool
+    detail: str
+
+
+def request_fifo(priority: int = FIFO_PRIORITY) -> Grant:
+    """Ask for the first-in-first-out scheduling class, so that no ordinary process delays the scan."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (PermissionError, OSError, AttributeError) as error:
+        return Grant(
+            "fifo", granted=False, detail=f"{error}; needs root, CAP_SYS_NICE or an rtprio limit of {priority}"
+        )
+    return Grant("fifo", granted=True, detail=f"SCHED_FIFO priority {priority}")
+
+
+def request_mlock() -> Grant:
+    """Ask that no page of this process is ever paged out."""
+    unlimited = os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
+    # With a limit in force, MCL_FUTURE would turn a later allocation into a MemoryError in the middle of a run.
+    flags = MCL_CURRENT | MCL_FUTURE if unlimited else MCL_CURRENT
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(flags) != 0:
+        reason = os.strerror(ctypes.get_errno())
+        return Grant("mlock", granted=False, detail=f"{reason}; needs CAP_IPC_LOCK or a larger memlock limit")
+    return Grant("mlock", granted=True, detail="current and future pages" if unlimited else "current pages")
+
+
+def request_timer_slack(slack_ns: int = TIMER_SLACK_NS) -> Grant:
+    """Ask the kernel to wake this process when it said, instead of up to 50 µs later."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(PR_SET_TIMERSLACK, ctypes.c_ulong(slack_ns), 0, 0, 0) != 0:
+        return Grant("timer_slack", granted=False, detail=os.strerror(ctypes.get_errno()))
+    return Grant("timer_slack", granted=True, detail=f"{slack_ns} ns")
+
+
+def request_frozen_gc() -> Grant:
+    """Collect once, put what is left out of the collector's sight, and switch the collector off."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return Grant("gc_off", granted=True, detail=f"{gc.get_freeze_count()} objects frozen, collector off")
+
+
+def request_prefault(size: int = PREFAULT_BYTES) -> Grant:
+    """Touch `size` bytes of heap, so that the scan's small allocations meet pages that are already there."""
+    block = bytearray(size)
+    for offset in range(0, size, mmap.PAGESIZE):
+        block[offset] = 1
+    return Grant("prefault", granted=True, detail=f"{size // 1024} KiB of heap touched")
+
+
+REQUESTS: tuple[Callable[[], Grant], ...] = (
+    request_timer_slack,
+    request_prefault,
+    request_mlock,
+    request_frozen_gc,
+    request_fifo,
+)
+"""In this order: the heap is touched before it is locked, and FIFO comes last so that nothing slow runs under it."""
+
+
+def request_all() -> tuple[Grant, ...]:
+    """Ask for everything; a refusal is reported, never an error."""
+    return tuple(request() for request in REQUESTS)
+
+
+def as_json(grants: tuple[Grant, ...]) -> dict[str, object]:
+    """Return `{"fifo": true, ..., "details": {"fifo": text, ...}}` for the timing proof."""
+    report: dict[str, object] = {grant.name: grant.granted for grant in grants}
+    report["details"] = {grant.name: grant.detail for grant in grants}
+    return report
+
+
+@contextmanager
+def quiet_collector() -> Iterator[None]:
+    """Run a virtual-time run without the collector, and leave it as it was found."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()

@@ -1,0 +1,63 @@
+"""The report of a run: one HTML file that needs nothing else, for whoever defends the verdict months later."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from station.result_view import limits_text, metric_name, number, timing_line, uncertainty_text, unit_text
+
+TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATE = "report.html.j2"
+
+RULES = {
+    "simple": "Simple acceptance: the measured value itself is compared with the limit.",
+    "guard_band": "Guard band: limits are moved in by w = r·U to accept, out by w to reject; between is not decidable.",
+}
+
+
+def report_html(
+    result: dict[str, Any],
+    run: dict[str, Any],
+    events: list[dict[str, Any]],
+    files: dict[str, str],
+    picture: bytes | None,
+) -> bytes:
+    """Return the report as HTML.
+
+    Args:
+        result: result.json.
+        run: run.json.
+        events: transitions, alarms, commands and notes.
+        files: text of recipe.yaml and bench.yaml by name.
+        picture: the loop as PNG, None when there is none.
+
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "number": number,
+        "limits": limits_text,
+        "metric_name": metric_name,
+        "uncertainty": uncertainty_text,
+        "unit": unit_text,
+    }
+    page = environment.get_template(TEMPLATE).render(
+        result=result,
+        run=run,
+        events=events,
+        files=files,
+        picture=None if picture is None else base64.b64encode(picture).decode(),
+        rule=RULES[result["decision"]["rule"]],
+        timing_line=timing_line(result["timing"]),
+        verdict_class=result["verdict"].lower().replace(" ", "-"),
+    )
+    return page.encode()

@@ -1,0 +1,106 @@
+"""The scan: read, step, write, record. One loop for both clocks.
+
+In real time a schedule waits for absolute deadlines and skips whole periods; in virtual time scan follows scan as fast
+as they go, lateness and work are recorded as 0, and the same seed gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from controller.image import Command, Image, Orders
+from station.schedule import RealTimeSchedule
+
+START_AT = 50
+"""Sequence number of the scan that START is given to: by then every device has answered."""
+
+
+class Bench(Protocol):
+    """What the loop needs of a bench, over wires or in process; neither call may wait."""
+
+    def read(self, scan: int, missed_periods: int, command: int) -> Image:
+        """Return the inputs of this scan."""
+
+    def write(self, orders: Orders, scan: int) -> None:
+        """Send the outputs of this scan."""
+
+
+class Stepper(Protocol):
+    """What the loop needs of the controller."""
+
+    @property
+    def finished(self) -> bool:
+        """True when nothing more will happen: complete, stopped, or a fault that has settled."""
+
+    def step(self, image: Image, scan: int) -> Orders:
+        """Decide one scan."""
+
+
+Append = Callable[[int, int, int, Image, Orders], bool]
+"""`append(scan, lateness_ns, work_ns, image, orders)`, False when the record was lost."""
+
+
+class Stop:
+    """A wish to end the run, set by a signal handler or by a lost record; becomes the command STOP."""
+
+    def __init__(self) -> None:
+        self.wanted = False
+        self.given = False
+
+    def ask(self, *_: object) -> None:
+        """Ask for it (usable as a signal handler)."""
+        self.wanted = True
+
+
+def run_virtual(bench: Bench, controller: Stepper, append: Append, take_command: Callable[[int], int]) -> int:
+    """Run scans back to back until the controller has finished; return how many there were."""
+    scan = 0
+    read, step, write = bench.read, controller.step, bench.write
+    while True:
+        image = read(scan, 0, take_command(scan))
+        orders = step(image, scan)
+        write(orders, scan)
+        append(scan, 0, 0, image, orders)
+        scan += 1
+        if controller.finished:
+            return scan
+
+
+def run_real(
+    bench: Bench,
+    controller: Stepper,
+    append: Append,
+    take_command: Callable[[], int],
+    *,
+    schedule: RealTimeSchedule,
+    stop: Stop,
+) -> int:
+    """Run scans at their deadlines until the controller has finished; return the number of the last period.
+
+    A lost record asks for a stop: what nobody records must not go on under torque.
+    """
+    now_ns: Callable[[], int] = time.monotonic_ns
+    read, step, write, wait = bench.read, controller.step, bench.write, schedule.wait
+    scan = -1
+    schedule.start()
+    while not controller.finished:
+        woken = wait()
+        missed = schedule.missed
+        scan += 1 + missed
+        command = take_command()
+        if command == 0 and stop.wanted and not stop.given:
+            stop.given = True
+            command = int(Command.STOP)
+        image = read(scan, missed, command)
+        orders = step(image, scan)
+        write(orders, scan)
+        if not append(scan, schedule.lateness_ns, now_ns() - woken, image, orders):
+            stop.wanted = True
+    return scan
+
+
+def start_once(sequence: int) -> int:
+    """Return the command of a virtual run for the given scan: START once, else none."""
+    return int(Command.START) if sequence == START_AT else 0

@@ -1,0 +1,108 @@
+"""Entry of the real-time process: `python -m station.scan_process SPEC.json`.
+
+Opens the bench, asks the machine for real time, then scans until the controller has finished. No thread, no logging,
+no waiting call in the scan. SIGTERM asks the controller for a stop (unload first) and never ends the process at once;
+SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
+
+Spec: ring, report (paths), recipe, bench (paths), profiles ({name: path}), ports (ready line of an embedded bench or
+null), spin_ns.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+from controller.compiler import compile_program
+from controller.controller import Controller
+from drivers.errors import DriverError
+from drivers.wire_bench import WireBench
+from recipes import RecipeError, load_bench, load_recipe
+from station import realtime
+from station.assemble import wire_config
+from station.ring import RingWriter, ScanState
+from station.scan_loop import Stop, run_real
+from station.schedule import RealTimeSchedule
+
+EXIT_REFUSED = 2
+
+
+def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
+    """Open the bench and run the scan to its end; return the report.
+
+    Raises:
+        DriverError: the bench cannot be opened; nothing has moved.
+        RecipeError: recipe, bench or a profile has changed since it was checked.
+
+    """
+    recipe = load_recipe(spec["recipe"])
+    bench_file = load_bench(spec["bench"])
+    profiles = {name: Path(path) for name, path in spec["profiles"].items()}
+    period_ns = recipe.sampling.period_ns
+    controller = Controller(compile_program(recipe, bench_file))
+    bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"]))
+    verified = bench.open()
+    try:
+        grants = realtime.request_all()
+        fifo = any(grant.name == "fifo" and grant.granted for grant in grants)
+        schedule = RealTimeSchedule(period_ns, spin_ns=spec["spin_ns"] if fifo else 0)
+        armed = {"realtime": realtime.as_json(grants), "verified": verified}
+        _tell(spec, {"state": "running", **armed})
+        ring.set_state(ScanState.RUNNING)
+        last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop)
+        counters = bench.counters()
+    finally:
+        bench.close()
+    return {
+        "state": "finished",
+        "scans": last + 1,
+        "written": ring.sequence,
+        "lost": ring.lost,
+        **armed,
+        "counters": counters,
+        "notes": [event._asdict() for event in controller.events if event.kind == "note"],
+        "stopped_by_signal": stop.wanted,
+    }
+
+
+def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
+    """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end."""
+    path = Path(spec["report"])
+    beside = path.with_suffix(".part")
+    beside.write_text(json.dumps(report, ensure_ascii=False))
+    beside.replace(path)
+
+
+def main() -> int:
+    """Run a spec; 0 when the scan came to its end, 2 when the bench was refused, 1 when the program failed."""
+    spec = json.loads(Path(sys.argv[1]).read_text())
+    stop = Stop()
+    signal.signal(signal.SIGTERM, stop.ask)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ring = RingWriter(Path(spec["ring"]))
+    code, state = 0, ScanState.FINISHED
+    try:
+        report = scan(spec, ring, stop)
+    except (DriverError, RecipeError) as error:
+        code, state = EXIT_REFUSED, ScanState.REFUSED
+        report = {"state": "refused", "error": str(error)}
+    except Exception as error:  # noqa: BLE001 - the last report of a process whose record must still be told why
+        code, state = 1, ScanState.DIED
+        report = {
+            "state": "failed",
+            "error": repr(error),
+            "traceback": traceback.format_exc(),
+            "written": ring.sequence,
+        }
+    _tell(spec, report)
+    ring.set_state(state)
+    ring.close()
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

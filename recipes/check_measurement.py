@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from datetime import date
 
 from recipes.bench_schema import Bench
-from recipes.finding import Finding
+from recipes.expectations import Finding
 from recipes.metric_units import METRIC_NEEDS
 from recipes.problems import one_of
 from recipes.quantity import PERIOD, TORQUE, show

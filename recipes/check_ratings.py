@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from recipes.bench_schema import Bench, TorqueSensor
-from recipes.finding import (
+from recipes.expectations import (
     ARCMIN_PER_RAD,
     Finding,
     input_torque_nm,

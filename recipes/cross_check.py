@@ -31,7 +31,7 @@ from recipes.check_ratings import (
     check_torque_ramps,
     check_unit_rating,
 )
-from recipes.finding import Finding
+from recipes.expectations import Finding
 from recipes.problems import Problem, one_of, place
 from recipes.recipe_schema import Recipe
 

@@ -14,10 +14,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from recipes.findings import problem_of
 from recipes.option_names import options_at
 from recipes.problems import Problem, RecipeError, nearest
 from recipes.section import FROM_DOCUMENT
+from recipes.translation import problem_of
 from recipes.yaml_source import OptionPath, Source, read_source
 
 ModelT = TypeVar("ModelT", bound=BaseModel)

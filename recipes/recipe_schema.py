@@ -43,7 +43,7 @@ class Header(Section):
 
     name: Name
     revision: Revision
-    description: Text = "no description"
+    description: Text = ""
 
 
 class LoadingTorqueRatio(Section):

@@ -166,7 +166,7 @@ Band = Annotated[float, Quantity(FRACTION, above=0, up_to=50)]
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$", max_length=60)]
 """Short name that also serves as a file name."""
-Text = Annotated[str, StringConstraints(min_length=1, max_length=500)]
+Text = Annotated[str, StringConstraints(max_length=500)]
 Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:-]+$", max_length=253)]
 Word = Annotated[str, StringConstraints(pattern=r"^\S+$", max_length=200)]
 """Name or path without spaces: a profile, a bus, a serial port."""

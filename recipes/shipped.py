@@ -13,7 +13,7 @@ from recipes.quantity import TORQUE, QuantityError, read_quantity
 from recipes.recipe_schema import Recipe
 from recipes.section import RATED, REFERENCE
 from recipes.sequence_schema import sequence_order
-from recipes.yaml_source import parse_source, read_source
+from recipes.yaml_source import Source, parse_source, read_source
 
 HERE = Path(__file__).parent
 
@@ -78,7 +78,7 @@ def default_bench(recipe: Recipe) -> tuple[Path, Bench]:
     return max(fitting, key=lambda item: bool(item[1].bench.models))
 
 
-def _recipe_of(source: Any) -> Recipe:
+def _recipe_of(source: Source) -> Recipe:
     recipe = load_source(source, Recipe, percentages, rules=(sequence_order,))
     return recipe.with_source(source)
 

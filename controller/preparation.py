@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from controller.context import RUNNING, Context, Outcome
-from controller.image import DriveCommand, DriveMode, DriveState, Image
+from controller.image import DriveCommand, DriveMode, DriveState, Image, NmtState
 
 ENABLE_PATH: dict[int, DriveCommand] = {
     DriveState.SWITCH_ON_DISABLED: DriveCommand.SHUTDOWN,
@@ -39,6 +39,8 @@ class Readiness:
             )
             if age > limit
         ]
+        if image.drive_nmt_state != NmtState.OPERATIONAL:
+            missing.append("servo drive in the operational state")
         if not missing:
             return Outcome(trigger="start")
         self._waited += elapsed

@@ -20,6 +20,8 @@ READY_TIMEOUT_S = 120.0
 
 TERMINATE_TIMEOUT_S = 3.0
 LONGEST_READY_LINE = 65536
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""A second thread in a process costs its scan milliseconds, even one that only waits for work."""
 
 
 class LifeLine:
@@ -37,7 +39,8 @@ class LifeLine:
 
 def _run_module(module: str, spec: Path, **options: Any) -> subprocess.Popen[bytes]:
     # A session of its own: Ctrl-C in the terminal is for the desk, which unloads the torque first.
-    return subprocess.Popen([sys.executable, "-m", module, str(spec)], start_new_session=True, **options)  # noqa: S603
+    command = [sys.executable, "-m", module, str(spec)]
+    return subprocess.Popen(command, start_new_session=True, env=os.environ | ONE_THREAD, **options)  # noqa: S603
 
 
 def start_virtual_bench(spec: Path, log: Path, life_line: LifeLine) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:

@@ -14,6 +14,7 @@ from rich.text import Text
 from station.errors import RecordError
 from station.record_check import check_file
 from station.record_store import RESULT, RunRecord, Store
+from station.recovery import recover_all
 from station.result_view import VERDICT_STYLES, result_console, show_result
 
 STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
@@ -26,7 +27,9 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
         StationError: there is no such run.
 
     """
-    run = Store(data).find(name)
+    store = Store(data)
+    recover_all(store)
+    run = store.find(name)
     found = stored_result(run)
     if as_json:
         sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
@@ -100,7 +103,9 @@ def table_width(rows: list[dict[str, Any]]) -> int:
 
 def list_runs(data: Path, *, as_json: bool) -> int:
     """Print all runs, newest last."""
-    rows = [row(run) for run in Store(data).runs()]
+    store = Store(data)
+    recover_all(store)
+    rows = [row(run) for run in store.runs()]
     if as_json:
         sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
         return 0

@@ -121,8 +121,8 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
     if ending.refused:
         return reasons
     if state == "fault":
-        first = alarms_in(events)[:1]
-        reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in first]
+        causes = [alarm for alarm in alarms_in(events) if alarm["first"]]
+        reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
     elif state == "stopped":
         reasons.append("the operator stopped the run; the torque was brought to zero and the lock opened")
     elif state == INTERRUPTED and not reasons:

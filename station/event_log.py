@@ -49,13 +49,15 @@ def _alarms(table: Table) -> list[dict[str, Any]]:
     alarms = table["orders"]["alarms"]
     if not len(alarms):
         return []
+    faults = table["orders"]["fault"]
+    first_out = int(faults[faults != 0][0]) if faults.any() else 0
     before = np.concatenate((np.zeros(1, dtype=alarms.dtype), alarms[:-1]))
     fresh = alarms & ~before
     found = []
     for index in np.flatnonzero(fresh):
         bits = int(fresh[index])
         numbers = [number for number in range(bits.bit_length()) if bits >> number & 1]
-        found += [_alarm(table, int(index), number) for number in numbers]
+        found += [_alarm(table, int(index), number) | {"first": number == first_out} for number in numbers]
     return found
 
 
@@ -71,7 +73,6 @@ def _alarm(table: Table, index: int, number: int) -> dict[str, Any]:
         "text": fault.text,
         "cause": fault.cause,
         "next_action": fault.next_action,
-        "first": int(orders["fault"]) == number,
         "values": {
             "torque_out_nm": round(float(image["torque_out_nm"] - orders["torque_out_tare_nm"]), 3),
             "torque_in_nm": round(float(image["torque_in_nm"] - orders["torque_in_tare_nm"]), 5),
@@ -95,6 +96,6 @@ def events_of(table: Table, period_ns: int, notes: list[dict[str, Any]]) -> list
 
 
 def alarms_in(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the alarms among events, the first-out cause first among those of the same scan."""
+    """Return the alarms among events in order of time; of the same scan, the one that caused the reaction first."""
     alarms = [event for event in events if event["kind"] == "alarm"]
     return sorted(alarms, key=lambda event: (event["scan"], not event["first"]))

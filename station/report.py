@@ -8,7 +8,7 @@ from typing import Any
 
 import jinja2
 
-from station.result_view import limits_text, metric_name, number, timing_line, uncertainty_text, unit_text
+from station.result_view import limits_text, metric_name, number, shown_rows, timing_line, uncertainty_text, unit_text
 
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
@@ -56,6 +56,7 @@ def report_html(
         events=events,
         files=files,
         picture=None if picture is None else base64.b64encode(picture).decode(),
+        metrics=shown_rows(result["metrics"]),
         rule=RULES[result["decision"]["rule"]],
         timing_line=timing_line(result["timing"]),
         verdict_class=result["verdict"].lower().replace(" ", "-"),

@@ -53,6 +53,22 @@ def unit_text(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
+def shown_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the metrics as rows: the headline side, and every other side whose verdict is not the same."""
+    rows = []
+    for metric in metrics:
+        sides = metric.get("sides", {})
+        headline = sides.get(metric["side"], metric)
+        rows.append(metric | {"verdict": headline["verdict"]})
+        rows += [
+            metric
+            | {"side": side, "value": found["value"], "uncertainty": found["uncertainty"], "verdict": found["verdict"]}
+            for side, found in sides.items()
+            if side != metric["side"] and found["verdict"] != headline["verdict"]
+        ]
+    return rows
+
+
 def metrics_table(metrics: list[dict[str, Any]]) -> Table:
     """Return the metrics as a table, those that decide first."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
@@ -60,7 +76,7 @@ def metrics_table(metrics: list[dict[str, Any]]) -> Table:
     table.add_column("value", justify="right", no_wrap=True)
     for name in ("", "unit", "limit", ""):
         table.add_column(name, no_wrap=True)
-    for metric in sorted(metrics, key=lambda one: one["verdict"] is None):
+    for metric in sorted(shown_rows(metrics), key=lambda one: one["verdict"] is None):
         verdict = metric["verdict"]
         style = {"PASS": "green", "FAIL": "bold red", "NOT DECIDABLE": "yellow"}.get(verdict or "", "")
         table.add_row(

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.virtual.errors import VirtualBenchError
+from drivers.virtual.plant import warm_up
 from drivers.virtual.server import log_line, run
 from recipes import RecipeError, load_bench
 from station.assemble_virtual import load_scenario, server_config
@@ -34,6 +35,7 @@ def serve(spec: dict[str, Any]) -> None:
         embedded=spec["embedded"],
     )
     faults = None if scenario is None else load_scenario(scenario)
+    warm_up(config.bench)  # compiling takes seconds: not with a priority that keeps others waiting
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except OSError as error:

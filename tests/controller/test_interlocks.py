@@ -239,7 +239,6 @@ def keep(run: Timeline, orders) -> None:
 START_FAULTS: dict[str, dict[str, float]] = {
     "devices_not_ready": {"sample_age_scans": AGE_NEVER, "io_age_scans": AGE_NEVER},
     "estop": {"estop_released": 0},
-    "drive_data_stale": {"drive_nmt_state": NmtState.PRE_OPERATIONAL},
     "tare_out_of_range": {"torque_in_nm": 0.2},
     "drive_enable_timeout": {"drive_state": DriveState.NOT_READY_TO_SWITCH_ON},
     "homing_failed": {"drive_homing_error": 1, "drive_homing_attained": 0},
@@ -255,6 +254,19 @@ def test_a_start_that_cannot_be_is_refused_by_name(fault_id):
     assert run.controller.state == S.FAULT
     assert run.alarms()[0] == fault_id
     assert S.LOCK not in run.states()
+
+
+def test_start_waits_for_the_drive_to_be_operational():
+    run = Timeline(short_program())
+    run.bench.frozen = {"drive_nmt_state": NmtState.NEVER_HEARD}
+    run.go(50)
+    assert run.states() == [S.IDLE]
+    run.bench.frozen = {}
+    run.go(2)
+    assert run.controller.state == S.HOME
+    run.bench.frozen = {"drive_nmt_state": NmtState.PRE_OPERATIONAL}
+    run.go()
+    assert run.alarms() == ["drive_data_stale"]
 
 
 def test_noisy_sensor_is_not_tared():

@@ -1,7 +1,8 @@
-"""The main job over real wires in real time: a pass, faults in the middle of a ramp, interruptions, a killed controller."""
+"""The main job over real wires in real time: a pass, faults in mid-ramp, interruptions, a killed controller."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -11,23 +12,27 @@ import numpy as np
 import pytest
 
 from controller.faults import FAULT_BY_ID
-from controller.image import DriveState, State
-from station.scan_record import RECORD_DTYPE
+from controller.image import DriveState, Orders, State
+from station.record_check import RECORD_DTYPE, read_table
 
 pytestmark = pytest.mark.wires
 RATED_NM = 412.0
 
 
-def samples_of(record: Path) -> np.ndarray:
-    """Every whole scan record of a run; the sequence numbers have no gap."""
-    raw = (record / "samples.bin").read_bytes()
-    samples = np.frombuffer(raw[: len(raw) // RECORD_DTYPE.itemsize * RECORD_DTYPE.itemsize], RECORD_DTYPE)
-    assert (np.diff(samples["sequence"].astype(np.int64)) == 1).all()
-    return samples
+class Samples:
+    """Every whole scan record of a run, its channels by name; the sequence numbers have no gap."""
 
+    def __init__(self, record: Path) -> None:
+        self.table = read_table(record / "samples.bin")
+        assert (np.diff(self.table["sequence"].astype(np.int64)) == 1).all()
 
-def torque_out_nm(samples: np.ndarray) -> np.ndarray:
-    return samples["torque_out_nm"] - samples["torque_out_tare_nm"]
+    def __getitem__(self, channel: str) -> np.ndarray:
+        part = "orders" if channel in Orders._fields else "image"
+        return self.table[part][channel]
+
+    @property
+    def torque_out_nm(self) -> np.ndarray:
+        return self["torque_out_nm"] - self["torque_out_tare_nm"]
 
 
 def write_scenario(folder: Path, target: str, verb: str, value: str = "") -> str:
@@ -55,7 +60,7 @@ def test_quick_recipe_passes_in_real_time(lostmotion):
         assert (ran.exit_code, result["verdict"], result["reasons"]) == (0, "PASS", [])
     else:  # a machine that did not give the controller its time: never a PASS
         assert (ran.exit_code, result["verdict"]) == (3, "NOT DECIDABLE")
-    assert len(samples_of(ran.record)) == timing["scans"]
+    assert len(Samples(ran.record).table) == timing["scans"]
     for name in (
         "recipe.yaml",
         "bench.yaml",
@@ -77,7 +82,7 @@ def test_quick_recipe_passes_in_real_time(lostmotion):
         ("lock", "slip", "0.2", {"lock_slip"}),
     ],
 )
-def test_fault_in_the_middle_of_a_ramp(lostmotion, short_recipe, tmp_path, target, verb, value, cause):
+def test_fault_in_the_middle_of_a_ramp(lostmotion, short_recipe, tmp_path, *, target, verb, value, cause):
     scenario = write_scenario(tmp_path, target, verb, value)
     ran = lostmotion("run", short_recipe, "--serial", "F", "--json", "--scenario", scenario)
     result = ran.json
@@ -89,22 +94,29 @@ def test_fault_in_the_middle_of_a_ramp(lostmotion, short_recipe, tmp_path, targe
     assert first["next_action"] == FAULT_BY_ID[first["id"]].next_action
     assert FAULT_BY_ID[first["id"]].text in ran.err
 
-    samples = samples_of(ran.record)
+    samples = Samples(ran.record)
     assert samples["state"][-1] == State.FAULT
     assert samples["fault"][-1] == FAULT_BY_ID[first["id"]].number
     assert samples["brake_on"][-1], "the lock stays closed"
     tripped = int(np.argmax(samples["state"] == State.FAULT))
-    assert torque_out_nm(samples)[:tripped].max() > 140.0
+    assert samples.torque_out_nm[:tripped].max() > 140.0
     assert (samples["drive_target_torque_nm"][-1], samples["drive_command"][-1]) == (0.0, 0)
     if target != "can.drive.heartbeat":  # a silent drive cannot say that it is off
         assert samples["drive_state"][-1] != DriveState.OPERATION_ENABLED
     if not target.startswith("modbus"):  # a cut sensor cannot show it
         # friction keeps a rest in the unit when the drive lets go; 6 % is what the unloading line leaves
-        assert abs(torque_out_nm(samples)[-1]) < 0.08 * RATED_NM
+        assert abs(samples.torque_out_nm[-1]) < 0.08 * RATED_NM
 
 
 def scan_process_of(run_folder: Path) -> int:
-    return int(json.loads((run_folder / "run.json").read_text(encoding="utf-8"))["scan_pid"])
+    """Process id of the scan process, by its command line."""
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            words = path.read_bytes().split(b"\0")
+            if b"station.scan_process" in words and str(run_folder).encode() in words[-2]:
+                return int(path.parent.name)
+    message = "there is no scan process"
+    raise AssertionError(message)
 
 
 def in_ramp(data: Path) -> bool:
@@ -118,7 +130,7 @@ def in_ramp(data: Path) -> bool:
     with files[-1].open("rb") as stream:
         stream.seek(size - RECORD_DTYPE.itemsize)
         last = np.frombuffer(stream.read(RECORD_DTYPE.itemsize), RECORD_DTYPE)[0]
-    return bool(abs(last["torque_out_nm"] - last["torque_out_tare_nm"]) > 150.0 and last["state"] == State.RAMP_POS)
+    return bool(last["image"]["torque_out_nm"] > 150.0 and last["orders"]["state"] == State.RAMP_POS)
 
 
 def test_ctrl_c_unloads_releases_and_ends_stopped(start, short_recipe):
@@ -127,11 +139,11 @@ def test_ctrl_c_unloads_releases_and_ends_stopped(start, short_recipe):
     run.interrupt()
     ran = run.finish()
     assert (ran.exit_code, ran.json["state"]) == (4, "stopped")
-    samples = samples_of(ran.record)
+    samples = Samples(ran.record)
     assert list(dict.fromkeys(samples["state"]))[-3:] == [State.UNLOAD, State.RELEASE, State.STOPPED]
     assert not samples["brake_on"][-1]
     opened = int(np.argmax((samples["brake_on"] == 0) & (samples["state"] == State.RELEASE)))
-    assert abs(torque_out_nm(samples)[opened]) < 0.02 * RATED_NM
+    assert abs(samples.torque_out_nm[opened]) < 0.02 * RATED_NM
 
 
 def test_second_ctrl_c_is_a_quick_stop(start, short_recipe):
@@ -154,9 +166,9 @@ def test_killed_controller_drive_stops_itself_and_nothing_recorded_is_lost(start
     assert ran.exit_code == 4
     assert ran.json["verdict"] != "PASS"
     assert ran.json["state"] == "interrupted"
-    samples = samples_of(folder)
+    samples = Samples(folder)
     assert samples["state"][-1] == State.RAMP_POS
-    assert torque_out_nm(samples)[-1] > 150.0
+    assert samples.torque_out_nm[-1] > 150.0
     said = [json.loads(line) for line in (folder / "virtual-bench.jsonl").read_text(encoding="utf-8").splitlines()]
     lost = [line for line in said if line["event"] == "controller_lost"]
     assert lost, "the drive said nothing"

@@ -1,6 +1,7 @@
 """The reference pages say what the tables of the code say."""
 
 import importlib.util
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -15,3 +16,11 @@ SPEC.loader.exec_module(generate)
 def test_page_is_up_to_date(page):
     written = (ROOT / "docs" / page).read_text(encoding="utf-8")
     assert written == generate.PAGES[page](), "run 'make docs'"
+
+
+def test_drivers_are_kept_from_every_module_of_the_controller_but_the_image():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = project["tool"]["importlinter"]["contracts"]
+    (contract,) = [item for item in contracts if item["name"] == "Drivers know the process image only"]
+    modules = {f"controller.{path.stem}" for path in (ROOT / "controller").glob("*.py")}
+    assert modules - {"controller.__init__", "controller.image"} <= set(contract["forbidden_modules"])

@@ -99,7 +99,7 @@ class Interlocks(Section):
     io_age_s: Age = 0.1
     brake_age_s: Age = 0.1
     drive_heartbeat_s: Age = 0.1
-    missed_in_a_row: Annotated[int, Field(ge=1, le=1000)] = 20
+    missed_in_a_row: Annotated[int, Field(ge=1, le=1000)] = 40
     internal_limit_s: Age = 0.05
     torque_rate_nm_s: TorqueSlope | None = None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import optimize
@@ -17,6 +17,9 @@ from analysis.units import FloatArray
 
 MOST_CORRELATION = 0.95
 """Parameters whose estimates hang together by more than this cannot be told apart."""
+
+FIRST_EVALUATIONS = 12
+"""Steps from each start; the best one is then followed to its end."""
 
 MOST_EVALUATIONS = 200
 
@@ -82,17 +85,17 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
     def residual(x: FloatArray) -> FloatArray:
         return torque_on_closed_path(row, values(x), loop) - loop.torque_nm
 
-    begins = [_searched(np.array([start[name] for name in free]), ratio) for start in starts]
+    def search(begin: FloatArray, evaluations: int) -> Any:
+        return optimize.least_squares(residual, begin, bounds=(least, most), x_scale="jac", max_nfev=evaluations)
+
     try:
         with np.errstate(all="ignore"):
-            fits = [
-                optimize.least_squares(residual, begin, bounds=(least, most), x_scale="jac", max_nfev=MOST_EVALUATIONS)
-                for begin in begins
-            ]
+            begins = [_searched(np.array([start[name] for name in free]), ratio) for start in starts]
+            first = min((search(begin, FIRST_EVALUATIONS) for begin in begins), key=lambda fit: float(fit.cost))
+            found = search(first.x, MOST_EVALUATIONS)
     except (ValueError, np.linalg.LinAlgError) as error:
         raise AnalysisError(f"model {model}: the fit fails on this loop: {error}; look at the loop") from error
-    found = min(fits, key=lambda fit: float(fit.cost))
-    if found.status <= 0 or not np.isfinite(found.cost):
+    if found.status <= 0:
         raise AnalysisError(
             f"model {model}: no fit after {MOST_EVALUATIONS} evaluations; look at the loop, or fix a parameter"
         )

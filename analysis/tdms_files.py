@@ -19,8 +19,6 @@ from nptdms.log import log_manager
 
 from analysis.errors import AnalysisError
 
-TDMS_MAGIC = b"TDSm"
-
 TIME_COLUMN = "t_s"
 
 LARGEST_STEP_S = 1e6

@@ -19,7 +19,6 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 
 from analysis.errors import AnalysisError
-from analysis.tdms_files import TDMS_MAGIC, read_tdms_table
 from analysis.trace import ROLES, SegmentInfo, Trace, first_bad_row
 from analysis.units import RAD_PER_ARCMIN, FloatArray, IntArray
 
@@ -41,6 +40,7 @@ SEGMENT_COLUMNS = ("segment", "branch")
 BRANCH_NAMES = {"forward": 1, "return": -1}
 """Branch names of published loops, and the direction of torque."""
 
+TDMS_MAGIC = b"TDSm"
 PARQUET_MAGIC = b"PAR1"
 
 
@@ -91,6 +91,8 @@ def _read_table(file: Path) -> Any:
         with file.open("rb") as stream:
             start = stream.read(4)
         if start == TDMS_MAGIC:
+            from analysis.tdms_files import read_tdms_table  # noqa: PLC0415 - half a second for one kind of file
+
             return read_tdms_table(file, frozenset([*COLUMNS, *SEGMENT_COLUMNS]))
         if start == PARQUET_MAGIC:
             return pa_parquet.read_table(file)

@@ -135,6 +135,25 @@ def virtual_bench(
     raise typer.Exit(command_virtual_bench.virtual_bench(bench, can, modbus, unit, scenario))
 
 
+@app.command()
+def replay(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="OTHER", help="What if: interlocks and limits of another recipe."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Step the controller through a record and compare every order, byte for byte.
+
+    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record.
+    """
+    from station import command_replay
+
+    raise typer.Exit(command_replay.replay_run(name, data, recipe, as_json=as_json))
+
+
 def _bad_input() -> tuple[type[Exception], ...]:
     """Return the errors that a person can mend. Called when one was raised: its module is loaded then anyway."""
     loaded = sys.modules

@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
 
-.PHONY: help setup run test check format docs bench clean
+.PHONY: help setup run test check format docs golden bench kill-tests test-socketcan clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -13,6 +13,7 @@ help:
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code"
+	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make bench   performance figures, as ratios measured in one run"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -42,6 +43,9 @@ format: $(STAMP)
 
 docs: $(STAMP)
 	$(BIN)/python -m docs.generate
+
+golden: $(STAMP)
+	$(BIN)/python tests/golden/regenerate.py
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -210,4 +210,5 @@ class Desk:
             notes=said.get("notes", []),
             trouble=trouble,
             counters=said.get("counters", {}),
+            times=said.get("times", {}),
         )

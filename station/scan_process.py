@@ -26,6 +26,7 @@ from station import realtime
 from station.assemble import wire_config
 from station.ring import RingWriter, ScanState
 from station.scan_loop import Stop, run_real
+from station.scan_times import ScanTimes
 from station.schedule import RealTimeSchedule
 
 EXIT_REFUSED = 2
@@ -53,7 +54,8 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         armed = {"realtime": realtime.as_json(grants), "verified": verified}
         _tell(spec, {"state": "running", **armed})
         ring.set_state(ScanState.RUNNING)
-        last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop)
+        times = ScanTimes()
+        last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop, times=times)
         counters = bench.counters()
     finally:
         bench.close()
@@ -64,6 +66,7 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         "lost": ring.lost,
         **armed,
         "counters": counters,
+        "times": times.to_dict(),
         "notes": [event._asdict() for event in controller.events if event.kind == "note"],
         "stopped_by_signal": stop.wanted,
     }

@@ -154,6 +154,41 @@ def replay(
     raise typer.Exit(command_replay.replay_run(name, data, recipe, as_json=as_json))
 
 
+@app.command()
+def timing(
+    seconds: Annotated[float, typer.Option("--seconds", metavar="N", min=0.1, help="How long to measure.")] = 10.0,
+    bench: BenchOption = None,
+    recipe: Annotated[
+        str | None,
+        typer.Option(
+            "--recipe", metavar="RECIPE", help="Recipe whose period and bench are meant. Default: a shipped one."
+        ),
+    ] = None,
+    period_us: Annotated[
+        int | None,
+        typer.Option("--period-us", metavar="N", min=100, max=100_000, help="Measure at another scan period [µs]."),
+    ] = None,
+    spin_us: Annotated[
+        int | None,
+        typer.Option("--spin-us", metavar="N", min=0, max=1000, help="Spin this long before each deadline [µs]."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure what this machine can do: the whole scan without a unit under test. Nothing moves.
+
+    Exit code: 0, or 1 when more than 0.1 % of the periods were missed; 2 bad input.
+    """
+    from station import command_timing
+    from station.timing_run import Asked
+
+    asked = Asked(
+        seconds,
+        None if period_us is None else period_us * 1000,
+        None if spin_us is None else spin_us * 1000,
+    )
+    raise typer.Exit(command_timing.timing(recipe, bench, asked, as_json=as_json))
+
+
 def _bad_input() -> tuple[type[Exception], ...]:
     """Return the errors that a person can mend. Called when one was raised: its module is loaded then anyway."""
     loaded = sys.modules

@@ -3,6 +3,9 @@
 One row per interlock: the fault it raises (`controller.faults` holds reaction, debounce and wording), the states in
 which it is live, and the check. A check sees the image, what was measured from it and the limits; it answers True when
 the condition is present. It keeps nothing: debouncing is done in one place, here.
+
+Ages are judged less the periods that the controller itself missed: nobody asked the devices in that time. A hold-up has
+an interlock of its own.
 """
 
 from __future__ import annotations
@@ -78,11 +81,11 @@ def _can_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
 
 
 def _drive_heartbeat_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.drive_heartbeat_age_scans > li.heartbeat_scans
+    return i.drive_heartbeat_age_scans - i.missed_periods > li.heartbeat_scans
 
 
 def _drive_data_stale(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.drive_age_scans > li.drive_stale_scans or i.drive_nmt_state != NmtState.OPERATIONAL
+    return i.drive_age_scans - i.missed_periods > li.drive_stale_scans or i.drive_nmt_state != NmtState.OPERATIONAL
 
 
 def _amplifier_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
@@ -90,11 +93,11 @@ def _amplifier_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
 
 
 def _sample_stale(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.sample_age_scans > li.sample_stale_scans
+    return i.sample_age_scans - i.missed_periods > li.sample_stale_scans
 
 
 def _sample_late(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.sample_age_scans > li.sample_late_scans
+    return i.sample_age_scans - i.missed_periods > li.sample_late_scans
 
 
 def _sample_frozen(_i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
@@ -102,11 +105,11 @@ def _sample_frozen(_i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
 
 
 def _brake_link_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & Link.BRAKE) or i.brake_age_scans > li.brake_stale_scans
+    return bool(i.links_lost & Link.BRAKE) or i.brake_age_scans - i.missed_periods > li.brake_stale_scans
 
 
 def _remote_io_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & Link.REMOTE_IO) or i.io_age_scans > li.io_stale_scans
+    return bool(i.links_lost & Link.REMOTE_IO) or i.io_age_scans - i.missed_periods > li.io_stale_scans
 
 
 def _drive_fault(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from analysis import METRICS
-from controller.compiler import BUDGETS
+from controller.budgets import BUDGETS
 from controller.faults import FAULTS
 from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
 from controller.interlocks import INTERLOCKS

@@ -1,15 +1,29 @@
-"""What shall be done: recipe and bench schemas, units, the strict loader, and the shipped files."""
+"""What shall be done: recipe and bench schemas, units, the strict loader, and the shipped files.
+
+recipe = load_recipe("rv-40e-121-inverse.yaml")     # RecipeError: all problems, with line and column
+path, bench = default_bench(recipe)                 # or load_bench("my-bench.yaml")
+problems = check(recipe, bench)                     # empty when this bench can run this recipe
+"""
 
 from recipes.bench_schema import Bench, Calibration
 from recipes.cross_check import check
-from recipes.loader import load_bench, load_document, load_recipe
-from recipes.metric_units import METRIC_KINDS, METRIC_UNITS
+from recipes.loader import load_document
+from recipes.metric_units import METRIC_UNITS
 from recipes.problems import Problem, RecipeError
 from recipes.recipe_schema import Decision, MetricWanted, Recipe
-from recipes.shipped import default_bench, find_bench, shipped_benches, shipped_recipes
+from recipes.shipped import (
+    default_bench,
+    find_bench,
+    find_recipe,
+    load_bench,
+    load_recipe,
+    parse_bench,
+    parse_recipe,
+    shipped_benches,
+    shipped_recipes,
+)
 
 __all__ = [
-    "METRIC_KINDS",
     "METRIC_UNITS",
     "Bench",
     "Calibration",
@@ -21,9 +35,12 @@ __all__ = [
     "check",
     "default_bench",
     "find_bench",
+    "find_recipe",
     "load_bench",
     "load_document",
     "load_recipe",
+    "parse_bench",
+    "parse_recipe",
     "shipped_benches",
     "shipped_recipes",
 ]

@@ -1,116 +1,156 @@
-"""What a bench file may say: buses, devices, ratings, sensors, calibrations."""
+"""Sections of a bench file: the hardware of one test bench, its wires, ratings, sensors and calibrations."""
 
 from __future__ import annotations
 
-import datetime as dt
+from datetime import date
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from recipes.quantity import (
-    Angle,
-    Bits,
+from recipes.quantity import PERIOD, show
+from recipes.section import (
+    Age,
+    AngleNoise,
+    BitCount,
     Current,
     Fraction,
-    PositiveTime,
-    PositiveTorque,
+    Host,
+    Lag,
+    Name,
+    Port,
+    Revision,
+    Section,
     SignedTorque,
     Speed,
     Stiffness,
-    Time,
-    TorquePerCurrent,
-    TorqueRate,
+    Torque,
+    TorqueConstant,
+    TorqueSlope,
+    UsableRange,
+    Word,
+    refusal,
 )
-from recipes.recipe_schema import Name, Revision
-from recipes.section import Section
 
-Port = Annotated[int, Field(ge=0, le=65535)]
 NodeId = Annotated[int, Field(ge=1, le=127)]
-UnitId = Annotated[int, Field(ge=1, le=247)]
 OptionCode = Annotated[int, Field(ge=-32768, le=32767)]
+Bitrate = Literal[10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000]
+Baudrate = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600]
 
 
 class BenchHeader(Section):
-    """Which bench this is, which shaft its servo drives, and which models it serves (empty: any)."""
+    """Name of a bench, the shaft that its servo loads, and what it is built for."""
 
     name: Name
     revision: Revision
     loading: Literal["input", "output"]
     embedded: bool = False
-    models: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """The program starts this bench itself."""
+    models: tuple[Name, ...] = ()
+    """Models that fit this bench; empty when any does."""
 
 
 class CanBus(Section):
-    """How the CAN bus is reached."""
+    """CAN bus of the drive: socketcand by host, port and channel, slcan by the serial port in `channel`."""
 
     interface: Literal["socketcand", "socketcan", "slcan", "virtual"]
-    channel: str
-    host: str = "127.0.0.1"
+    channel: Word
+    host: Host = "127.0.0.1"
     port: Port = 29536
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+    bitrate: Bitrate = 1000000
 
 
 class Drive(Section):
-    """The servo drive; torques and speeds of the motor shaft."""
+    """Servo drive: identity on the bus, ratings of its motor, and the protections written into it before arming."""
 
     node_id: NodeId
     controller_node_id: NodeId
     profile: Name
-    gear_ratio: Annotated[float, Field(gt=0.0, le=10_000.0, strict=False)]
-    rated_torque_nm: PositiveTorque = Field(alias="rated_torque")
-    max_torque_nm: PositiveTorque = Field(alias="max_torque")
-    max_speed_rad_s: Speed = Field(alias="max_speed")
-    torque_slope_nm_s: TorqueRate = Field(alias="torque_slope")
-    controller_heartbeat_s: PositiveTime = Field(alias="controller_heartbeat")
-    controller_heartbeat_timeout_s: PositiveTime = Field(alias="controller_heartbeat_timeout")
-    drive_heartbeat_s: PositiveTime = Field(alias="drive_heartbeat")
-    setpoint_timeout_s: PositiveTime = Field(alias="setpoint_timeout")
+    gear_ratio: Annotated[float, Field(gt=0, le=10000)]
+    rated_torque_nm: Torque
+    max_torque_nm: Torque
+    max_speed_rad_s: Speed
+    torque_slope_nm_s: TorqueSlope
+    controller_heartbeat_s: Age
+    controller_heartbeat_timeout_s: Age
+    drive_heartbeat_s: Age
+    setpoint_timeout_s: Age
     abort_connection_option: OptionCode
     quick_stop_option: OptionCode
     fault_reaction_option: OptionCode
 
+    @model_validator(mode="after")
+    def _consistent(self) -> Drive:
+        if self.node_id == self.controller_node_id:
+            hint = "Give the controller a number that no device on the bus has, such as 126."
+            raise refusal(f"{self.node_id} for both", "two different node numbers", hint, at="controller_node_id")
+        if self.controller_heartbeat_timeout_s < 2 * self.controller_heartbeat_s:
+            found = show(self.controller_heartbeat_timeout_s, PERIOD)
+            allowed = f"at least twice controller_heartbeat, {show(2 * self.controller_heartbeat_s, PERIOD)}"
+            raise refusal(found, allowed, "One late heartbeat would stop the drive.", at="controller_heartbeat_timeout")
+        return self
+
 
 class ModbusDevice(Section):
-    """A device on Modbus TCP or RTU."""
+    """Device on Modbus TCP or RTU, and how often it is asked."""
 
     transport: Literal["tcp", "rtu"]
-    host: str = "127.0.0.1"
+    host: Host | Literal[""] = ""
     port: Port = 502
-    serial_port: str = ""
-    baudrate: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
-    unit_id: UnitId
+    serial_port: Word | Literal[""] = ""
+    baudrate: Baudrate = 115200
+    unit_id: Annotated[int, Field(ge=0, le=247)]
     profile: Name
-    poll_every_s: PositiveTime = Field(alias="poll_every")
-    timeout_s: PositiveTime = Field(alias="timeout")
+    poll_every_s: Age
+    timeout_s: Age
+
+    @model_validator(mode="after")
+    def _addressed(self) -> ModbusDevice:
+        if self.transport == "tcp" and not self.host:
+            raise refusal("tcp without a host", "the option 'host' for tcp", "Add 'host: 192.168.0.10'.")
+        if self.transport == "rtu" and not self.serial_port:
+            hint = "Add 'serial_port: /dev/ttyUSB0'."
+            raise refusal("rtu without a serial port", "the option 'serial_port' for rtu", hint)
+        return self
 
 
 class BrakeDevice(ModbusDevice):
-    """The lock brake and its supply: T = k_b I."""
+    """Supply of the powder brake that locks a shaft; its torque is `torque_constant` times the current."""
 
-    torque_constant_nm_per_a: TorquePerCurrent = Field(alias="torque_constant")
-    max_current_a: Current = Field(alias="max_current")
-    time_constant_s: PositiveTime = Field(alias="time_constant")
+    torque_constant_nm_per_a: TorqueConstant
+    max_current_a: Current
+    time_constant_s: Lag
+
+    @property
+    def max_torque_nm(self) -> float:
+        """Torque that the brake holds at its largest current [N·m]."""
+        return self.torque_constant_nm_per_a * self.max_current_a
 
 
 class TorqueSensor(Section):
-    """A torque transducer."""
+    """Torque sensor; accuracy, noise and the usable range are fractions of full scale."""
 
-    full_scale_nm: PositiveTorque = Field(alias="full_scale")
-    accuracy_fraction: Fraction = Field(alias="accuracy")
-    noise_fraction: Fraction = Field(alias="noise")
-    lag_s: Time = Field(alias="lag")
+    full_scale_nm: Torque
+    usable_fraction: UsableRange = 1.0
+    accuracy_fraction: Fraction
+    noise_fraction: Fraction
+    lag_s: Lag
+
+    @property
+    def usable_nm(self) -> float:
+        """Largest torque that is measured; the amplifier saturates above it [N·m]."""
+        return self.full_scale_nm * self.usable_fraction
 
 
 class AngleSensor(Section):
-    """A rotary encoder."""
+    """Encoder of a shaft."""
 
-    resolution_bits: Bits = Field(alias="resolution")
-    noise_rad: Angle = Field(alias="noise")
-    lag_s: Time = Field(alias="lag")
+    resolution_bits: BitCount
+    noise_rad: AngleNoise
+    lag_s: Lag
 
 
 class Sensors(Section):
-    """What the measuring amplifier samples; a sensor that the bench does not have is left out."""
+    """Sensors of the bench; what it does not have is left out."""
 
     torque_in: TorqueSensor | None = None
     torque_out: TorqueSensor | None = None
@@ -119,33 +159,39 @@ class Sensors(Section):
 
 
 class Fixture(Section):
-    """Compliance of the lock and what is between it and the unit."""
+    """Clamping of the unit; its wind-up is taken out of the measured one."""
 
-    stiffness_nm_per_arcmin: Stiffness = Field(alias="stiffness")
+    stiffness_nm_per_arcmin: Stiffness
 
 
 class QuadrantLine(Section):
-    """T_out = offset + slope T_in in one quadrant (sign of torque, loading or unloading)."""
+    """Line T_out = offset + slope · T_in of one quadrant."""
 
-    slope: Annotated[float, Field(gt=0.0, le=10_000.0, strict=False)]
-    offset_nm: SignedTorque = Field(alias="offset")
+    slope: Annotated[float, Field(gt=0, le=10000)]
+    offset_nm: SignedTorque
 
 
 class Calibration(Section):
-    """A stored torque ratio of this bench for one model."""
+    """Stored torque ratio of one model on this bench, by sign of the torque and loading or unloading."""
 
     id: Name
-    model: str
-    made: dt.date
-    due: dt.date
+    model: Name
+    made: date
+    due: date
     load_positive: QuadrantLine
     unload_positive: QuadrantLine
     load_negative: QuadrantLine
     unload_negative: QuadrantLine
 
+    @model_validator(mode="after")
+    def _in_order(self) -> Calibration:
+        if self.due <= self.made:
+            raise refusal(str(self.due), f"a day after {self.made}, when it was made", "Correct one of them.", at="due")
+        return self
+
 
 class Bench(Section):
-    """A whole bench."""
+    """A bench file as loaded."""
 
     bench: BenchHeader
     can: CanBus
@@ -155,4 +201,14 @@ class Bench(Section):
     remote_io: ModbusDevice
     sensors: Sensors
     fixture: Fixture
-    calibrations: Annotated[tuple[Calibration, ...], Field(strict=False)] = ()
+    calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
+
+    @property
+    def max_loading_torque_nm(self) -> float:
+        """Largest torque that the servo brings to the loaded shaft, through its gearbox [N·m]."""
+        return self.drive.max_torque_nm * self.drive.gear_ratio
+
+    @property
+    def max_loading_speed_rad_s(self) -> float:
+        """Largest speed of the loaded shaft [rad/s]."""
+        return self.drive.max_speed_rad_s / self.drive.gear_ratio

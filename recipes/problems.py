@@ -1,15 +1,22 @@
-"""What is wrong with a file: each problem with its place, what was found, what is allowed, and what to do."""
+"""Problems of a document: what was found where, what is allowed there, and what to do.
+
+`RecipeError` is the only exception of this package. It carries every problem of a document, so that a file is put right
+in one go.
+"""
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
+
+LONGEST_EXCERPT = 60
+"""Characters of a found text that are repeated in a message."""
 
 
-@dataclass(frozen=True, order=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing wrong in a file; `line` and `column` count from 1, 0 when the problem has no place inside the file."""
+    """One thing that is wrong in a document; lines and columns count from 1, as editors show them."""
 
     path: str
     line: int
@@ -20,23 +27,65 @@ class Problem:
     hint: str = ""
 
     def __str__(self) -> str:
-        place = f"{self.path}:{self.line}:{self.column}" if self.line else self.path
-        subject = f"{self.option}: " if self.option else ""
-        text = f"{place}: {subject}{self.found}"
-        if self.allowed:
-            text += f"; allowed: {self.allowed}"
-        return f"{text}. {self.hint}" if self.hint else text
+        option = f" {self.option}:" if self.option else ""
+        hint = f". {self.hint}" if self.hint else ""
+        return f"{self.path}:{self.line}:{self.column}:{option} found {self.found}; allowed: {self.allowed}{hint}"
 
 
 class RecipeError(Exception):
-    """A recipe, bench or other document is refused; `problems` holds all that was found, in the order of the file."""
+    """A recipe, bench or other document is refused; `problems` holds all that is wrong with it, sorted by place."""
 
-    def __init__(self, problems: Sequence[Problem]) -> None:
-        self.problems: tuple[Problem, ...] = tuple(sorted(problems))
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems: tuple[Problem, ...] = tuple(sorted(set(problems), key=place))
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self.problems)
+
+    def __reduce__(self) -> tuple[type[RecipeError], tuple[tuple[Problem, ...]]]:
+        return RecipeError, (self.problems,)
 
 
-def nearest(name: str, valid: Iterable[str]) -> str:
-    """'Did you mean ...?' with the most similar valid name, or '' when none is near."""
-    match = difflib.get_close_matches(name.lower(), list(valid), n=1, cutoff=0.6)
-    return f"Did you mean '{match[0]}'?" if match else ""
+def place(problem: Problem) -> tuple[str, int, int, str, str]:
+    """Sort key of a problem: file, line, column, then option and finding so that the order never varies."""
+    return problem.path, problem.line, problem.column, problem.option, problem.found
+
+
+def excerpt(value: object) -> str:
+    """Return a found value as a message repeats it: text in quotes, long texts cut, structures by their name."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return "true" if value else "false"
+        case dict():
+            return "a section (lines of name: value)" if value else "an empty section"
+        case list():
+            return "a list" if value else "an empty list"
+        case str():
+            text = value if len(value) <= LONGEST_EXCERPT else value[: LONGEST_EXCERPT - 3] + "..."
+            return "'" + "".join(c if c.isprintable() else "?" for c in text) + "'"
+        case _:
+            text = str(value)
+            return text if len(text) <= LONGEST_EXCERPT else text[: LONGEST_EXCERPT - 3] + "..."
+
+
+def one_of(names: Sequence[str]) -> str:
+    """Return names as a choice: `a, b or c`."""
+    names = list(names)
+    if len(names) < 2:
+        return "".join(names)
+    return ", ".join(names[:-1]) + " or " + names[-1]
+
+
+def nearest(name: str, names: Iterable[str]) -> str | None:
+    """Return the valid name that a mistyped one most likely meant, or None; upper and lower case count as equal."""
+    by_lower_case = {valid.lower(): valid for valid in names}
+    close = get_close_matches(name[:LONGEST_EXCERPT].lower(), by_lower_case, n=1, cutoff=0.6)
+    return by_lower_case[close[0]] if close else None
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return the question about the nearest valid name, or an empty text when none is near."""
+    valid = nearest(name, names)
+    return f"Did you mean '{valid}'?" if valid else ""

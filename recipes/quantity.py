@@ -1,197 +1,246 @@
-"""Quantities with units, as a person writes them: `412 N·m`, `0.05 rpm`, `110 %`, `20 bit`.
+"""Quantities: the units that documents may use, and how a text such as `412 N·m` becomes a number.
 
-`KINDS` is the table of what can be asked for. A quantity becomes a plain float in the kind's base unit; SI except where
-the field knows only its own unit (stiffness in N·m/arcmin, temperature in °C).
+The registry holds the units of a reducer test bench and no others, so that a joule or a hertz is refused where a torque
+or a speed is meant. Angle is a dimension of its own here: 60 rpm is a speed, 1 Hz is not, and 50 % is not an angle.
+A kind of quantity is one row of `KINDS`; its unit is the one that attributes carry in their names.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from pydantic import BeforeValidator, ValidationInfo
+from recipes.problems import did_you_mean, excerpt
 
 if TYPE_CHECKING:
     import pint
 
+UNIT_DEFINITIONS = """
+micro- = 1e-6 = u-
+milli- = 1e-3 = m-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+second = [time] = s
+radian = [angle] = rad
+newton = [force] = N
+metre = [length] = m = meter
+ampere = [current] = A
+kelvin = [temperature]; offset: 0 = K
+bit = [information] = bit
+one = [] = one
+minute = 60 * second = min
+hour = 60 * minute = h
+degree = 0.017453292519943295 * radian = deg
+arcminute = degree / 60 = arcmin
+arcsecond = degree / 3600 = arcsec
+revolution = 360 * degree = rev = r
+revolutions_per_minute = revolution / minute = rpm
+degree_celsius = kelvin; offset: 273.15 = degC
+hertz = 1 / second = Hz
+joule = [energy] = J
+percent = 0.01 * one = percent
+parts_per_million = 1e-6 * one = ppm
+"""
+
+SPELLINGS = (
+    ("·", "*"),
+    ("⋅", "*"),
+    ("∙", "*"),
+    ("×", "*"),
+    ("²", "^2"),
+    ("**", "^"),
+    ("°C", "degC"),
+    ("℃", "degC"),
+    ("°", "deg"),
+    ("′", "arcmin"),
+    ("″", "arcsec"),
+    ("µ", "u"),
+    ("μ", "u"),
+    ("%", "percent"),
+)
+"""Signs that people write, and what the registry reads instead; applied from top to bottom."""
+
+NEWTON_METRE = re.compile(r"(?<![A-Za-z])([umkM]?N)m(?![A-Za-z])")
+NUMBER_AND_UNIT = re.compile(r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*", re.DOTALL)
+DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+")
+UNIT_GRAMMAR = re.compile(r"[A-Za-z]+(\^[1-4])?([*/][A-Za-z]+(\^[1-4])?){0,5}")
+LONGEST_TEXT = 80
+"""Characters of the longest text that is read as a quantity."""
+
 
 class Kind(NamedTuple):
-    """Row of the table of quantities: what it is called, its base unit, how that unit is shown, and an example."""
+    """Kind of quantity: name with article, unit of the loaded number, unit for people, an example."""
 
-    noun: str
+    name: str
     unit: str
     shown: str
     example: str
 
-
-KINDS: dict[str, Kind] = {
-    "torque": Kind("a torque", "newton * meter", "N·m", "412 N·m"),
-    "torque_rate": Kind("a torque rate", "newton * meter / second", "N·m/s", "60 N·m/s"),
-    "angle": Kind("an angle", "radian", "rad", "1 arcmin"),
-    "speed": Kind("a speed of rotation", "radian / second", "rad/s", "0.5 rpm"),
-    "acceleration": Kind("an angular acceleration", "radian / second ** 2", "rad/s²", "1 rad/s²"),
-    "time": Kind("a time", "second", "s", "200 ms"),
-    "temperature": Kind("a temperature", "degree_Celsius", "°C", "60 degC"),
-    "stiffness": Kind("a torsional stiffness", "newton * meter / arcminute", "N·m/arcmin", "100 N·m/arcmin"),
-    "torque_per_current": Kind("a torque per current", "newton * meter / ampere", "N·m/A", "100 N·m/A"),
-    "current": Kind("a current", "ampere", "A", "10 A"),
-    "fraction": Kind("a share", "dimensionless", "(1 = 100 %)", "0.1 %"),
-    "bits": Kind("a resolution", "bit", "bit", "20 bit"),
-    "angle_arcmin": Kind("an angle", "arcminute", "arcmin", "1 arcmin"),
-    "energy_nm_arcmin": Kind("an energy", "newton * meter * arcminute", "N·m·arcmin", "500 N·m·arcmin"),
-}
-
-_NUMBER = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
-_SPELLINGS = (("N·m", "newton*meter"), ("Nm", "newton*meter"), ("N*m", "newton*meter"), ("N m", "newton*meter"))
-_SIGNS = (("·", "*"), ("²", "**2"), ("°C", "degC"), ("µ", "u"), ("′", "arcmin"), ("″", "arcsec"))
-LONGEST = 60
+    @property
+    def plain_name(self) -> str:
+        """Name without its article."""
+        return self.name.split(" ", 1)[1]
 
 
-class QuantityError(ValueError):
-    """A text is not the quantity that is wanted; says what was found and what is allowed."""
+TORQUE = Kind("a torque", "N*m", "N·m", "412 N·m")
+TORQUE_RATE = Kind("a torque rate", "N*m/s", "N·m/s", "60 N·m/s")
+STIFFNESS = Kind("a stiffness", "N*m/arcmin", "N·m/arcmin", "27.6 N·m/arcmin")
+LOSS = Kind("a hysteresis loss", "N*m*arcmin", "N·m·arcmin", "470 N·m·arcmin")
+TORQUE_CONSTANT = Kind("a torque constant", "N*m/A", "N·m/A", "100 N·m/A")
+ANGLE = Kind("an angle", "rad", "arcmin", "1 arcmin")
+TRAVEL = Kind("an angle", "rad", "deg", "60 deg")
+ARCMINUTES = Kind("an angle", "arcmin", "arcmin", "1 arcmin")
+SPEED = Kind("a speed", "rad/s", "rpm", "0.05 rpm")
+ACCELERATION = Kind("an acceleration", "rad/s^2", "rad/s²", "2 rad/s²")
+DURATION = Kind("a time", "s", "s", "200 ms")
+PERIOD = Kind("a time", "s", "ms", "1 ms")
+CURRENT = Kind("a current", "A", "A", "10 A")
+TEMPERATURE = Kind("a temperature", "degC", "degC", "60 degC")
+FRACTION = Kind("a fraction", "one", "%", "0.1 %")
+RESOLUTION = Kind("a resolution", "bit", "bit", "20 bit")
 
-    def __init__(self, found: str, allowed: str) -> None:
-        self.found, self.allowed = found, allowed
-        super().__init__(f"{found}; allowed: {allowed}")
+KINDS = (
+    TORQUE,
+    TORQUE_RATE,
+    STIFFNESS,
+    LOSS,
+    TORQUE_CONSTANT,
+    ANGLE,
+    TRAVEL,
+    ARCMINUTES,
+    SPEED,
+    ACCELERATION,
+    DURATION,
+    PERIOD,
+    CURRENT,
+    TEMPERATURE,
+    FRACTION,
+    RESOLUTION,
+)
+
+OTHER_DIMENSIONS = (
+    ("a length", "m"),
+    ("a force", "N"),
+    ("a frequency", "Hz"),
+    ("an energy", "J"),
+    ("a stiffness per angle squared", "N*m/rad^2"),
+)
+"""Names for what is recognised and never allowed."""
+
+
+class QuantityError(Exception):
+    """A text is not the quantity that is meant; says what was found, what is allowed and what to do."""
+
+    def __init__(self, found: str, allowed: str, hint: str) -> None:
+        super().__init__(f"found {found}; allowed: {allowed}. {hint}")
+        self.found = found
+        self.allowed = allowed
+        self.hint = hint
 
 
 @cache
-def _registry() -> pint.UnitRegistry[float]:
-    import pint  # noqa: PLC0415 - a fifth of a second that `--help` does not pay
+def unit_registry() -> pint.UnitRegistry[float]:
+    """Build the registry on first use: importing pint takes 0.2 s, which help texts and completions need not pay."""
+    import pint  # noqa: PLC0415
 
-    return pint.UnitRegistry(cache_folder=None)
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
+    registry.load_definitions(UNIT_DEFINITIONS.strip().splitlines())
+    return registry
 
 
-def parse(
-    value: object,
-    kind_name: str,
-    *,
-    above: float = -math.inf,
-    least: float = -math.inf,
-    most: float = math.inf,
-    rated_torque_nm: float | None = None,
-) -> float:
-    """The quantity as a float in the kind's base unit; raises `QuantityError`.
+@cache
+def read_unit(text: str) -> pint.Unit:
+    """Return the unit that a text names, in any of the usual spellings.
 
-    `above`, `least` and `most` bound it in the base unit. A torque may be a percentage when `rated_torque_nm` is known.
+    Raises ValueError when it is no unit of this registry.
     """
-    kind = KINDS[kind_name]
-    allowed = f"{kind.noun} such as '{kind.example}'{_range(kind, above, least, most)}"
-    if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise QuantityError(f"found {_show(value)}", allowed)
-    if not isinstance(value, str):
-        if kind_name != "fraction":
-            raise QuantityError(f"found the bare number {value!r}, without a unit", allowed)
-        magnitude = float(value)
-    else:
-        magnitude = _convert(value, kind_name, allowed, rated_torque_nm)
-    if not math.isfinite(magnitude):
-        raise QuantityError(f"found {_show(value)}, which is not a finite number", allowed)
-    if not (magnitude > above and magnitude >= least and magnitude <= most):
-        raise QuantityError(f"found {_show(value)}, which is out of range", allowed)
-    return magnitude
+    import pint  # noqa: PLC0415
 
-
-def _convert(text: str, kind_name: str, allowed: str, rated_torque_nm: float | None) -> float:
-    kind = KINDS[kind_name]
-    match = _NUMBER.match(text) if len(text) <= LONGEST else None
-    if match is None:
-        raise QuantityError(f"found {_show(text)}, which is not a number with a unit", allowed)
-    number, unit = float(match[1]), match[2]
-    if unit == "%":
-        if kind_name == "torque":
-            if rated_torque_nm is None:
-                raise QuantityError(f"found {_show(text)}, but the rated torque is not known", allowed)
-            return number / 100.0 * rated_torque_nm
-        if kind_name == "fraction":
-            return number / 100.0
-    if not unit:
-        if kind_name == "fraction":
-            return number
-        raise QuantityError(f"found {_show(text)}, a number without a unit", allowed)
-    return _to_base(number, unit, text, kind, allowed)
-
-
-def _to_base(number: float, unit: str, text: str, kind: Kind, allowed: str) -> float:
-    import pint  # noqa: PLC0415 - see `_registry`
-
-    spelled = unit
-    for written, meant in _SPELLINGS + _SIGNS:
-        spelled = spelled.replace(written, meant)
-    registry = _registry()
+    plain = plain_unit(text)
+    if not UNIT_GRAMMAR.fullmatch(plain):
+        raise ValueError(text)
     try:
-        quantity = registry.Quantity(number, registry.parse_units(spelled))
-    except (
-        pint.PintError,
-        ValueError,
-        TypeError,
-        AttributeError,
-        KeyError,
-        SyntaxError,
-        ArithmeticError,
-        AssertionError,
-    ):
-        raise QuantityError(f"found {_show(text)}, and '{unit}' is not a unit", allowed) from None
+        return unit_registry().parse_units(plain)
+    except (pint.PintError, AttributeError) as error:  # UndefinedUnitError is an AttributeError too
+        raise ValueError(text) from error
+
+
+def plain_unit(text: str) -> str:
+    """Return a unit in the registry's spelling: `*` for products, `^` for powers, `N*m` for a newton metre."""
+    for written, read in SPELLINGS:
+        text = text.replace(written, read)
+    text = re.sub(r"\s*([*/^])\s*", r"\1", text.strip())
+    return NEWTON_METRE.sub(r"\1*m", re.sub(r"\s+", "*", text))
+
+
+def dimension_name(unit: pint.Unit) -> str:
+    """Return what a unit measures, in words, or an empty text when it measures nothing known here."""
+    registry = unit_registry()
+    named = [(kind.name, kind.unit) for kind in KINDS] + list(OTHER_DIMENSIONS)
+    for name, known in named:
+        if registry.parse_units(known).dimensionality == unit.dimensionality:
+            return name
+    return ""
+
+
+def convert(number: float, unit: str, to_unit: str) -> float:
+    """Convert a number between two units of the same dimension; offset units such as degC included."""
+    registry = unit_registry()
+    return float(registry.Quantity(number, read_unit(unit)).to(read_unit(to_unit)).magnitude)
+
+
+def show(value: float, kind: Kind, digits: int = 6) -> str:
+    """Return a loaded number for people, in the unit they use: `show(0.0523599, SPEED)` is `0.5 rpm`."""
+    return f"{convert(value, kind.unit, kind.shown):.{digits}g} {kind.shown}"
+
+
+def read_quantity(text: object, kind: Kind, percent_of: float | None = None, allowed: str = "") -> float:
+    """Return the number of a quantity in the unit of its kind.
+
+    `percent_of` is the number that 100 % stands for, None where percentages make no sense; `allowed` replaces the
+    description of what is allowed. Raises QuantityError.
+    """
+    allowed = allowed or f"{kind.name} such as '{kind.example}'"
+    if not isinstance(text, str):
+        raise QuantityError(*_not_a_text(text, kind, allowed))
+    match = NUMBER_AND_UNIT.fullmatch(text.replace("−", "-")) if len(text) <= LONGEST_TEXT else None
+    comma = DECIMAL_COMMA.match(text)
+    if match is None or comma:
+        hint = "Write the decimal sign as a point." if comma else "Write a number, a space and a unit."
+        raise QuantityError(f"{excerpt(text)}, which is not a number with a unit", allowed, hint)
+    number = float(match["number"])
+    if not match["unit"]:
+        raise QuantityError(*_not_a_text(match["number"], kind, allowed))
     try:
-        return float(quantity.to(kind.unit).magnitude)
-    except pint.DimensionalityError:
-        what = _noun_of(quantity)
-        raise QuantityError(f"found {_show(text)}, which is {what}", allowed) from None
-    except (pint.PintError, ArithmeticError):
-        raise QuantityError(f"found {_show(text)}, which cannot be converted", allowed) from None
+        unit = read_unit(match["unit"])
+    except ValueError:
+        spellings = {plain_unit(known.shown): known.shown for known in KINDS}
+        meant = did_you_mean(plain_unit(match["unit"]), spellings)
+        for plain, shown in spellings.items():
+            meant = meant.replace(f"'{plain}'", f"'{shown}'")
+        hint = meant or f"Write it in {kind.shown}."
+        raise QuantityError(f"{excerpt(text)}, whose unit is not known here", allowed, hint) from None
+    registry = unit_registry()
+    relative = percent_of is not None and not unit.dimensionality
+    wanted = registry.parse_units("one" if relative else kind.unit)
+    name = dimension_name(unit)
+    if unit.dimensionality != wanted.dimensionality:
+        which = f", which is {name}" if name else f", whose unit does not measure {kind.name}"
+        hint = f"Write it with a {kind.plain_name} unit."
+        raise QuantityError(f"{excerpt(text)}{which}", allowed, hint.replace("a angle", "an angle"))
+    value = float(registry.Quantity(number, unit).to(wanted).magnitude)
+    if relative and percent_of is not None:
+        value *= percent_of
+    if not math.isfinite(value):
+        raise QuantityError(f"{excerpt(text)}, which is too large for a number", allowed, "Check the exponent.")
+    return value
 
 
-def _noun_of(quantity: pint.Quantity[float]) -> str:
-    for kind in KINDS.values():
-        if quantity.check(_registry().Unit(kind.unit).dimensionality):
-            return kind.noun
-    return "another kind of quantity"
-
-
-def _range(kind: Kind, above: float, least: float, most: float) -> str:
-    lower = f" above {above:g}" if above > -math.inf else f" from {least:g}" if least > -math.inf else ""
-    upper = f" up to {most:g}" if most < math.inf else ""
-    return f",{lower}{upper} {kind.shown}" if lower or upper else ""
-
-
-def _show(value: object) -> str:
-    text = repr(value) if not isinstance(value, str) else f"'{value}'"
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
-
-
-def quantity(
-    kind_name: str,
-    *,
-    above: float = -math.inf,
-    least: float = -math.inf,
-    most: float = math.inf,
-) -> Callable[[Any, ValidationInfo], float]:
-    """Validator of a schema field; the rated torque for percentages comes from the validation context."""
-
-    def validate(value: Any, info: ValidationInfo) -> float:
-        rated_torque_nm = (info.context or {}).get("rated_torque_nm")
-        return parse(value, kind_name, above=above, least=least, most=most, rated_torque_nm=rated_torque_nm)
-
-    return validate
-
-
-Torque = Annotated[float, BeforeValidator(quantity("torque", least=0.0, most=1e5))]
-PositiveTorque = Annotated[float, BeforeValidator(quantity("torque", above=0.0, most=1e5))]
-SignedTorque = Annotated[float, BeforeValidator(quantity("torque", least=-1e5, most=1e5))]
-TorqueRate = Annotated[float, BeforeValidator(quantity("torque_rate", above=0.0, most=1000.0))]
-Angle = Annotated[float, BeforeValidator(quantity("angle", least=0.0, most=100.0))]
-PositiveAngle = Annotated[float, BeforeValidator(quantity("angle", above=0.0, most=100.0))]
-Speed = Annotated[float, BeforeValidator(quantity("speed", above=0.0, most=1000.0))]
-Acceleration = Annotated[float, BeforeValidator(quantity("acceleration", above=0.0, most=1e5))]
-Time = Annotated[float, BeforeValidator(quantity("time", least=0.0, most=1e5))]
-PositiveTime = Annotated[float, BeforeValidator(quantity("time", above=0.0, most=1e5))]
-Temperature = Annotated[float, BeforeValidator(quantity("temperature", least=-40.0, most=200.0))]
-Stiffness = Annotated[float, BeforeValidator(quantity("stiffness", above=0.0, most=1e6))]
-TorquePerCurrent = Annotated[float, BeforeValidator(quantity("torque_per_current", above=0.0, most=1e5))]
-Current = Annotated[float, BeforeValidator(quantity("current", above=0.0, most=1000.0))]
-Fraction = Annotated[float, BeforeValidator(quantity("fraction", least=0.0, most=1.0))]
-PositiveFraction = Annotated[float, BeforeValidator(quantity("fraction", above=0.0, most=10.0))]
-Bits = Annotated[float, BeforeValidator(quantity("bits", least=8.0, most=40.0))]
+def _not_a_text(value: object, kind: Kind, allowed: str) -> tuple[str, str, str]:
+    """Return found, allowed and hint for a value without a unit."""
+    if isinstance(value, bool) or value is None or isinstance(value, (list, dict)):
+        return excerpt(value), allowed, f"Write a number and its unit, {kind.shown}."
+    number = value if isinstance(value, str) else excerpt(value)
+    return f"{number} without a unit", allowed, f"Write the unit behind the number: '{number} {kind.shown}'."

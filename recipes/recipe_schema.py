@@ -1,159 +1,219 @@
-"""What a recipe file may say. Attributes are SI floats with the unit in the name; keys of the file carry none."""
+"""Sections of a recipe: what unit, how it is loaded, what is measured, what limits hold, how is decided."""
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from recipes.metric_units import METRIC_KINDS
-from recipes.problems import nearest
-from recipes.quantity import (
-    Angle,
+from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
+from recipes.problems import Problem, did_you_mean, excerpt, one_of
+from recipes.quantity import TORQUE, QuantityError, read_quantity, show
+from recipes.section import (
+    FROM_DOCUMENT,
+    Age,
+    Band,
     Fraction,
-    PositiveAngle,
-    PositiveFraction,
-    PositiveTime,
-    PositiveTorque,
-    QuantityError,
+    Name,
+    PeriodNs,
+    Revision,
+    Section,
     SignedTorque,
+    SmallAngle,
     Speed,
     Stiffness,
     Temperature,
-    parse,
+    Text,
+    Torque,
+    TorqueOfRated,
+    TorqueOfReference,
+    TorqueSlope,
+    Travel,
+    refusal,
 )
-from recipes.section import Section
-from recipes.sequence_schema import Step, unfold
+from recipes.sequence_schema import Step
+from recipes.yaml_source import OptionPath, Source, dotted
 
-Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]*$")]
-Revision = Annotated[int, Field(ge=1, le=1_000_000)]
+GUARD_FACTOR_95_PERCENT = 0.8225
+"""r of w = r·U for a one-sided 95 % acceptance: w = 1.645 u with U = 2 u (JCGM 106)."""
 
 
 class Header(Section):
-    """Which recipe this is."""
+    """Name and revision of a recipe."""
 
     name: Name
     revision: Revision
-    description: str = ""
+    description: Text = ""
 
 
-class TorqueRatioLine(Section):
-    """T_out = offset + slope T_in while loading."""
+class LoadingTorqueRatio(Section):
+    """Loading line of the torque ratio, T_out = offset + slope · T_in."""
 
-    slope: Annotated[float, Field(gt=0.0, le=10_000.0, strict=False)]
-    offset_nm: SignedTorque = Field(alias="offset")
+    slope: Annotated[float, Field(gt=0, le=1000)]
+    offset_nm: SignedTorque
 
 
 class UnitUnderTest(Section):
-    """The reducer that the recipe is for, by its catalogue."""
+    """Model, ratio and catalogue values of the reducer; the values plan the run and are never a result."""
 
     model: Name
-    ratio: Annotated[float, Field(ge=1.0, le=10_000.0, strict=False)]
-    rated_torque_nm: PositiveTorque = Field(alias="rated_torque")
-    stiffness_nm_per_arcmin: Stiffness = Field(alias="stiffness")
-    loading_torque_ratio: TorqueRatioLine
+    ratio: Annotated[float, Field(ge=1, le=10000)]
+    rated_torque_nm: Torque
+    stiffness_nm_per_arcmin: Stiffness
+    loading_torque_ratio: LoadingTorqueRatio
 
 
 class Measurement(Section):
-    """Where the output torque comes from, and the torque that percentages of the metrics refer to."""
+    """Where the output torque comes from, and the torque that the percentages of metrics refer to."""
 
     output_torque: Literal["reaction", "calibrated"]
     calibration: Literal["measured", "stored"] = "measured"
-    reference_torque_nm: PositiveTorque = Field(alias="reference_torque", default=math.nan)
+    reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)
 
 
 class Sampling(Section):
-    """Scan period, and how many missed periods and how old a sample the result can bear."""
+    """Scan period, and how many missed periods and how old a sample the run may have."""
 
-    period_s: PositiveTime = Field(alias="period")
-    missed_periods_fraction: Fraction = Field(alias="missed_periods")
-    sample_age_s: PositiveTime = Field(alias="sample_age")
+    period_ns: PeriodNs
+    missed_periods_fraction: Fraction
+    sample_age_s: Age
 
     @property
-    def period_ns(self) -> int:
-        """Scan period in integer nanoseconds."""
-        return round(self.period_s * 1e9)
+    def period_s(self) -> float:
+        """Scan period [s]."""
+        return self.period_ns * 1e-9
 
 
 class Interlocks(Section):
-    """Limits that stop the bench, whatever the sequence is doing."""
+    """Limits that are watched in every scan."""
 
-    torque_out_alarm_nm: PositiveTorque = Field(alias="torque_out_alarm")
-    torque_out_trip_nm: PositiveTorque = Field(alias="torque_out_trip")
-    torque_in_trip_nm: PositiveTorque = Field(alias="torque_in_trip")
-    speed_rad_s: Speed = Field(alias="speed")
-    travel_rad: PositiveAngle = Field(alias="travel")
-    lock_slip_rad: PositiveAngle = Field(alias="lock_slip")
-    housing_temperature_c: Temperature = Field(alias="housing_temperature")
-    sample_age_s: PositiveTime = Field(alias="sample_age", default=0.01)
-    drive_age_s: PositiveTime = Field(alias="drive_age", default=0.01)
-    io_age_s: PositiveTime = Field(alias="io_age", default=0.1)
-    brake_age_s: PositiveTime = Field(alias="brake_age", default=0.1)
-    drive_heartbeat_s: PositiveTime = Field(alias="drive_heartbeat", default=0.1)
-    missed_in_a_row: Annotated[int, Field(ge=1, le=1000)] = 20
-    internal_limit_s: PositiveTime = Field(alias="internal_limit", default=0.05)
+    torque_out_alarm_nm: TorqueOfRated
+    torque_out_trip_nm: TorqueOfRated
+    torque_in_trip_nm: Torque
+    speed_rad_s: Speed
+    travel_rad: Travel
+    lock_slip_rad: SmallAngle
+    housing_temperature_c: Temperature
+    sample_age_s: Age = 0.01
+    drive_age_s: Age = 0.01
+    io_age_s: Age = 0.1
+    brake_age_s: Age = 0.1
+    drive_heartbeat_s: Age = 0.1
+    missed_in_a_row: Annotated[int, Field(ge=1, le=1000)] = 40
+    internal_limit_s: Age = 0.05
+    torque_rate_nm_s: TorqueSlope | None = None
+
+    @model_validator(mode="after")
+    def _alarm_before_trip(self) -> Interlocks:
+        if self.torque_out_alarm_nm >= self.torque_out_trip_nm:
+            found = f"an alarm at {show(self.torque_out_alarm_nm, TORQUE)}"
+            allowed = f"an alarm below torque_out_trip, {show(self.torque_out_trip_nm, TORQUE)}"
+            raise refusal(found, allowed, "Lower the alarm or raise the trip.", at="torque_out_alarm")
+        return self
 
 
 class MetricWanted(Section):
-    """A metric to report, and its limits in the metric's own unit."""
+    """One metric to report, with the limits that decide; limits are in the metric's own unit."""
 
     id: str
-    branch: Literal["load", "unload", "mean"] | None = None
+    branch: Literal["load", "unload", "mean", "width"] | None = None
     side: Literal["+", "-", "both"] | None = None
-    torque_nm: PositiveTorque | None = Field(alias="torque", default=None)
-    band: PositiveFraction | None = None
+    torque_nm: TorqueOfReference | None = None
+    band: Band | None = None
+    """Fraction of the reference torque."""
     min: float | None = None
     max: float | None = None
 
     @field_validator("id")
     @classmethod
     def _known(cls, value: str) -> str:
-        if value not in METRIC_KINDS:
-            allowed = ", ".join(sorted(METRIC_KINDS))
-            raise QuantityError(
-                f"found '{value}', which is no metric. {nearest(value, METRIC_KINDS)}".rstrip(), allowed
-            )
+        if value not in METRIC_NEEDS:
+            hint = did_you_mean(value, METRIC_NEEDS)
+            raise refusal(f"the unknown metric {excerpt(value)}", one_of(list(METRIC_NEEDS)), hint)
         return value
 
     @field_validator("min", "max", mode="before")
     @classmethod
-    def _limit(cls, value: Any, info: Any) -> Any:
-        kind = METRIC_KINDS.get(info.data.get("id", ""))
-        if kind is None or value is None:
-            return None  # the unknown metric has been reported already
-        rated_torque_nm = (info.context or {}).get("rated_torque_nm")
-        return parse(value, kind.quantity, least=-1e9, most=1e9, rated_torque_nm=rated_torque_nm)
+    def _limit_with_unit(cls, value: Any, info: ValidationInfo) -> Any:
+        if not (info.context or {}).get(FROM_DOCUMENT) or value is None:
+            return value
+        metric = info.data.get("id")
+        if metric is None:  # its own problem is reported; the limit cannot be judged
+            return 0.0
+        kind = KIND_OF_UNIT[METRIC_NEEDS[metric].unit]
+        if kind is None:
+            return value
+        try:
+            return read_quantity(value, kind)
+        except QuantityError as error:
+            raise refusal(error.found, error.allowed, error.hint) from None
+
+    @model_validator(mode="after")
+    def _limits_in_order(self) -> MetricWanted:
+        if self.min is not None and self.max is not None and self.min > self.max:
+            unit = METRIC_NEEDS[self.id].unit.replace("1", "").strip()
+            found = f"min {self.min:g} {unit}".strip()
+            allowed = f"a min up to max, {self.max:g} {unit}".strip()
+            raise refusal(found, allowed, "Exchange the two or correct one.", at="min")
+        return self
+
+    @model_validator(mode="after")
+    def _possible_choices(self) -> MetricWanted:
+        needs = METRIC_NEEDS[self.id]
+        for option, chosen, choices in (("branch", self.branch, needs.branches), ("side", self.side, needs.sides)):
+            if chosen is not None and chosen not in choices:
+                raise refusal(f"'{chosen}' for {self.id}", one_of(choices), "It is part of the definition.", at=option)
+        for option, given in (("band", self.band), ("torque", self.torque_nm)):
+            if given is not None and option not in needs.free:
+                allowed = one_of([name for name, other in METRIC_NEEDS.items() if option in other.free])
+                hint = f"Delete it: the {option} of {self.id} is part of its definition."
+                raise refusal(f"a {option} for {self.id}", f"a {option} for {allowed}", hint, at=option)
+        return self
 
 
 class Decision(Section):
-    """How limits, value and uncertainty become a verdict: plain limits, or limits moved in by r U."""
+    """How limits and uncertainty become a verdict; the guard band is `guard_factor` times the expanded uncertainty."""
 
     rule: Literal["simple", "guard_band"]
-    guard_factor: Annotated[float, Field(ge=0.0, le=2.0, strict=False)] = 0.8225
+    guard_factor: float = Field(default=None, validate_default=True, ge=0, le=3)
+
+    @field_validator("guard_factor", mode="before")
+    @classmethod
+    def _of_the_rule(cls, value: Any, info: ValidationInfo) -> Any:
+        guarded = info.data.get("rule") == "guard_band"
+        if value is None:
+            return GUARD_FACTOR_95_PERCENT if guarded else 0.0
+        from_document = (info.context or {}).get(FROM_DOCUMENT)
+        if from_document and not guarded and info.data.get("rule") is not None:
+            raise refusal(
+                excerpt(value), "a guard factor with 'rule: guard_band' only", "Delete it or change the rule."
+            )
+        return value
 
 
 class Recipe(Section):
-    """A whole recipe."""
+    """A recipe as loaded: everything that a run does and decides by."""
 
     recipe: Header
     unit_under_test: UnitUnderTest
     loading: Literal["input", "output"]
     measurement: Measurement
-    sequence: Annotated[
-        tuple[Annotated[Step, BeforeValidator(unfold)], ...], Field(min_length=1, max_length=200, strict=False)
-    ]
+    sequence: Annotated[tuple[Step, ...], Field(min_length=1, max_length=50)]
     sampling: Sampling
     interlocks: Interlocks
-    metrics: Annotated[tuple[MetricWanted, ...], Field(min_length=1, max_length=200, strict=False)]
+    metrics: Annotated[tuple[MetricWanted, ...], Field(min_length=1, max_length=100)]
     decision: Decision
 
-    @model_validator(mode="after")
-    def _reference_torque(self) -> Recipe:
-        if math.isnan(self.measurement.reference_torque_nm):
-            rated = {"reference_torque_nm": self.unit_under_test.rated_torque_nm}
-            object.__setattr__(self, "measurement", self.measurement.model_copy(update=rated))
-        return self
+    _source: Source | None = PrivateAttr(default=None)
 
+    def problem(self, option: OptionPath, found: str, allowed: str, hint: str = "") -> Problem:
+        """Return a problem at one of the options, with its place when the recipe was loaded from a file."""
+        if self._source is None:
+            return Problem(self.recipe.name, 1, 1, dotted(option), found, allowed, hint)
+        return self._source.problem(option, found, allowed, hint)
 
-__all__ = ["Angle", "Decision", "Header", "Interlocks", "Measurement", "MetricWanted", "Recipe", "Sampling"]
+    def with_source(self, source: Source) -> Recipe:
+        """Return this recipe with the places of its options."""
+        copy = self.model_copy()
+        copy._source = source  # noqa: SLF001
+        return copy

@@ -1,159 +1,209 @@
-"""The sequence of a recipe: its steps, what each takes, and the order they must stand in."""
+"""Steps of a recipe's sequence, and the order that they must have.
+
+In a file a step is an entry with one name, `- lock: {holding_torque: 600 N·m, ...}`; loaded it is a frozen section
+whose `kind` is that name.
+"""
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, ValidationInfo
 
-from recipes.quantity import (
+from recipes.problems import Problem, did_you_mean, excerpt, nearest, one_of
+from recipes.section import (
+    FROM_DOCUMENT,
     Acceleration,
-    PositiveAngle,
-    PositiveTime,
-    PositiveTorque,
+    Dwell,
+    Section,
+    SmallAngle,
     Speed,
-    Time,
+    TareTime,
+    TimeLimit,
     Torque,
+    TorqueOfRated,
     TorqueRate,
+    refusal,
 )
-from recipes.section import Section
+from recipes.yaml_source import Source
 
-Count = Annotated[int, Field(ge=1, le=100_000)]
+MeasuredCount = Annotated[int, Field(ge=1, le=1000)]
+FatigueCount = Annotated[int, Field(ge=1, le=1_000_000)]
+LevelCount = Annotated[int, Field(ge=2, le=1000)]
 
 
 class Home(Section):
-    """Zeroes taken at rest, drive enabled and referenced."""
+    """Drive enabled, reference found, sensors tared; the tares are the largest zero offsets that are accepted."""
 
-    kind: Literal["home"]
-    tare_time_s: PositiveTime = Field(alias="tare_time")
-    torque_in_tare_nm: Torque = Field(alias="torque_in_tare")
-    torque_out_tare_nm: Torque = Field(alias="torque_out_tare")
+    kind: Literal["home"] = "home"
+    tare_time_s: TareTime
+    torque_in_tare_nm: Torque
+    torque_out_tare_nm: TorqueOfRated
 
 
 class Lock(Section):
-    """Lock closed and proven by a small torque."""
+    """Lock closed and proven by a small torque under which the locked shaft must not move further than allowed."""
 
-    kind: Literal["lock"]
-    holding_torque_nm: PositiveTorque = Field(alias="holding_torque")
-    proof_torque_nm: PositiveTorque = Field(alias="proof_torque")
-    max_motion_rad: PositiveAngle = Field(alias="max_motion")
-    proof_time_s: PositiveTime = Field(alias="proof_time", default=0.2)
+    kind: Literal["lock"] = "lock"
+    holding_torque_nm: TorqueOfRated
+    proof_torque_nm: TorqueOfRated
+    max_motion_rad: SmallAngle
+    proof_time_s: TareTime = 0.2
 
 
 class Calibrate(Section):
-    """Input torque against output torque, both directions, up and down."""
+    """Torque ratio measured in both directions, up and down."""
 
-    kind: Literal["calibrate"]
-    peak_torque_nm: PositiveTorque = Field(alias="peak_torque")
-    torque_rate_nm_s: TorqueRate = Field(alias="torque_rate")
-    dwell_s: Time = Field(alias="dwell", default=0.2)
+    kind: Literal["calibrate"] = "calibrate"
+    peak_torque_nm: TorqueOfRated
+    torque_rate_nm_s: TorqueRate
+    dwell_s: Dwell = 0.2
 
 
 class TorqueCycles(Section):
-    """Measured cycles, ramped by torque rate."""
+    """Loops by torque rate: zero, + peak, - peak, zero."""
 
-    kind: Literal["torque_cycles"]
-    count: Count
-    peak_torque_nm: PositiveTorque = Field(alias="peak_torque")
-    torque_rate_nm_s: TorqueRate = Field(alias="torque_rate")
-    dwell_s: Time = Field(alias="dwell", default=0.2)
+    kind: Literal["torque_cycles"] = "torque_cycles"
+    count: MeasuredCount
+    peak_torque_nm: TorqueOfRated
+    torque_rate_nm_s: TorqueRate
+    dwell_s: Dwell = 0.2
 
 
 class SpeedCycles(Section):
-    """Measured cycles at constant speed of the motor shaft until a torque."""
+    """Loops at a constant speed of the drive's motor, turned round when the torque is reached."""
 
-    kind: Literal["speed_cycles"]
-    count: Count
-    peak_torque_nm: PositiveTorque = Field(alias="peak_torque")
-    speed_rad_s: Speed = Field(alias="speed")
-    acceleration_rad_s2: Acceleration = Field(alias="acceleration")
-    dwell_s: Time = Field(alias="dwell", default=0.2)
-    time_limit_s: PositiveTime = Field(alias="time_limit")
+    kind: Literal["speed_cycles"] = "speed_cycles"
+    count: MeasuredCount
+    peak_torque_nm: TorqueOfRated
+    speed_rad_s: Speed
+    acceleration_rad_s2: Acceleration
+    dwell_s: Dwell = 0.2
+    time_limit_s: TimeLimit
 
 
 class StepCycles(Section):
-    """Measured cycles in equal steps of torque, with a dwell on each."""
+    """Loops in steps of equal torque with a dwell on each; `steps` is the number of levels from zero to the peak."""
 
-    kind: Literal["step_cycles"]
-    count: Count
-    peak_torque_nm: PositiveTorque = Field(alias="peak_torque")
-    steps: Annotated[int, Field(ge=1, le=1000)]
-    torque_rate_nm_s: TorqueRate = Field(alias="torque_rate")
-    dwell_s: PositiveTime = Field(alias="dwell")
+    kind: Literal["step_cycles"] = "step_cycles"
+    count: MeasuredCount
+    peak_torque_nm: TorqueOfRated
+    steps: LevelCount
+    torque_rate_nm_s: TorqueRate
+    dwell_s: Dwell = 0.2
 
 
 class FatigueCycles(Section):
-    """Load cycles that condition the unit; never evaluated."""
+    """Loops that load the unit and are not evaluated."""
 
-    kind: Literal["fatigue_cycles"]
-    count: Count
-    peak_torque_nm: PositiveTorque = Field(alias="peak_torque")
-    torque_rate_nm_s: TorqueRate = Field(alias="torque_rate")
+    kind: Literal["fatigue_cycles"] = "fatigue_cycles"
+    count: FatigueCount
+    peak_torque_nm: TorqueOfRated
+    torque_rate_nm_s: TorqueRate
 
 
 class Unload(Section):
-    """Torque to zero at a bounded rate."""
+    """Torque brought to zero at a bounded rate."""
 
-    kind: Literal["unload"]
-    torque_rate_nm_s: TorqueRate = Field(alias="torque_rate")
+    kind: Literal["unload"] = "unload"
+    torque_rate_nm_s: TorqueRate
 
 
 class Release(Section):
-    """Lock opened, once the torque is proven below `max_torque`."""
+    """Lock opened, once the torque is proven to be below a limit."""
 
-    kind: Literal["release"]
-    max_torque_nm: PositiveTorque = Field(alias="max_torque")
+    kind: Literal["release"] = "release"
+    max_torque_nm: TorqueOfRated
 
 
+AnyStep = Home | Lock | Calibrate | TorqueCycles | SpeedCycles | StepCycles | FatigueCycles | Unload | Release
 Cycles = TorqueCycles | SpeedCycles | StepCycles | FatigueCycles
-Step = Annotated[Home | Lock | Calibrate | Cycles | Unload | Release, Field(discriminator="kind")]
 
-STEP_KINDS: tuple[str, ...] = (
-    "home", "lock", "calibrate", "torque_cycles", "speed_cycles", "step_cycles", "fatigue_cycles", "unload", "release",
-)  # fmt: skip
-CYCLE_KINDS: frozenset[str] = frozenset({"torque_cycles", "speed_cycles", "step_cycles", "fatigue_cycles"})
-
-RANK: dict[str, int] = {
+STAGES: dict[str, int] = {
     "home": 0,
     "lock": 1,
     "calibrate": 2,
-    **dict.fromkeys(CYCLE_KINDS, 3),
+    "torque_cycles": 3,
+    "speed_cycles": 3,
+    "step_cycles": 3,
+    "fatigue_cycles": 3,
     "unload": 4,
     "release": 5,
 }
-"""Place of a step in the order: home, lock, [calibrate], one or more cycles, unload, release."""
+"""Every kind of step and its stage; a sequence never goes back to an earlier stage."""
 
-REQUIRED: tuple[tuple[str, str], ...] = (
-    ("home", "the drive must be enabled and the sensors zeroed"),
-    ("lock", "there is no torque without a proven lock"),
-    ("unload", "a wound-up reducer stores energy: the torque must be brought to zero"),
-    ("release", "the lock must be opened, once the torque is proven low"),
-)
+CYCLES_STAGE = 3
 
+WHY_REQUIRED: dict[str, str] = {
+    "home": "Add '- home: {...}' as the first step: sensors are tared there",
+    "lock": "Add '- lock: {...}' behind home: nothing may be loaded before the lock is proven",
+    "unload": "Add '- unload: {torque_rate: ...}' behind the cycles: a wound-up reducer stores energy",
+    "release": "Add '- release: {max_torque: ...}' as the last step: it opens the lock",
+}
 
-def order_faults(kinds: list[str]) -> list[tuple[int | None, str, str]]:
-    """What is wrong with the order of the steps: (index or None for the whole, found, allowed); empty when right."""
-    faults: list[tuple[int | None, str, str]] = []
-    order = "home, lock, calibrate (optional), one or more cycles, unload, release"
-    for kind, reason in REQUIRED:
-        if kind not in kinds:
-            faults.append((None, f"no '{kind}' step: {reason}", order))
-    if not any(kind in CYCLE_KINDS for kind in kinds):
-        faults.append((None, "no cycles: nothing would be measured", order))
-    known = [(index, kind) for index, kind in enumerate(kinds) if kind in RANK]
-    for (_, before), (index, kind) in itertools.pairwise(known):
-        if kind not in CYCLE_KINDS and kinds.index(kind) != index:
-            faults.append((index, f"a second '{kind}' step", order))
-        elif RANK[kind] < RANK[before]:
-            faults.append((index, f"'{kind}' stands after '{before}'", order))
-    return faults
+ORDER = "home, lock, calibrate (may be left out), cycles (one block or more), unload, release"
 
 
-def unfold(value: Any) -> Any:
-    """`{calibrate: {...}}` as the file has it, to `{kind: calibrate, ...}` as the models want it."""
-    if isinstance(value, dict) and len(value) == 1:
-        (kind, body) = next(iter(value.items()))
-        if isinstance(kind, str) and (body is None or isinstance(body, dict)):
-            return {"kind": kind, **{key: item for key, item in (body or {}).items() if key != "kind"}}
-    return value
+def _step_with_kind(value: Any, info: ValidationInfo) -> Any:
+    """Turn an entry `{lock: {...}}` into `{..., kind: lock}`."""
+    if not (info.context or {}).get(FROM_DOCUMENT):
+        return value
+    allowed = f"one step: {one_of(list(STAGES))}"
+    if not isinstance(value, dict) or not value:
+        name = value if isinstance(value, str) else ""
+        hint = f"Write '- {name or 'unload'}: {{...}}' with its options in the braces."
+        raise refusal(excerpt(value), allowed, hint)
+    (kind, options), *others = value.items()
+    if others:
+        names = ", ".join(str(name) for name, _ in others[:3])
+        hint = f"Indent the options of {kind} further than its name, and begin every step with '- '."
+        raise refusal(f"{names} beside {excerpt(kind)}", "one name in every step", hint)
+    if kind not in STAGES:
+        raise refusal(f"the unknown step {excerpt(kind)}", allowed, did_you_mean(kind, STAGES), at=kind)
+    if options is not None and not isinstance(options, dict):
+        raise refusal(excerpt(options), f"the options of {kind}", "Write them in braces.", at=kind)
+    if "kind" in (options or {}):
+        raise refusal("the unknown option 'kind'", f"the options of {kind}", "Delete it.", at=f"{kind}.kind")
+    return {**(options or {}), "kind": kind}
+
+
+Step = Annotated[
+    Annotated[AnyStep, Field(discriminator="kind")],
+    BeforeValidator(_step_with_kind),
+]
+
+
+def sequence_order(source: Source) -> Iterable[Problem]:
+    """Yield what is wrong with the order of a recipe's steps, read from the plain data of its file."""
+    data = source.data.get("sequence") if isinstance(source.data, dict) else None
+    if not isinstance(data, list) or not data:
+        return
+    kinds = [_kind_of(entry) for entry in data]
+    seen: dict[str, int] = {}
+    latest = 0
+    for index, kind in enumerate(kinds):
+        if kind is None:
+            continue
+        stage = STAGES[kind]
+        place = ("sequence", index)
+        if stage != CYCLES_STAGE and kind in seen:
+            yield source.problem(place, f"a second '{kind}'", f"each of these once: {ORDER}", "Delete one of them.")
+        elif stage < latest:
+            before = next(other for other in kinds[:index] if other is not None and STAGES[other] > stage)
+            yield source.problem(place, f"'{kind}' behind '{before}'", ORDER, f"Move it before '{before}'.")
+        seen.setdefault(kind, index)
+        latest = max(latest, stage)
+    for kind, why in WHY_REQUIRED.items():
+        if kind not in seen:
+            yield source.problem(("sequence",), f"a sequence without '{kind}'", ORDER, f"{why}.", at_name=True)
+    if None not in kinds and CYCLES_STAGE not in {STAGES[kind] for kind in seen}:
+        cycles = one_of([kind for kind, stage in STAGES.items() if stage == CYCLES_STAGE])
+        hint = f"Add {cycles} before unload."
+        yield source.problem(("sequence",), "a sequence without cycles", ORDER, hint, at_name=True)
+
+
+def _kind_of(entry: object) -> str | None:
+    """Return the kind that an entry has or most likely means."""
+    name = next(iter(entry), None) if isinstance(entry, dict) else entry
+    return nearest(name, STAGES) if isinstance(name, str) else None

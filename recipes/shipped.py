@@ -1,50 +1,113 @@
-"""The files that come with the program, and the bench that a recipe runs on when none is named."""
+"""Recipe and bench files that come with the program, and loading of any recipe or bench by path or shipped name."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from recipes.bench_schema import Bench
-from recipes.loader import load_bench
-from recipes.problems import Problem, RecipeError, nearest
+from recipes.loader import load_source
+from recipes.problems import Problem, RecipeError, nearest, one_of
+from recipes.quantity import TORQUE, QuantityError, read_quantity
 from recipes.recipe_schema import Recipe
+from recipes.section import RATED, REFERENCE
+from recipes.sequence_schema import sequence_order
+from recipes.yaml_source import Source, parse_source, read_source
 
-FOLDER = Path(__file__).parent
+HERE = Path(__file__).parent
 
 
 def shipped_recipes() -> dict[str, Path]:
-    """Shipped recipe files by name."""
-    return {path.stem: path for path in sorted(FOLDER.glob("*.yaml"))}
+    """Return the shipped recipes by name."""
+    return {path.stem: path for path in sorted(HERE.glob("*.yaml"))}
 
 
 def shipped_benches() -> dict[str, Path]:
-    """Shipped bench files by name."""
-    return {path.stem: path for path in sorted((FOLDER / "benches").glob("*.yaml"))}
+    """Return the shipped bench files by name."""
+    return {path.stem: path for path in sorted((HERE / "benches").glob("*.yaml"))}
+
+
+def find_recipe(name_or_path: str | Path) -> Path:
+    """Return the path of a recipe that is named by its path or its shipped name. Raises RecipeError."""
+    return _file(name_or_path, shipped_recipes(), "recipe")
 
 
 def find_bench(name_or_path: str | Path) -> Path:
-    """A bench file by its path, or by the name of a shipped one; raises `RecipeError` when there is neither."""
-    path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml") or path.exists():
-        return path
-    benches = shipped_benches()
-    if str(name_or_path) in benches:
-        return benches[str(name_or_path)]
-    found, allowed = "there is no such bench", ", ".join(benches) + ", or the path of a bench file"
-    raise RecipeError([Problem(str(name_or_path), 0, 0, "", found, allowed, nearest(str(name_or_path), benches))])
+    """Return the path of a bench file that is named by its path or its shipped name. Raises RecipeError."""
+    return _file(name_or_path, shipped_benches(), "bench")
+
+
+def load_recipe(path: str | Path) -> Recipe:
+    """Load a recipe from a file or by its shipped name. Raises RecipeError with all problems of the file."""
+    return _recipe_of(read_source(find_recipe(path)))
+
+
+def parse_recipe(raw: bytes, path: str) -> Recipe:
+    """Load a recipe from the bytes of a file, such as the copy in a record. Raises RecipeError."""
+    return _recipe_of(parse_source(raw, path))
+
+
+def load_bench(path: str | Path) -> Bench:
+    """Load a bench from a file or by its shipped name. Raises RecipeError with all problems of the file."""
+    return load_source(read_source(find_bench(path)), Bench)
+
+
+def parse_bench(raw: bytes, path: str) -> Bench:
+    """Load a bench from the bytes of a file, such as the copy in a record. Raises RecipeError."""
+    return load_source(parse_source(raw, path), Bench)
 
 
 def default_bench(recipe: Recipe) -> tuple[Path, Bench]:
-    """The embedded bench for this recipe: the side it loads, and its model before any model."""
-    candidates = [(path, load_bench(path)) for path in shipped_benches().values()]
+    """Return the embedded bench that a recipe runs on when none is named, and its file.
+
+    One that names the recipe's model comes before one that takes any. Raises RecipeError when none fits.
+    """
+    model = recipe.unit_under_test.model
     fitting = [
         (path, bench)
-        for path, bench in candidates
+        for path, bench in ((path, load_bench(path)) for path in shipped_benches().values())
         if bench.bench.embedded
         and bench.bench.loading == recipe.loading
-        and (not bench.bench.models or recipe.unit_under_test.model in bench.bench.models)
+        and (not bench.bench.models or model in bench.bench.models)
     ]
     if not fitting:
-        found = f"no embedded bench takes {recipe.unit_under_test.model} with the load at the {recipe.loading}"
-        raise RecipeError([Problem(recipe.recipe.name, 0, 0, "loading", found, "a bench file given with --bench")])
+        found = f"'{recipe.loading}' for {model}, which no virtual bench takes"
+        hint = "Name a bench file with --bench."
+        raise RecipeError([recipe.problem(("loading",), found, "the side and model of a virtual bench", hint)])
     return max(fitting, key=lambda item: bool(item[1].bench.models))
+
+
+def _recipe_of(source: Source) -> Recipe:
+    recipe = load_source(source, Recipe, percentages, rules=(sequence_order,))
+    return recipe.with_source(source)
+
+
+def percentages(data: Any) -> Mapping[str, float | None]:
+    """Return what 100 % stands for in a recipe's plain data; None where the file does not say it rightly."""
+    rated = _torque(data, "unit_under_test", "rated_torque", None)
+    reference = _torque(data, "measurement", "reference_torque", rated)
+    written = isinstance(data, dict) and "reference_torque" in (data.get("measurement") or {})
+    return {RATED: rated, REFERENCE: reference if written else rated}
+
+
+def _torque(data: Any, section: str, option: str, percent_of: float | None) -> float | None:
+    inside = data.get(section) if isinstance(data, dict) else None
+    text = inside.get(option) if isinstance(inside, dict) else None
+    try:
+        return read_quantity(text, TORQUE, percent_of)
+    except QuantityError:
+        return None
+
+
+def _file(path: str | Path, shipped: Mapping[str, Path], what: str) -> Path:
+    """Return the path of a file that is named by its path or by its shipped name."""
+    named = Path(path)
+    if str(path) in shipped and not named.is_file():
+        return shipped[str(path)]
+    if named.parent == Path() and not named.suffix and not named.exists():
+        meant = nearest(str(path), shipped)
+        hint = f"Did you mean '{meant}'?" if meant else "Check the path."
+        allowed = f"the path of a {what} file, or {one_of(list(shipped))}"
+        raise RecipeError([Problem(str(path), 1, 1, "", "no such file", allowed, hint)])
+    return named

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import importlib.metadata
 import json
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from station.conclusion import Conclusion, Ending, conclude, finite
-from station.errors import BenchFaultError, StationError
+from station.errors import BenchFaultError, RecordError, StationError
 from station.evaluation import method_of
 from station.live import LiveReader
 from station.log import open_log
@@ -69,9 +70,13 @@ def run(options: Options) -> int:
                 progress.say(f"{title}: {record.id}")
                 conclusion = _conclude(options, job, record, unit, progress)
         except BaseException as error:
-            log.exception("run failed", kind=type(error).__name__)
-            if record.manifest()["state"] == "recording":
-                record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
+            # A full disk refuses this as well; what is there then says `recording`, and is shown as interrupted.
+            with contextlib.suppress(OSError, RecordError):
+                log.exception("run failed", kind=type(error).__name__)
+                if record.manifest()["state"] == "recording":
+                    record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
+            if isinstance(error, RecordError):
+                raise BenchFaultError(f"the record could not be kept, so there is no verdict: {error}") from error
             raise
         result = conclusion.result
         log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])

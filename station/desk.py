@@ -193,6 +193,8 @@ class Desk:
         said = json.loads(report.read_bytes()) if report.exists() else {}
         if said.get("state") == "refused":
             raise BenchFaultError(str(said["error"]))
+        if self._interrupts and not ring.written:
+            raise BenchFaultError("stopped by the operator before anything moved")
         trouble = ""
         if said.get("state") != "finished":
             ring.mark_died()

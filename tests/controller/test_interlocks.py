@@ -301,3 +301,16 @@ def test_ramp_that_does_not_arrive_ends_in_time():
     run.bench.frozen = {"torque_out_nm": 300.0}
     run.until_finished()
     assert run.controller.state == S.FAULT
+
+
+def test_a_hold_up_is_named_as_such_and_not_as_silent_devices():
+    run = mid_ramp()
+    run.bench.frozen = {"missed_periods": 25, "drive_age_scans": 26, "sample_age_scans": 26}
+    run.go()
+    assert run.alarms() == ["missed_periods"]
+    run = mid_ramp()
+    run.bench.frozen = {"missed_periods": 15, "drive_age_scans": 16, "sample_age_scans": 16}
+    run.go()
+    run.bench.frozen = {}
+    run.until_finished()
+    assert (run.controller.state, run.alarms()) == (S.COMPLETE, [])

@@ -108,6 +108,7 @@ def short_recipe(tmp_path: Path) -> str:
         ("  - calibrate: {peak_torque: 110 %, torque_rate: 120 N·m/s, dwell: 100 ms}\n", ""),
         ("count: 1, peak_torque: 110 %, torque_rate: 120", "count: 1, peak_torque: 60 %, torque_rate: 150"),
         ("  - {id: torque_ratio_slope}\n  - {id: torque_ratio_offset, min: -25 N·m}\n", ""),
+        ("output_torque: reaction\n", "output_torque: reaction\n  reference_torque: 60 %\n"),
         ("name: rv-40e-121-quick", "name: short"),
     ):
         assert old in text

@@ -1,0 +1,131 @@
+"""What a recipe wants measured against sensors, calibrations and sampling of a bench."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import date
+
+from recipes.bench_schema import Bench
+from recipes.expectations import Finding
+from recipes.metric_units import METRIC_NEEDS
+from recipes.problems import one_of
+from recipes.quantity import PERIOD, TORQUE, show
+from recipes.recipe_schema import Recipe
+from recipes.sequence_schema import Calibrate, SpeedCycles, StepCycles, TorqueCycles
+
+MEASURED = (TorqueCycles, SpeedCycles, StepCycles)
+ROUNDING = 1.0 + 1e-9
+
+
+def check_sensors(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
+    """The sensors that the measurement needs are on the bench."""
+    option, sensors, name = ("measurement", "output_torque"), bench.sensors, bench.bench.name
+    source = recipe.measurement.output_torque
+    if source == "reaction" and sensors.torque_out is None:
+        found = f"'reaction', but bench '{name}' has no output torque sensor"
+        yield Finding(option, found, "'calibrated', from the input torque", "Calibrate, or fit the sensor.")
+    if source == "calibrated" and recipe.loading == "output":
+        found = "'calibrated' with the load at the output"
+        yield Finding(option, found, "'reaction'", "The torque is measured where it acts.")
+    elif source == "calibrated" and sensors.torque_in is None:
+        found = f"'calibrated', but bench '{name}' has no input torque sensor"
+        yield Finding(option, found, "'reaction'", "Fit the sensor, or measure at the output.")
+    if sensors.angle_out is None:
+        found = f"'{recipe.loading}', but bench '{name}' has no encoder at the output"
+        yield Finding(("loading",), found, "a bench with both encoders", "One measures, the other watches the lock.")
+
+
+def check_calibration(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
+    """A measured torque ratio has its step and both sensors; a stored one has no step."""
+    option, wanted = ("measurement", "calibration"), recipe.measurement.calibration
+    steps = [index for index, step in enumerate(recipe.sequence) if isinstance(step, Calibrate)]
+    if recipe.measurement.output_torque == "calibrated" and wanted == "measured" and not steps:
+        hint = "Add '- calibrate: {...}' behind lock, or write 'calibration: stored'."
+        yield Finding(option, "'measured' without a step calibrate", "a sequence with calibrate", hint)
+    for index in steps:
+        place = ("sequence", index, "calibrate")
+        if wanted == "stored":
+            found = "a step calibrate with 'calibration: stored'"
+            yield Finding(place, found, "calibrate with 'calibration: measured'", "Delete the step or change it.")
+        if recipe.loading == "output":
+            found = "a step calibrate with the load at the output"
+            yield Finding(place, found, "calibrate with 'loading: input'", "Delete the step.")
+        if bench.sensors.torque_in is None or bench.sensors.torque_out is None:
+            found = f"a step calibrate on bench '{bench.bench.name}', which lacks a torque sensor"
+            yield Finding(place, found, "a torque sensor at input and output", "Use a stored calibration.")
+
+
+def check_stored_calibration(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding]:
+    """A stored torque ratio exists for this model on this bench and is in date."""
+    if recipe.measurement.calibration != "stored":
+        return
+    model, name = recipe.unit_under_test.model, bench.bench.name
+    mine = [one for one in bench.calibrations if one.model == model]
+    option = ("measurement", "calibration")
+    hint = "Calibrate on this bench and enter the result in its file, or write 'measured'."
+    if not mine:
+        found = f"'stored', but bench '{name}' has no calibration for {model}"
+        yield Finding(option, found, "a calibration of this model in the bench file", hint)
+        return
+    newest = max(mine, key=lambda one: one.made)
+    if newest.due < today:
+        found = f"'stored', but calibration '{newest.id}' of bench '{name}' was due on {newest.due.isoformat()}"
+        yield Finding(option, found, "a calibration in date", hint)
+    elif newest.made > today:
+        found = f"'stored', but calibration '{newest.id}' is from {newest.made.isoformat()}, a day to come"
+        yield Finding(option, found, "a calibration that was made", "Correct the date or the clock.")
+
+
+def check_metrics(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
+    """Every metric comes out of what is measured, and none is asked twice."""
+    peaks = [step.peak_torque_nm for step in recipe.sequence if isinstance(step, MEASURED)]
+    if not peaks:
+        kinds = one_of(["torque_cycles", "speed_cycles", "step_cycles"])
+        yield Finding(("metrics",), "metrics, but no measured cycles", kinds, "Fatigue cycles are not evaluated.")
+    calibrates = any(isinstance(step, Calibrate) for step in recipe.sequence)
+    both_sensors = bench.sensors.torque_in is not None and bench.sensors.torque_out is not None
+    reference_nm = recipe.measurement.reference_torque_nm
+    asked: set[tuple[object, ...]] = set()
+    for index, metric in enumerate(recipe.metrics):
+        option, needs = ("metrics", index), METRIC_NEEDS[metric.id]
+        if needs.calibration and not (calibrates and both_sensors):
+            found = f"'{metric.id}', which is measured in calibrate only"
+            yield Finding((*option, "id"), found, "a sequence with calibrate", "Delete it or add the step.")
+        reach_nm = needs.reach * reference_nm
+        if "torque" in needs.free and metric.torque_nm is not None:
+            reach_nm = metric.torque_nm
+        if "band" in needs.free and metric.band is not None:
+            reach_nm = metric.band * reference_nm
+        if peaks and not needs.calibration and reach_nm > min(peaks) * ROUNDING:
+            found = f"'{metric.id}', which is read at {show(reach_nm, TORQUE)}"
+            allowed = f"metrics up to {show(min(peaks), TORQUE)}, where the cycles turn"
+            yield Finding((*option, "id"), found, allowed, "Raise peak_torque or lower reference_torque.")
+        key = (metric.id, metric.branch, metric.side, metric.torque_nm, metric.band)
+        if key in asked:
+            yield Finding((*option, "id"), f"'{metric.id}' a second time", "each metric once", "Delete one of the two.")
+        asked.add(key)
+
+
+def check_ages(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
+    """Limits on the age of values leave room for how often each value comes."""
+    period_s, limits, drive = recipe.sampling.period_s, recipe.interlocks, bench.drive
+    if period_s * ROUNDING < bench.amplifier.poll_every_s:
+        allowed = f"from {show(bench.amplifier.poll_every_s, PERIOD)}: the amplifier is not asked more often"
+        yield Finding(("sampling", "period"), show(period_s, PERIOD), allowed, "Raise the period.")
+    for option, age_s, every_s, what in (
+        (("sampling", "sample_age"), recipe.sampling.sample_age_s, bench.amplifier.poll_every_s, "samples come"),
+        (("interlocks", "sample_age"), limits.sample_age_s, bench.amplifier.poll_every_s, "samples come"),
+        (("interlocks", "drive_age"), limits.drive_age_s, period_s, "the drive answers"),
+        (("interlocks", "io_age"), limits.io_age_s, bench.remote_io.poll_every_s, "the remote I/O is asked"),
+        (("interlocks", "brake_age"), limits.brake_age_s, bench.brake.poll_every_s, "the brake is asked"),
+        (("interlocks", "drive_heartbeat"), limits.drive_heartbeat_s, drive.drive_heartbeat_s, "it comes"),
+    ):
+        shortest_s = 2 * max(every_s, period_s)
+        if age_s * ROUNDING < shortest_s:
+            found = f"{show(age_s, PERIOD)}, though {what} every {show(max(every_s, period_s), PERIOD)}"
+            allowed = f"at least {show(shortest_s, PERIOD)}"
+            yield Finding(option, found, allowed, "Raise it: every run would trip.")
+    if drive.setpoint_timeout_s * ROUNDING < 2 * period_s:
+        allowed = f"up to {show(drive.setpoint_timeout_s / 2, PERIOD)}: the drive waits "
+        allowed += f"{show(drive.setpoint_timeout_s, PERIOD)} for a set-point (drive.setpoint_timeout of the bench)"
+        yield Finding(("sampling", "period"), show(period_s, PERIOD), allowed, "Lower the period.")

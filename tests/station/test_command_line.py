@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+RECIPE = "recipes/rv-40e-121-inverse.yaml"
+
+
+def command(*args: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "station", *args], cwd=ROOT, text=True, capture_output=True, check=False
+    )
+
+
+def test_help_answers_at_once() -> None:
+    took = []
+    for _ in range(3):
+        before = time.perf_counter()
+        assert command("--help").returncode == 0
+        took.append(time.perf_counter() - before)
+    assert min(took) < 0.4
+
+
+@pytest.mark.parametrize("name", ["run", "check", "analyze", "show", "list", "virtual-bench"])
+def test_every_command_has_help(name: str) -> None:
+    done = command(name, "--help")
+    assert done.returncode == 0
+    assert name in done.stdout
+
+
+BAD = (
+    (("run", "nothing.yaml"), "nothing.yaml"),
+    (("run", RECIPE, "--serial", ""), "--serial"),
+    (("run", RECIPE, "--unit", "P2"), "P1"),
+    (("run", RECIPE, "--unit", "P1:x"), "seed"),
+    (("run", RECIPE, "--bench", "nothing"), "virtual"),
+    (("run", RECIPE, "--scenario", "nothing.yaml"), "nothing.yaml"),
+    (("run", RECIPE, "--data", "/proc/runs"), "/proc/runs"),
+    (("run", RECIPE, "--bench", "example-socketcan", "--unit", "P1"), "virtual bench"),
+    (("check", "nothing.yaml"), "nothing.yaml"),
+    (("analyze", "nothing.csv", "--recipe", RECIPE), "nothing.csv"),
+    (("analyze", "tests/data/loop_published_curve.csv"), "--recipe"),
+    (("show", "nothing"), "holds no runs"),
+    (("virtual-bench", "--can", "here"), "HOST:PORT"),
+    (("virtual-bench", "--modbus", "127.0.0.1:99999"), "HOST:PORT"),
+    (("virtual-bench", "--unit", "P2"), "P1"),
+)
+
+
+@pytest.mark.parametrize(("args", "named"), BAD)
+def test_bad_input_is_named_without_a_traceback(args: tuple[str, ...], named: str, tmp_path: Path) -> None:
+    data = ["--data", str(tmp_path)] if args[0] in ("run", "show") and "--data" not in args else []
+    done = command(*args, *data)
+    assert done.returncode == 2
+    assert named in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_check_tells_duration_and_peak_torque() -> None:
+    found = json.loads(command("check", RECIPE, "--json").stdout)
+    assert found["peak_torque_nm"] == pytest.approx(453.2)
+    assert 120 < found["duration_s"] < 220
+    assert found["load_profile"][0] == {"t_s": 0.0, "torque_nm": 0.0}
+    assert max(point["torque_nm"] for point in found["load_profile"]) == pytest.approx(453.2)
+    shown = command("check", RECIPE).stdout
+    assert "453.2 N·m (110% of rated)" in shown
+    assert "┤" in shown
+
+
+def test_all_problems_of_a_recipe_come_at_once(tmp_path: Path) -> None:
+    text = (ROOT / RECIPE).read_text().replace("loading: input", "loading: inputt", 1).replace("count: 3", "count: 0")
+    recipe = tmp_path / "bad.yaml"
+    recipe.write_text(text)
+    done = command("check", str(recipe))
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 2
+    assert all(line.startswith(f"{recipe}:") for line in done.stderr.strip().splitlines())
+
+
+def test_a_loop_measured_elsewhere_is_analysed() -> None:
+    done = command("analyze", "tests/data/loop_published_curve.csv", "--recipe", RECIPE, "--json")
+    metrics = {metric["id"]: metric for metric in json.loads(done.stdout)["metrics"]}
+    assert metrics["backlash_width_3pct"]["value"] == pytest.approx(0.94, abs=2e-4)
+    assert metrics["backlash_width_zero"]["value"] == pytest.approx(0.9408, abs=2e-4)
+    assert metrics["lost_motion"]["value"] == pytest.approx(0.9591, abs=2e-4)
+    assert done.returncode == 1  # its negative side is soft

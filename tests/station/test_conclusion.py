@@ -1,0 +1,204 @@
+"""One short run in virtual time, then everything that may go wrong with its record."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import station.conclusion
+from station.conclusion import Ending, conclude
+from station.record_check import check_file
+from station.record_store import RunRecord
+from station.request import load_job
+from station.scan_record import RECORD_BYTES
+
+ROOT = Path(__file__).parents[2]
+RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
+
+RESULT_KEYS = {"run", "serial", "recipe", "state", "verdict", "reasons", "metrics", "timing", "alarms", "record"}
+METRIC_KEYS = {
+    "id",
+    "definition",
+    "value",
+    "unit",
+    "uncertainty",
+    "coverage_factor",
+    "branch",
+    "side",
+    "estimator",
+    "cycles",
+    "limits",
+    "verdict",
+}
+TIMING_KEYS = {"period_ns", "scans", "missed", "lateness_us", "work_us", "oldest_sample_scans", "realtime"}
+
+
+def command(*args: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "station", *args], cwd=ROOT, text=True, capture_output=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], subprocess.CompletedProcess[str]]:
+    data = tmp_path_factory.mktemp("runs")
+    done = command("run", str(RECIPE), "--virtual-time", "--json", "--serial", "SN 1", "--data", str(data))
+    return json.loads(done.stdout), done
+
+
+@pytest.fixture
+def copied(finished: tuple[dict[str, Any], Any], tmp_path: Path) -> RunRecord:
+    """The finished run as a copy, as if its evaluation had still to come."""
+    source = Path(finished[0]["record"])
+    target = tmp_path / source.name
+    shutil.copytree(source, target)
+    return RunRecord(target)
+
+
+def again(record: RunRecord, **changes: Any) -> dict[str, Any]:
+    written = changes.pop("written", record.records())
+    job = load_job(str(record.folder / "recipe.yaml"), str(record.folder / "bench.yaml"))
+    return conclude(record, job, Ending(written=written, **changes)).result
+
+
+def test_the_json_object_keeps_the_contract(finished: tuple[dict[str, Any], Any]) -> None:
+    result, done = finished
+    assert done.returncode == 0
+    assert done.stdout.count("\n") == 1
+    assert set(result) >= RESULT_KEYS
+    assert result["state"] == "complete"
+    assert result["verdict"] == "PASS"
+    assert result["serial"] == "SN 1"
+    assert all(set(metric) >= METRIC_KEYS for metric in result["metrics"])
+    assert set(result["timing"]) >= TIMING_KEYS
+    assert set(result["timing"]["lateness_us"]) >= {"p50", "p99", "p999", "max"}
+    assert {"p50", "p99", "max"} <= set(result["timing"]["work_us"])
+
+
+def test_the_record_stands_alone(finished: tuple[dict[str, Any], Any]) -> None:
+    folder = Path(finished[0]["record"])
+    names = {path.name for path in folder.iterdir()}
+    assert names >= {
+        "run.json",
+        "recipe.yaml",
+        "bench.yaml",
+        "profiles",
+        "program.json",
+        "samples.bin",
+        "samples.json",
+        "events.jsonl",
+        "timing.json",
+        "calibration.json",
+        "result.json",
+        "loop.png",
+        "report.html",
+        "log.jsonl",
+    }
+    assert (folder / "recipe.yaml").read_bytes() == RECIPE.read_bytes()
+    assert json.loads((folder / "result.json").read_text()) == finished[0]
+    assert check_file(folder / "samples.bin", json.loads((folder / "run.json").read_text())["records"]).sound
+    page = (folder / "report.html").read_text()
+    assert "PASS" in page
+    assert "data:image/png;base64," in page
+    assert "http://" not in page
+    assert "https://" not in page
+    for line in (folder / "log.jsonl").read_text().splitlines():
+        assert {"event", "level", "timestamp"} <= set(json.loads(line))
+
+
+def test_the_same_record_gives_the_same_verdict(copied: RunRecord, finished: tuple[dict[str, Any], Any]) -> None:
+    result = again(copied)
+    assert result["verdict"] == "PASS"
+    assert result["metrics"] == finished[0]["metrics"]
+
+
+def test_one_flipped_bit_and_there_is_no_verdict(copied: RunRecord) -> None:
+    content = bytearray(copied.samples.read_bytes())
+    content[1000 * RECORD_BYTES + 100] ^= 1
+    copied.samples.write_bytes(content)
+    result = again(copied)
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "fail their CRC" in " ".join(result["reasons"])
+
+
+def test_a_record_cut_short_is_not_a_complete_run(copied: RunRecord) -> None:
+    content = copied.samples.read_bytes()
+    copied.samples.write_bytes(content[: 20_000 * RECORD_BYTES])
+    result = again(copied, written=len(content) // RECORD_BYTES)
+    assert result["state"] == "interrupted"
+    assert result["verdict"] == "NOT DECIDABLE"
+
+
+def test_lost_records_are_never_a_pass(copied: RunRecord) -> None:
+    result = again(copied, lost=3)
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "3 records were lost" in " ".join(result["reasons"])
+
+
+def test_a_result_that_reads_back_differently_decides_nothing(
+    copied: RunRecord,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    honest = station.conclusion.read_from_disk
+
+    def forgetful(path: Path) -> bytes:
+        content = honest(path)
+        return content.replace(b'"PASS"', b'"FAIL"', 1) if path.name == "result.json" else content
+
+    monkeypatch.setattr(station.conclusion, "read_from_disk", forgetful)
+    result = again(copied)
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "reads back differently" in result["reasons"][0]
+
+
+def test_too_many_missed_periods_invalidate_the_measurement(
+    copied: RunRecord,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plain = station.conclusion.timing_block
+    monkeypatch.setattr(station.conclusion, "timing_block", lambda *args: plain(*args) | {"missed": 1000})
+    result = again(copied)
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "scan periods were missed" in " ".join(result["reasons"])
+
+
+def test_show_reads_the_record_back(copied: RunRecord) -> None:
+    data = str(copied.folder.parent)
+    assert json.loads(command("show", "last", "--data", data, "--json").stdout)["verdict"] == "PASS"
+    content = bytearray(copied.samples.read_bytes())
+    content[-30] ^= 1
+    copied.samples.write_bytes(content)
+    shown = json.loads(command("show", "last", "--data", data, "--json").stdout)
+    assert shown["verdict"] == "NOT DECIDABLE"
+    assert "damaged" in shown["reasons"][0]
+
+
+def test_analyze_finds_in_the_record_what_the_run_found(
+    copied: RunRecord, finished: tuple[dict[str, Any], Any]
+) -> None:
+    done = command("analyze", str(copied.folder), "--json")
+    found = json.loads(done.stdout)
+    assert done.returncode == 0
+    assert found["metrics"] == finished[0]["metrics"]
+
+
+def test_list_has_a_row_for_every_run_even_a_damaged_one(copied: RunRecord) -> None:
+    other = copied.folder.parent / "20990101T000000.000Z-X"
+    other.mkdir()
+    (other / "run.json").write_text("{")
+    rows = json.loads(command("list", "--data", str(copied.folder.parent), "--json").stdout)
+    assert [row["state"] for row in rows] == ["complete", "damaged"]
+
+
+def test_events_tell_the_story_in_order(copied: RunRecord) -> None:
+    events = [json.loads(line) for line in (copied.folder / "events.jsonl").read_text().splitlines()]
+    assert [event["to"] for event in events if event["kind"] == "transition"][:3] == ["home", "lock", "calibrate"]
+    assert [event["to"] for event in events if event["kind"] == "transition"][-3:] == ["unload", "release", "complete"]
+    assert all(first["scan"] <= second["scan"] for first, second in itertools.pairwise(events))

@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from station_samples import IMAGE, ORDERS
+
+import station.ring
+from station.durable import Appender, read_from_disk, write_durable
+from station.errors import RecordError, StationError
+from station.record_store import RunRecord, Store, check_serial, process_birth
+from station.recovery import recover
+from station.ring import RingWriter, ScanState, create
+from station.scan_record import pack
+
+MANIFEST = {"recipe": {"name": "r", "revision": 1, "sha256": "0"}, "verdict": None, "ring": None}
+
+
+@pytest.fixture(autouse=True)
+def _rings_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(station.ring, "SHARED_MEMORY", tmp_path / "absent")
+
+
+def new_run(store: Store, serial: str = "SN1") -> RunRecord:
+    return store.create(serial, MANIFEST, {"recipe.yaml": b"text", "profiles/drive.yaml": b"profile"})
+
+
+def test_a_new_run_holds_what_was_known_before_it_started(tmp_path: Path) -> None:
+    run = new_run(Store(tmp_path))
+    assert (run.folder / "recipe.yaml").read_bytes() == b"text"
+    assert (run.folder / "profiles" / "drive.yaml").read_bytes() == b"profile"
+    assert run.state() == "recording"
+    assert run.manifest()["attempt"] == 1
+
+
+def test_attempts_of_a_serial_are_numbered_and_kept(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    runs = [new_run(store, serial) for serial in ("A", "B", "A", "A/", "A_", "A")]
+    assert [run.manifest()["attempt"] for run in runs] == [1, 1, 2, 1, 1, 3]
+    assert len({run.id for run in runs}) == 6
+
+
+def test_runs_created_at_once_get_folders_and_attempts_of_their_own(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    with ThreadPoolExecutor(8) as pool:
+        runs = list(pool.map(lambda _: new_run(store), range(16)))
+    assert len({run.id for run in runs}) == 16
+    assert sorted(run.manifest()["attempt"] for run in runs) == list(range(1, 17))
+
+
+def test_run_ids_sort_by_time(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    created = [new_run(store, serial).id for serial in ("Z", "A", "M")]
+    assert [run.id for run in store.runs()] == created
+
+
+@pytest.mark.parametrize("serial", ["../../etc", "a b/c:d", ".hidden", "ÄÖ-7", "x" * 128])
+def test_any_serial_stays_inside_the_folder(tmp_path: Path, serial: str) -> None:
+    store = Store(tmp_path)
+    run = new_run(store, check_serial(serial))
+    assert run.folder.parent == tmp_path
+    assert run.manifest()["serial"] == serial
+    assert store.find(serial).id == run.id
+
+
+@pytest.mark.parametrize("serial", ["", "  ", "a\nb", "x" * 129])
+def test_serials_that_nobody_can_read_are_refused(serial: str) -> None:
+    with pytest.raises(StationError, match="--serial"):
+        check_serial(serial)
+
+
+def test_runs_are_found_by_id_part_serial_and_last(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    first, second = new_run(store, "A1"), new_run(store, "B2")
+    assert store.find(first.id).id == first.id
+    assert store.find(str(first.folder)).id == first.id
+    assert store.find("B2").id == second.id
+    assert store.find("last").id == second.id
+    with pytest.raises(StationError, match="fits 2 runs"):
+        store.find("20")
+    with pytest.raises(StationError, match="no such run"):
+        store.find("nothing")
+
+
+def test_a_recording_whose_desk_is_gone_is_interrupted(tmp_path: Path) -> None:
+    run = new_run(Store(tmp_path))
+    gone = subprocess.Popen([sys.executable, "-c", "pass"])
+    gone.wait()
+    run.update(desk={"pid": gone.pid, "birth": "1"})
+    assert run.state() == "interrupted"
+    run.update(desk={"pid": os.getpid(), "birth": "another process had this id"})
+    assert run.state() == "interrupted"
+    run.update(desk={"pid": os.getpid(), "birth": process_birth(os.getpid())})
+    assert run.state() == "recording"
+
+
+def test_a_failed_write_leaves_the_old_file_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "run.json"
+    write_durable(path, b"old")
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(RecordError, match="No space left on device"):
+        write_durable(path, b"new")
+    monkeypatch.undo()
+    assert read_from_disk(path) == b"old"
+    assert [item.name for item in tmp_path.iterdir()] == ["run.json"]
+
+
+def test_a_damaged_manifest_is_told_not_thrown(tmp_path: Path) -> None:
+    run = new_run(Store(tmp_path))
+    (run.folder / "run.json").write_text("{")
+    with pytest.raises(RecordError, match="is damaged"):
+        run.manifest()
+
+
+def test_an_unwritable_place_is_told(tmp_path: Path) -> None:
+    place = tmp_path / "file"
+    place.write_text("")
+    with pytest.raises(RecordError, match="cannot be written"):
+        new_run(Store(place / "runs"))
+
+
+@pytest.mark.parametrize("on_disk", [0, 3, 5])
+def test_a_dead_desk_and_a_dead_scan_lose_no_record(tmp_path: Path, on_disk: int) -> None:
+    """The desk had written `on_disk` records to the file, and died before it could note that in the ring."""
+    run = new_run(Store(tmp_path))
+    ring = create(tmp_path, 16)
+    writer = RingWriter(ring)
+    for scan in range(5):
+        writer.append(scan, 0, 0, IMAGE, ORDERS)
+    writer.set_state(ScanState.RUNNING)
+    writer._words[9] = 0  # the scan process is gone as well
+    writer.close()
+    file = Appender(run.samples)
+    file.write(b"".join(pack((scan, scan, 0, 0), IMAGE, ORDERS) for scan in range(on_disk)))
+    file.close()
+    run.update(ring=str(ring), desk={"pid": 1, "birth": "0"})
+    assert recover(run) == 5 - on_disk
+    assert run.samples.read_bytes() == b"".join(pack((scan, scan, 0, 0), IMAGE, ORDERS) for scan in range(5))
+    assert not ring.exists()
+    assert recover(run) == 0
+
+
+def test_nothing_is_taken_from_a_run_that_is_going_on(tmp_path: Path) -> None:
+    run = new_run(Store(tmp_path))
+    ring = create(tmp_path, 16)
+    run.update(ring=str(ring))
+    assert recover(run) == 0
+    assert ring.exists()
+
+
+def test_json_files_hold_the_signs_of_the_field(tmp_path: Path) -> None:
+    run = new_run(Store(tmp_path))
+    run.write_json("x.json", {"unit": "N·m"})
+    assert "N·m" in (run.folder / "x.json").read_text()
+    assert json.loads((run.folder / "x.json").read_text()) == {"unit": "N·m"}

@@ -136,6 +136,26 @@ def virtual_bench(
 
 
 @app.command()
+def export(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    file_format: Annotated[
+        str,
+        typer.Option("--format", metavar="FORMAT", help="parquet, csv, mat or tdms."),
+    ] = "parquet",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="File or folder to write. Default: RUN.FORMAT in this folder."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write every scan of a run as Parquet, CSV, MATLAB or TDMS, with units and metadata."""
+    from station import command_export
+
+    raise typer.Exit(command_export.export(name, data, file_format, out, as_json=as_json))
+
+
+@app.command()
 def replay(
     name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
     recipe: Annotated[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 import time
 from contextlib import ExitStack
@@ -39,11 +40,11 @@ def measure(job: Job, asked: Asked) -> dict[str, Any]:
         folder = Path(cleanup.enter_context(tempfile.TemporaryDirectory(prefix="lostmotion-timing-")))
         embedded = job.bench.bench.embedded
         profiles = {name: str(path) for name, path in job.profile_paths.items()}
-        ports, life_line = None, None
+        ports, life_line, bench_pid = None, None, 0
         if embedded:
             life_line = children.LifeLine()
             cleanup.callback(life_line.close)
-            ports = _virtual_bench(job, profiles, folder, life_line, cleanup)
+            bench_pid, ports = _virtual_bench(job, profiles, folder, life_line, cleanup)
         ring_path = create(folder)
         cleanup.callback(ring_path.unlink, missing_ok=True)
         ring = RingReader(ring_path)
@@ -62,7 +63,9 @@ def measure(job: Job, asked: Asked) -> dict[str, Any]:
         }
         path = folder / "spec.json"
         path.write_text(json.dumps(spec), encoding="utf-8")
+        before_s = cpu_seconds(bench_pid)
         report = _measured(path, folder, ring, life_line, cleanup)
+        report["virtual_bench_cpu_s"] = round(cpu_seconds(bench_pid) - before_s, 3) if embedded else None
     spin_ns = spec["spin_ns"] if report["realtime"]["fifo"] else 0
     head = {"period_ns": period_ns, "spin_ns": spin_ns, "bench": job.bench.bench.name, "embedded": embedded}
     return head | report | {"machine": [finding._asdict() for finding in look()], "asked": asdict(asked)}
@@ -74,7 +77,7 @@ def _virtual_bench(
     folder: Path,
     life_line: children.LifeLine,
     cleanup: ExitStack,
-) -> dict[str, Any]:
+) -> tuple[int, dict[str, Any]]:
     from station.assemble_virtual import choose_unit  # noqa: PLC0415 - brings numba
 
     unit = choose_unit(None, job.recipe.unit_under_test.model)
@@ -84,7 +87,16 @@ def _virtual_bench(
     path.write_text(json.dumps(spec), encoding="utf-8")
     process, ready = children.start_virtual_bench(path, folder / "virtual-bench.jsonl", life_line)
     cleanup.callback(children.stop, process)
-    return ready
+    return process.pid, ready
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return user and system time that a process has taken [s]; 0 when it is gone."""
+    try:
+        words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()
+    except OSError:
+        return 0.0
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _measured(

@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
+KILLS ?= 100
 
 .PHONY: help setup run test check format docs golden bench kill-tests test-socketcan clean
 
@@ -14,6 +15,7 @@ help:
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
+	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
 	@echo "make bench   performance figures, as ratios measured in one run"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -43,6 +45,9 @@ format: $(STAMP)
 
 docs: $(STAMP)
 	$(BIN)/python -m docs.generate
+
+kill-tests: $(STAMP)
+	$(BIN)/python tests/end_to_end/kills.py $(KILLS)
 
 golden: $(STAMP)
 	$(BIN)/python tests/golden/regenerate.py

@@ -156,6 +156,21 @@ def export(
 
 
 @app.command()
+def resume(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Take over a run whose desk died, to its end and its verdict. Exit code as run.
+
+    Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
+    """
+    from station import command_resume
+
+    raise typer.Exit(command_resume.resume_run(name, data, as_json=as_json))
+
+
+@app.command()
 def replay(
     name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
     recipe: Annotated[

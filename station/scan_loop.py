@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from controller.image import Command, Image, Orders
+from controller.image import Command, Image, Orders, State
 from station.scan_times import ScanTimes
 from station.schedule import RealTimeSchedule
 
@@ -103,6 +103,8 @@ def run_real(
         written = now_ns()
         if not append(scan, schedule.lateness_ns, written - woken, image, orders):
             stop.wanted = True
+        if stop.given and orders.state == State.IDLE:
+            break  # nothing was started, so there is nothing to bring to an end
         count(scan, missed, schedule.lateness_ns, (woken, was_read, stepped, written, now_ns()))
     return scan
 

@@ -15,6 +15,11 @@ BINS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 100_000)
 BAR = 40
 MISSED_ALLOWED = 0.001
 GAPS_SHOWN = 10
+RATION_MS = 100
+"""Period at which Linux hosts ration processor time (CFS bandwidth control)."""
+
+RHYTHM_GAPS = 4
+RHYTHM_WIDTH = 0.05
 LONG_SHOWN = 5
 
 
@@ -55,6 +60,12 @@ def explain(report: dict[str, Any]) -> list[str]:
             f"{report['missed']} of {report['periods']} periods were missed ({share:.3%}; recipes allow about 0.1 %). "
             f"Before {causes.count(most)} of {len(causes)} gaps, {CAUSES[most]}.",
         )
+    every_ms = _rhythm_ms(report)
+    if every_ms:
+        told.append(
+            f"The gaps keep a rhythm of {every_ms} ms: something rations the processor, as the host of "
+            "a virtual machine or a container's limit does. No setting in here helps against that.",
+        )
     if late["p999"] > 0.5 * period_us:
         told.append(
             "The machine wakes the scan too late for this period now and then: see what stands in the way below."
@@ -64,6 +75,16 @@ def explain(report: dict[str, Any]) -> list[str]:
     if report["embedded"] and report["missed"]:
         told.append("The virtual bench runs on the same processor; a real bench leaves it to the scan.")
     return told
+
+
+def _rhythm_ms(report: dict[str, Any]) -> int:
+    """Return the period at whose fixed phase the gaps lie [ms], 0 when they lie anywhere."""
+    times_ms = [gap["before"]["scan"] * report["period_ns"] * 1e-6 for gap in report["gaps"]]
+    if len(times_ms) < RHYTHM_GAPS:
+        return 0
+    phases = [(time_ms - times_ms[0] + RATION_MS / 2) % RATION_MS - RATION_MS / 2 for time_ms in times_ms]
+    inside = sum(abs(phase) <= RHYTHM_WIDTH * RATION_MS for phase in phases)
+    return RATION_MS if inside >= 0.8 * len(times_ms) else 0
 
 
 def histogram(edges: list[list[float]]) -> list[str]:

@@ -135,6 +135,95 @@ def virtual_bench(
     raise typer.Exit(command_virtual_bench.virtual_bench(bench, can, modbus, unit, scenario))
 
 
+@app.command()
+def export(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    file_format: Annotated[
+        str,
+        typer.Option("--format", metavar="FORMAT", help="parquet, csv, mat or tdms."),
+    ] = "parquet",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="File or folder to write. Default: RUN.FORMAT in this folder."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write every scan of a run as Parquet, CSV, MATLAB or TDMS, with units and metadata."""
+    from station import command_export
+
+    raise typer.Exit(command_export.export(name, data, file_format, out, as_json=as_json))
+
+
+@app.command()
+def resume(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Take over a run whose desk died, to its end and its verdict. Exit code as run.
+
+    Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
+    """
+    from station import command_resume
+
+    raise typer.Exit(command_resume.resume_run(name, data, as_json=as_json))
+
+
+@app.command()
+def replay(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="OTHER", help="What if: interlocks and limits of another recipe."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Step the controller through a record and compare every order, byte for byte.
+
+    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record.
+    """
+    from station import command_replay
+
+    raise typer.Exit(command_replay.replay_run(name, data, recipe, as_json=as_json))
+
+
+@app.command()
+def timing(
+    seconds: Annotated[float, typer.Option("--seconds", metavar="N", min=0.1, help="How long to measure.")] = 10.0,
+    bench: BenchOption = None,
+    recipe: Annotated[
+        str | None,
+        typer.Option(
+            "--recipe", metavar="RECIPE", help="Recipe whose period and bench are meant. Default: a shipped one."
+        ),
+    ] = None,
+    period_us: Annotated[
+        int | None,
+        typer.Option("--period-us", metavar="N", min=100, max=100_000, help="Measure at another scan period [µs]."),
+    ] = None,
+    spin_us: Annotated[
+        int | None,
+        typer.Option("--spin-us", metavar="N", min=0, max=1000, help="Spin this long before each deadline [µs]."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure what this machine can do: the whole scan without a unit under test. Nothing moves.
+
+    Exit code: 0, or 1 when more than 0.1 % of the periods were missed; 2 bad input.
+    """
+    from station import command_timing
+    from station.timing_run import Asked
+
+    asked = Asked(
+        seconds,
+        None if period_us is None else period_us * 1000,
+        None if spin_us is None else spin_us * 1000,
+    )
+    raise typer.Exit(command_timing.timing(recipe, bench, asked, as_json=as_json))
+
+
 def _bad_input() -> tuple[type[Exception], ...]:
     """Return the errors that a person can mend. Called when one was raised: its module is loaded then anyway."""
     loaded = sys.modules

@@ -48,6 +48,7 @@ class Release:
             if self._proven_low(image):
                 context.phase = self.OPEN
                 context.measured.brake_current_expected_a = 0.0
+                context.lock_proven = False
                 context.brake_on = 0
                 context.brake_current_a = 0.0
         elif not image.brake_on and image.brake_current_a <= context.program.lock.tolerance_a:
@@ -78,6 +79,7 @@ class FaultReaction:
         self._torque = TorqueRamp(context.program.control, context.program.period_s)
         self._unloading = Unloading(context, self._torque)
         self._waited = 0
+        self._pulsed = False
         self.reaction = Reaction.NONE
         self.acknowledged = False
 
@@ -107,7 +109,9 @@ class FaultReaction:
         self.reaction = reaction
         context.measured.drive_enabled_expected = False
         context.measured.mode_expected = 0
-        if reaction == Reaction.UNLOAD and image.drive_state == DriveState.OPERATION_ENABLED:
+        # with the lock open there is nothing to unload, and a torque that is shown is no torque in the unit
+        lock_closed = context.measured.brake_current_expected_a > 0.0
+        if reaction == Reaction.UNLOAD and lock_closed and image.drive_state == DriveState.OPERATION_ENABLED:
             context.phase = self.UNLOADING
             context.drive_command = DriveCommand.ENABLE_OPERATION  # homing may have been under way
             if context.drive_mode != DriveMode.CYCLIC_SYNC_TORQUE:
@@ -163,6 +167,7 @@ class FaultReaction:
             return "reset refused: the reaction to the fault is still under way"
         self._context.phase = self.DRIVE_RESET
         self._waited = 0
+        self._pulsed = False
         return ""
 
     def _reset_drive(self, image: Image, active: int) -> Outcome:
@@ -171,9 +176,9 @@ class FaultReaction:
             context.phase = self.SETTLED
             context.notes.append("reset refused: a cause is still present")
         elif image.drive_state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE):
-            # the rising edge: one scan without the bit, one with it
-            even = context.drive_command == DriveCommand.DISABLE_VOLTAGE
-            context.drive_command = DriveCommand.FAULT_RESET if even else DriveCommand.DISABLE_VOLTAGE
+            # one rising edge: the scans before were without the bit
+            context.drive_command = DriveCommand.DISABLE_VOLTAGE if self._pulsed else DriveCommand.FAULT_RESET
+            self._pulsed = True
             if self._waited > context.program.enable_scans:
                 context.disable_drive()
                 context.phase = self.SETTLED

@@ -65,10 +65,9 @@ def _tare(recipe: Recipe, bench: Bench, period_s: float) -> Tare:
 def _loading_line(recipe: Recipe, bench: Bench) -> tuple[float, float]:
     """Slope and offset that plan the input torque: of the newest stored calibration when the recipe uses one."""
     line = recipe.unit_under_test.loading_torque_ratio
-    stored = [item for item in bench.calibrations if item.model == recipe.unit_under_test.model]
-    if recipe.measurement.calibration != "stored" or not stored:
+    newest = bench.newest_calibration(recipe.unit_under_test.model)
+    if recipe.measurement.calibration != "stored" or newest is None:
         return line.slope, line.offset_nm
-    newest = max(stored, key=lambda item: item.due)
     # offsets of the two directions have opposite signs: the mean of the magnitudes serves both
     slope = (newest.load_positive.slope + newest.load_negative.slope) / 2.0
     return slope, (newest.load_positive.offset_nm - newest.load_negative.offset_nm) / 2.0

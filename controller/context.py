@@ -45,6 +45,7 @@ class Context:
         "hold",
         "loading_offset_nm",
         "loading_slope",
+        "lock_proven",
         "lock_zero_rad",
         "measured",
         "notes",
@@ -77,6 +78,7 @@ class Context:
         self.segment = self.program.segments[0]
         self.hold = False
         self.stopping = False
+        self.lock_proven = False
         self.measured.lock_motion_limit_rad = math.inf
         self.measured.brake_current_expected_a = 0.0
         self.control_from_input = not self.program.has_torque_out

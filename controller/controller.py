@@ -128,7 +128,7 @@ class Controller:
         measured.speed_rad_s = image.drive_velocity_rad_s
         measured.counter_stands = image.sample_counter == self._last_counter
         self._last_counter = image.sample_counter
-        measured.agreement_live = program.loading_input and program.has_torque_in and program.has_torque_out
+        measured.agreement_live = program.has_torque_out and (program.has_torque_in or not program.loading_input)
 
     # --- the state that is on
 
@@ -180,6 +180,8 @@ class Controller:
         self.events.append(Event(scan, "transition", before.name.lower(), state.name.lower()))
         if state == State.HOME:
             self._start_pending = False
+            self._watch.forget()
+            self._logged = 0
             self._context.begin()
             self._loading.forget()
             self._home.enter(image)

@@ -18,6 +18,7 @@ from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from controller.image import (
     AGE_NEVER,
     Command,
+    DriveMode,
     DriveState,
     Image,
     Link,
@@ -132,8 +133,14 @@ def _drive_internal_limit(i: Image, m: Measured, _l: Limits, _p: Program) -> boo
     return m.drive_enabled_expected and bool(i.drive_internal_limit)
 
 
-def _torque_out_trip(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
-    return abs(m.torque_out_nm) > li.torque_out_trip_nm
+def _drive_not_following(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
+    return m.mode_expected in CYCLIC_MODES and m.drive_enabled_expected and not i.drive_follows_command
+
+
+def _torque_out_trip(i: Image, m: Measured, li: Limits, p: Program) -> bool:
+    # where the servo loads the output, its own torque shows an overload that a stuck sensor hides
+    overload = not p.loading_input and abs(i.drive_torque_nm) > li.torque_out_trip_nm * DRIVE_TORQUE_FACTOR
+    return overload or abs(m.torque_out_nm) > li.torque_out_trip_nm
 
 
 def _torque_in_trip(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
@@ -189,17 +196,29 @@ def _sensor_saturated(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
     return bool(i.sample_status & (SampleStatus.TORQUE_IN_SATURATED | SampleStatus.TORQUE_OUT_SATURATED))
 
 
-def _torque_channels_disagree(_i: Image, m: Measured, li: Limits, p: Program) -> bool:
+def _sample_not_ready(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+    return bool(i.sample_status & SampleStatus.NOT_READY)
+
+
+def _torque_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
     if not m.agreement_live:
         return False
-    ideal_nm, out_nm = abs(m.torque_in_nm) * p.ratio, abs(m.torque_out_nm)
-    margin_nm, factor = li.torque_agreement_nm, li.torque_agreement_ratio
+    out_nm, margin_nm = abs(m.torque_out_nm), li.torque_agreement_nm
+    if p.loading_input:
+        ideal_nm, factor = abs(m.torque_in_nm) * p.ratio, li.torque_agreement_ratio
+    else:
+        ideal_nm, factor = abs(i.drive_torque_nm), DRIVE_TORQUE_FACTOR
     return out_nm > ideal_nm * factor + margin_nm or out_nm < ideal_nm / factor - margin_nm
 
 
 def _brake_stays_closed(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
     return i.brake_age_scans != AGE_NEVER and (bool(i.brake_on) or i.brake_current_a > m.brake_tolerance_a)
 
+
+CYCLIC_MODES = (DriveMode.CYCLIC_SYNC_TORQUE, DriveMode.CYCLIC_SYNC_VELOCITY)
+
+DRIVE_TORQUE_FACTOR = 1.3
+"""Torque of a load servo over that of the unit, at most: its gearbox takes its share."""
 
 S = State
 _RUNNING = frozenset({S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE})
@@ -219,7 +238,7 @@ class Interlock(NamedTuple):
 INTERLOCKS: tuple[Interlock, ...] = (
     Interlock("estop", _ALWAYS, _estop),
     Interlock("guard_open", _ALWAYS, _guard_open),
-    Interlock("operator_quick_stop", _RUNNING, _operator_quick_stop),
+    Interlock("operator_quick_stop", _ALWAYS | {S.IDLE}, _operator_quick_stop),
     Interlock("can_lost", _ALWAYS, _can_lost),
     Interlock("drive_heartbeat_lost", _ALWAYS, _drive_heartbeat_lost),
     Interlock("drive_data_stale", _ALWAYS, _drive_data_stale),
@@ -239,14 +258,16 @@ INTERLOCKS: tuple[Interlock, ...] = (
     Interlock("overspeed", _ALWAYS, _overspeed),
     Interlock("over_travel", _ALWAYS, _over_travel),
     Interlock("lock_slip", _LOCKED, _lock_slip),
-    Interlock("brake_current_lost", _LOCKED, _brake_current_lost),
-    Interlock("housing_temperature", _RUNNING, _housing_temperature),
+    Interlock("brake_current_lost", _LOCKED | {S.FAULT}, _brake_current_lost),
+    Interlock("housing_temperature", _ALWAYS, _housing_temperature),
     Interlock("missed_periods", _RUNNING, _missed_periods),
     Interlock("sensor_not_a_number", _ALWAYS, _sensor_not_a_number),
-    Interlock("sensor_saturated", _RUNNING, _sensor_saturated),
-    Interlock("torque_channels_disagree", _LOADED, _torque_channels_disagree),
+    Interlock("sensor_saturated", _ALWAYS, _sensor_saturated),
+    Interlock("torque_channels_disagree", _LOCKED | {S.RELEASE, S.FAULT}, _torque_channels_disagree),
     Interlock("brake_stays_closed", frozenset({S.HOME}), _brake_stays_closed),
     Interlock("sample_late", _LOADED, _sample_late),
+    Interlock("sample_not_ready", _ALWAYS, _sample_not_ready),
+    Interlock("drive_not_following", _LOADED | {S.UNLOAD}, _drive_not_following),
 )
 
 RAISED_BY_STEPS: frozenset[str] = frozenset(

@@ -26,6 +26,7 @@ class Loading:
     """Steps through the segments; says by a trigger when the next one belongs to another state."""
 
     ENABLE, MODE, RUN = 10, 11, 12
+    PROOF_MARGIN = 2.0
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -54,6 +55,7 @@ class Loading:
         else:
             context.control_from_input = not context.program.has_torque_out
         self._target_nm = self._controlled_target(segment)
+        self._bound_torque(segment)
         if context.measured.drive_enabled_expected and (
             segment.dwell_scans or context.drive_mode == self._mode(segment)
         ):
@@ -100,17 +102,25 @@ class Loading:
         context = self._context
         context.phase = self.RUN
         context.measured.mode_expected = context.drive_mode
-        if context.segment.state == State.UNLOAD:
-            context.measured.controlled_nm = self._controlled_now()
-            self._unloading.begin()
+        context.measured.controlled_nm = self._controlled_now()
         regulating = (context.drive_mode, context.control_from_input)
-        if regulating == self._regulating:
-            return  # the reference goes on in value and rate
-        self._regulating = regulating
-        if context.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
-            self._speed.begin()
-        else:
-            self._torque.begin(self._controlled_now(), context.drive_torque_nm)
+        if regulating != self._regulating:  # otherwise the reference goes on in value and rate
+            self._regulating = regulating
+            if context.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
+                self._speed.begin()
+            else:
+                self._torque.begin(context.measured.controlled_nm, context.drive_torque_nm)
+        if context.segment.state == State.UNLOAD:
+            self._unloading.begin()
+
+    def _bound_torque(self, segment: Segment) -> None:
+        """While the lock is not proven, the drive gets no more torque than a unit with twice the friction takes."""
+        control = self._context.program.control
+        limit_nm = control.torque_limit_nm
+        if segment.state == State.LOCK:
+            proof_nm = max(abs(item.target_nm) for item in self._context.program.segments if item.state == State.LOCK)
+            limit_nm = self.PROOF_MARGIN * (proof_nm + abs(control.offset_nm)) / control.slope
+        self._torque.bound(-limit_nm, limit_nm)
 
     def _controlled_now(self) -> float:
         measured, control = self._context.measured, self._context.program.control
@@ -121,6 +131,9 @@ class Loading:
         context = self._context
         if context.torque_is_low():
             return Outcome(trigger="release")
+        if not context.lock_proven:
+            context.notes.append("no drive on a lock that is not proven: release the unit by hand")
+            return Outcome(fault="unload_failed")
         context.drive_mode = DriveMode.CYCLIC_SYNC_TORQUE
         context.drive_torque_nm = 0.0
         context.drive_command = ENABLE_PATH.get(image.drive_state, DriveCommand.DISABLE_VOLTAGE)
@@ -176,6 +189,7 @@ class Loading:
                 return Outcome(fault="calibration_failed")
         if context.segment.state == State.LOCK and (following is None or following.state != State.LOCK):
             context.measured.lock_motion_limit_rad = context.program.limits.lock_slip_rad
+            context.lock_proven = True
             context.notes.append("lock proven")
         if context.segment.state == State.UNLOAD:
             return Outcome(trigger="release")

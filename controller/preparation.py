@@ -39,6 +39,8 @@ class Readiness:
             )
             if age > limit
         ]
+        if image.sample_status:
+            missing.append("measuring amplifier with sound sensor channels")
         if image.drive_nmt_state != NmtState.OPERATIONAL:
             missing.append("servo drive in the operational state")
         if not missing:

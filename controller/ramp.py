@@ -22,7 +22,7 @@ from controller.program import Segment, TorqueControl
 class TorqueRamp:
     """Reference and drive torque of a ramp by torque; all torques in N·m, rates in N·m/s."""
 
-    __slots__ = ("_control", "_period_s", "_rate", "drive_nm", "reference_nm", "slope")
+    __slots__ = ("_control", "_period_s", "_rate", "drive_nm", "high_nm", "low_nm", "reference_nm", "slope")
 
     def __init__(self, control: TorqueControl, period_s: float) -> None:
         self._control = control
@@ -31,6 +31,17 @@ class TorqueRamp:
         self.reference_nm = 0.0
         self.drive_nm = 0.0
         self.slope = control.slope
+        self.bound(-control.torque_limit_nm, control.torque_limit_nm)
+
+    def bound(self, low_nm: float, high_nm: float) -> None:
+        """Keep the drive's torque within these from now on, whatever the controlled torque says."""
+        limit_nm = self._control.torque_limit_nm
+        self.low_nm, self.high_nm = max(-limit_nm, low_nm), min(limit_nm, high_nm)
+
+    @property
+    def at_bound(self) -> bool:
+        """True while the drive's torque can go no further in one direction."""
+        return self.drive_nm in (self.low_nm, self.high_nm)
 
     def begin(self, controlled_nm: float, drive_nm: float) -> None:
         """Take over at the torque that is there: no step in the reference, none in the drive's torque."""
@@ -66,8 +77,10 @@ class TorqueRamp:
         self.reference_nm += advance_nm
         drive_rate = (self._rate + control.gain_per_s * error_nm) / self.slope
         drive_rate = min(control.slew_nm_s, max(-control.slew_nm_s, drive_rate))
-        limit_nm = control.torque_limit_nm
-        self.drive_nm = min(limit_nm, max(-limit_nm, self.drive_nm + drive_rate * period_s))
+        # back from beyond a bound that came later: at the slew, not in one step
+        step_nm = control.slew_nm_s * period_s
+        low_nm, high_nm = min(self.low_nm, self.drive_nm + step_nm), max(self.high_nm, self.drive_nm - step_nm)
+        self.drive_nm = min(high_nm, max(low_nm, self.drive_nm + drive_rate * period_s))
         there = abs(target_nm - controlled_nm) <= control.tolerance_nm
         return there and abs(target_nm - self.reference_nm) <= 1e-9
 

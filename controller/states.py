@@ -83,9 +83,6 @@ TRIGGER_INTO: dict[State, str] = {
 }
 """The trigger by which the running sequence enters a state."""
 
-TORQUE_STATES = frozenset({S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG})
-"""States in which the recipe's torque is on the unit; the lock is proven in all of them."""
-
 END_STATES = frozenset({S.COMPLETE, S.STOPPED})
 """States in which a run is over without a fault."""
 

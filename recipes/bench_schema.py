@@ -203,6 +203,10 @@ class Bench(Section):
     fixture: Fixture
     calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
 
+    def newest_calibration(self, model: str) -> Calibration | None:
+        """Newest stored calibration for a model, None when there is none."""
+        return max((one for one in self.calibrations if one.model == model), key=lambda one: one.made, default=None)
+
     @property
     def max_loading_torque_nm(self) -> float:
         """Largest torque that the servo brings to the loaded shaft, through its gearbox [N·m]."""

@@ -60,14 +60,13 @@ def check_stored_calibration(recipe: Recipe, bench: Bench, today: date) -> Itera
     if recipe.measurement.calibration != "stored":
         return
     model, name = recipe.unit_under_test.model, bench.bench.name
-    mine = [one for one in bench.calibrations if one.model == model]
+    newest = bench.newest_calibration(model)
     option = ("measurement", "calibration")
     hint = "Calibrate on this bench and enter the result in its file, or write 'measured'."
-    if not mine:
+    if newest is None:
         found = f"'stored', but bench '{name}' has no calibration for {model}"
         yield Finding(option, found, "a calibration of this model in the bench file", hint)
         return
-    newest = max(mine, key=lambda one: one.made)
     if newest.due < today:
         found = f"'stored', but calibration '{newest.id}' of bench '{name}' was due on {newest.due.isoformat()}"
         yield Finding(option, found, "a calibration in date", hint)

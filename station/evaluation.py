@@ -35,12 +35,12 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
 def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
     """Return the newest calibration of the bench for the recipe's model; StationError when there is none."""
     model = recipe.unit_under_test.model
-    fitting = [one for one in bench.calibrations if one.model == model]
-    if not fitting:
+    newest = bench.newest_calibration(model)
+    if newest is None:
         raise StationError(
             f"bench {bench.bench.name}: no stored calibration for {model}. Measure one, or choose measured",
         )
-    return max(fitting, key=lambda one: one.made)
+    return newest
 
 
 def _stored_quadrants(stored: Calibration) -> Quadrants:

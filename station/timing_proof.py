@@ -10,7 +10,13 @@ from controller.image import SampleStatus, State
 from station.record_check import Table
 
 MEASURING_STATES = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
-SATURATED = SampleStatus.TORQUE_IN_SATURATED | SampleStatus.TORQUE_OUT_SATURATED
+
+UNSOUND: dict[SampleStatus, str] = {
+    SampleStatus.TORQUE_IN_SATURATED: "the input torque sensor was saturated: check its range",
+    SampleStatus.TORQUE_OUT_SATURATED: "the output torque sensor was saturated: check its range",
+    SampleStatus.NOT_READY: "the measuring amplifier said that it was not ready",
+}
+"""What a status bit of the samples says of them; any of them makes the measurement invalid."""
 
 
 def measuring(table: Table) -> Table:
@@ -68,7 +74,9 @@ def timing_objections(table: Table, timing: dict[str, Any], missed_fraction: flo
             f"a sample was {timing['oldest_sample_scans']} scans old while measuring, the recipe allows {allowed}: "
             "check the measuring amplifier and its network",
         )
-    saturated = int(np.count_nonzero(measuring(table)["image"]["sample_status"] & SATURATED))
-    if saturated:
-        objections.append(f"a torque sensor was saturated in {saturated} samples: check its range")
+    flags = measuring(table)["image"]["sample_status"]
+    for bit, text in UNSOUND.items():
+        count = int(np.count_nonzero(flags & bit))
+        if count:
+            objections.append(f"{text} in {count} samples")
     return objections

@@ -56,6 +56,8 @@ SHOWN: dict[str, dict[str, float]] = {
     "sensor_not_a_number": {"torque_out_nm": math.nan},
     "sensor_saturated": {"sample_status": SampleStatus.TORQUE_OUT_SATURATED},
     "torque_channels_disagree": {"torque_in_nm": 0.0, "torque_out_nm": 400.0},
+    "sample_not_ready": {"sample_status": SampleStatus.NOT_READY},
+    "drive_not_following": {"drive_follows_command": 0},
 }
 
 ORDER_OF = {
@@ -208,6 +210,7 @@ def test_reset_gives_the_drive_a_rising_edge_on_the_fault_bit():
     commands = [orders.drive_command for orders in run.orders]
     first = commands.index(DriveCommand.FAULT_RESET)
     assert commands[first - 1] == DriveCommand.DISABLE_VOLTAGE
+    assert commands.count(DriveCommand.FAULT_RESET) == 1
 
 
 def test_a_wound_up_unit_is_unloaded_before_the_lock_opens_after_a_reset():
@@ -286,6 +289,70 @@ def test_open_lock_is_not_proven():
     assert S.CALIBRATE not in run.states()
 
 
+def test_a_stuck_output_sensor_does_not_lead_the_lock_proof_far_beyond_its_torque():
+    program = short_program()
+    run = Timeline(program)
+    run.until_state(S.LOCK)
+    run.bench.frozen = {"torque_out_nm": 0.0}
+    run.until_finished()
+    assert run.controller.state == S.FAULT
+    proof = (41.0 + 13.9) / 94.7
+    assert max(abs(orders.drive_target_torque_nm) for orders in run.orders) <= 2.0 * proof * 1.001
+
+
+def test_unloading_by_a_stuck_sensor_does_not_load_the_other_side():
+    run = mid_ramp()
+    stuck = run.bench.image.torque_out_nm
+    run.bench.frozen = {"torque_out_nm": stuck, "housing_temp_c": 80.0}
+    run.until_state(S.FAULT)
+    before = len(run.orders)
+    run.until_finished()
+    lowest = min(orders.drive_target_torque_nm for orders in run.orders[before:])
+    assert lowest >= -0.08 * 5.5 * 1.001
+
+
+def test_the_drive_is_not_enabled_again_on_a_lock_that_is_not_proven():
+    run = Timeline(short_program())
+    run.bench.frozen = {"torque_out_nm": 20.0}
+    run.until_finished()
+    assert run.alarms()[0] == "tare_out_of_range"
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.go(2000)
+    assert run.controller.state == S.FAULT
+    after = [orders.drive_command for orders in run.orders]
+    assert DriveCommand.ENABLE_OPERATION not in after
+
+
+@pytest.mark.parametrize("fault_id", ["brake_link_lost", "housing_temperature"])
+def test_an_unload_reaction_with_the_lock_open_applies_no_torque(fault_id):
+    run = Timeline(short_program())
+    run.until(lambda orders: orders.state == S.HOME and orders.drive_command == DriveCommand.START_HOMING)
+    run.bench.frozen = {**SHOWN[fault_id], "torque_out_nm": 6.0, "drive_homing_attained": 0}
+    run.until_finished()
+    assert run.controller.state == S.FAULT
+    assert max(abs(orders.drive_target_torque_nm) for orders in run.orders) == 0.0
+
+
+@pytest.mark.parametrize("state", [S.IDLE, S.FAULT])
+def test_quick_stop_is_heard_in_every_state(state):
+    run = mid_ramp() if state == S.FAULT else Timeline(short_program(), start=False)
+    if state == S.FAULT:
+        run.bench.frozen = {"housing_temp_c": 80.0}
+        run.until_state(S.FAULT)
+    run.go(5)
+    orders = run.command(Command.QUICK_STOP)
+    assert (orders.state, orders.reaction) == (S.FAULT, Reaction.QUICK_STOP)
+    assert orders.drive_command != DriveCommand.ENABLE_OPERATION
+
+
+def test_samples_that_are_not_ready_start_nothing():
+    run = Timeline(short_program())
+    run.bench.frozen = {"sample_status": SampleStatus.NOT_READY}
+    run.until_finished()
+    assert run.alarms()[0] == "devices_not_ready"
+
+
 def test_brake_without_current_is_not_a_lock():
     run = Timeline(short_program())
     run.until_state(S.LOCK)
@@ -338,7 +405,7 @@ def test_unload_during_homing_ends_the_homing():
     run.until(lambda orders: orders.drive_command == DriveCommand.START_HOMING)
     run.bench.frozen = {"brake_age_scans": AGE_NEVER}
     orders = run.go()
-    assert (orders.state, orders.drive_command) == (S.FAULT, DriveCommand.ENABLE_OPERATION)
+    assert (orders.state, orders.drive_command) == (S.FAULT, DriveCommand.QUICK_STOP), "nothing to unload: lock open"
 
 
 def test_a_drive_that_shows_a_wild_torque_does_not_get_it_as_set_point():

@@ -14,6 +14,7 @@ from typing import Any
 from station.conclusion import Conclusion, Ending, conclude, finite
 from station.errors import BenchFaultError, RecordError, StationError
 from station.evaluation import method_of
+from station.headline import headline, virtual_badges
 from station.live import LiveReader
 from station.log import open_log
 from station.loop_plot import loop_figure, png
@@ -68,6 +69,10 @@ def run(options: Options) -> int:
         try:
             with Progress(reader, title, stream) as progress:
                 progress.say(f"{title}: {record.id}")
+                if options.virtual_time and not job.bench.bench.embedded:
+                    progress.say(
+                        f"virtual time: bench {job.bench.bench.name} is simulated, its devices are not touched"
+                    )
                 conclusion = _conclude(options, job, record, unit, progress)
         except BaseException as error:
             # A full disk refuses this as well; what is there then says `recording`, and is shown as interrupted.
@@ -134,6 +139,7 @@ def _create(options: Options, job: Job, serial: str, unit: str | None, scenario:
             "revision": bench.bench.revision,
             "sha256": job.bench_source.sha256,
             "file": str(job.bench_source.path),
+            "embedded": bench.bench.embedded,
         },
         "software": {
             "name": "lostmotion",
@@ -190,7 +196,7 @@ def _illustrate(job: Job, record: RunRecord, conclusion: Conclusion) -> None:
     result = conclusion.result
     picture = None
     if conclusion.trace is not None:
-        title = f"{result['serial']}   {result['recipe']['name']}   {result['verdict']}"
+        title = "   ".join((result["serial"], result["recipe"]["name"], headline(result).text, *virtual_badges(result)))
         figure = loop_figure(conclusion.trace, conclusion.analysis, method_of(job.recipe, job.bench), title)
         picture = png(figure)
         record.write_bytes("loop.png", picture)

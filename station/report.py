@@ -8,6 +8,7 @@ from typing import Any
 
 import jinja2
 
+from station.headline import ending_text, headline, remaining_reasons, virtual_badges
 from station.result_view import limits_text, metric_name, number, shown_rows, timing_line, uncertainty_text, unit_text
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -59,6 +60,9 @@ def report_html(
         metrics=shown_rows(result["metrics"]),
         rule=RULES[result["decision"]["rule"]],
         timing_line=timing_line(result["timing"]),
-        verdict_class=result["verdict"].lower().replace(" ", "-"),
+        head=headline(result),
+        badges=virtual_badges(result),
+        ending=ending_text(result),
+        reasons=remaining_reasons(result),
     )
     return page.encode()

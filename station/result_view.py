@@ -10,7 +10,11 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from station.headline import ending_text, headline, remaining_reasons, virtual_badges
+
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
+HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
+BADGE_STYLE = "bold white on magenta"
 
 
 def number(value: float | None) -> str:
@@ -121,13 +125,25 @@ def show_result(console: Console, result: dict[str, Any], *, files: bool = True)
         console.print(timing_line(result["timing"]), style="dim", highlight=False)
     if files and result.get("record"):
         console.print(f"record  {result['record']}", style="dim", highlight=False, soft_wrap=True)
-    style = VERDICT_STYLES[result["verdict"]]
-    lines = Text(f" {result['verdict']} ", style=style)
+    console.print(verdict_panel(result))
+
+
+def verdict_panel(result: dict[str, Any]) -> Panel:
+    """Return the box at the end of a result: headline, verdict, whether it is real, why, how the bench was left."""
+    head = headline(result)
+    style = HEADLINE_STYLES[head.style]
     recipe = result["recipe"]
-    head = f"  {result.get('serial') or ''}  {recipe['name']} revision {recipe['revision']}"
-    body = Text.assemble(lines, head)
-    if result["state"] not in ("complete", "analyzed"):
-        body.append(f"  run {result['state']}", style="bold red")
-    for reason in result["reasons"]:
+    body = Text.assemble(Text(f" {head.text} ", style=style))
+    for badge in virtual_badges(result):
+        body.append("  ").append(f" {badge} ", style=BADGE_STYLE)
+    if head.verdict:
+        body.append("\n").append(head.verdict, style=f"bold {VERDICT_STYLES[head.verdict].split()[-1]}")
+    body.append(f"  {result.get('serial') or ''}  {recipe['name']} revision {recipe['revision']}")
+    if head.verdict:
+        body.append(f"  run {ending_text(result)}")
+    for reason in remaining_reasons(result):
         body.append(f"\n{reason}")
-    console.print(Panel(body, border_style=style.split()[-1], padding=(0, 1)))
+    left = result.get("left")
+    if left:
+        body.append(f"\n{left['text']}: ", style="bold").append(left["next_action"])
+    return Panel(body, border_style=style.split()[-1], padding=(0, 1))

@@ -14,6 +14,12 @@ from station.result_view import limits_text, metric_name, number, shown_rows, ti
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
 
+PICTURES: dict[str, str] = {
+    "loop.png": "Wind-up over torque: every sample, the rising and falling branches and the mean curve",
+    "time.png": "Torque and angle of the locked shaft over time, with the states of the run and its alarm",
+}
+"""What each picture of a run shows, for readers that do not see it."""
+
 RULES = {
     "simple": "Simple acceptance: the measured value itself is compared with the limit.",
     "guard_band": "Guard band: limits are moved in by w = r·U to accept, out by w to reject; between is not decidable.",
@@ -25,7 +31,7 @@ def report_html(
     run: dict[str, Any],
     events: list[dict[str, Any]],
     files: dict[str, str],
-    picture: bytes | None,
+    pictures: dict[str, bytes],
 ) -> bytes:
     """Return the report as HTML.
 
@@ -34,7 +40,7 @@ def report_html(
         run: run.json.
         events: transitions, alarms, commands and notes.
         files: text of recipe.yaml and bench.yaml by name.
-        picture: the loop as PNG, None when there is none.
+        pictures: PNG pictures by file name; `PICTURES` says what each shows.
 
     """
     environment = jinja2.Environment(
@@ -56,7 +62,7 @@ def report_html(
         run=run,
         events=events,
         files=files,
-        picture=None if picture is None else base64.b64encode(picture).decode(),
+        pictures=[(PICTURES[name], base64.b64encode(picture).decode()) for name, picture in pictures.items()],
         metrics=shown_rows(result["metrics"]),
         rule=RULES[result["decision"]["rule"]],
         timing_line=timing_line(result["timing"]),

@@ -70,7 +70,7 @@ def run(options: Options) -> int:
     with open_log(record.folder / "log.jsonl") as log:
         log.info("run started", run=record.id, serial=serial, recipe=job.recipe.recipe.name, unit=unit)
         try:
-            with Progress(reader, title, stream) as progress:
+            with Progress(reader, title, stream, say_alarms=options.json) as progress:
                 progress.say(f"{title}: {record.id}")
                 if options.virtual_time and not job.bench.bench.embedded:
                     progress.say(

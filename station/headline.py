@@ -33,6 +33,11 @@ def first_cause(result: dict[str, Any]) -> dict[str, Any] | None:
     return next((alarm for alarm in result.get("alarms", []) if alarm.get("first")), None)
 
 
+def is_note(alarm: dict[str, Any]) -> bool:
+    """Whether an alarm only held or warned: it ends no run and is shown without alarm."""
+    return alarm["reaction"] in NOTES
+
+
 def headline(result: dict[str, Any]) -> Headline:
     """Return what stands first: the verdict of a run that came to its end, else what became of the run."""
     verdict, state = str(result["verdict"]), result["state"]
@@ -46,7 +51,7 @@ def headline(result: dict[str, Any]) -> Headline:
         return Headline(f"{BENCH_FAULT}: {found}", verdict, "fault")
     if state == "stopped":
         cause = first_cause(result)
-        found = "by the operator" if cause is None or cause["reaction"] in NOTES else cause["text"]
+        found = "by the operator" if cause is None or is_note(cause) else cause["text"]
         return Headline(f"STOPPED: {found}", verdict, "stopped")
     return Headline(ENDINGS.get(state, state).removeprefix("was ").removeprefix("is ").upper(), verdict, "stopped")
 

@@ -9,7 +9,7 @@ from typing import Any
 import jinja2
 
 from station.headline import ending_text, headline, remaining_reasons, virtual_badges
-from station.result_view import limits_text, metric_name, number, shown_rows, timing_line, uncertainty_text, unit_text
+from station.result_view import all_rows, limits_text, metric_name, number, timing_line, uncertainty_text, unit_text
 
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
@@ -63,7 +63,7 @@ def report_html(
         events=events,
         files=files,
         pictures=[(PICTURES[name], base64.b64encode(picture).decode()) for name, picture in pictures.items()],
-        metrics=shown_rows(result["metrics"]),
+        metrics=all_rows(result["metrics"]),
         rule=RULES[result["decision"]["rule"]],
         timing_line=timing_line(result["timing"]),
         head=headline(result),

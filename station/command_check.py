@@ -6,6 +6,7 @@ import json
 import sys
 from typing import Any
 
+from station.plain_text import knows_braille
 from station.progress import clock
 from station.request import Job, load_job
 from station.terminal_plot import plot
@@ -51,7 +52,7 @@ def check(recipe: str, bench: str | None, *, as_json: bool) -> int:
         f"  scan         every {found['period_ns'] / 1e6:g} ms",
         f"  metrics      {', '.join(dict.fromkeys(found['metrics']))}",
         "",
-        plot(job.program.load_profile(), ("s", "N·m")),
+        plot(job.program.load_profile(), ("s", "N·m"), plain=not knows_braille(sys.stdout)),
     ]
     sys.stdout.write("\n".join(lines) + "\n")
     return 0

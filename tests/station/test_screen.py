@@ -63,12 +63,21 @@ def test_a_plot_shows_peaks_on_their_sides() -> None:
     lines = plot([(0, 0), (1, 100), (3, -100), (4, 0)], ("s", "N·m"), columns=20, rows=5).splitlines()
     blank = chr(0x2800)
     assert lines[0].startswith("+100")
-    assert lines[4].startswith("-100")
+    assert lines[4].startswith("−100")
     top, bottom = lines[0].split("┤")[1], lines[4].split("┤")[1]
     assert any(cell != blank for cell in top[:10])
     assert all(cell == blank for cell in top[10:])
     assert any(cell != blank for cell in bottom[10:])
-    assert "4 s" in lines[-1]
+    assert lines[-1].split() == ["N·m", "0", "1", "2", "3", "4", "s"]
+
+
+def test_a_plot_fits_its_data_and_can_be_plain() -> None:
+    text = plot([(0, 0), (80, 453.2), (160, -453.2)], ("s", "N·m"), plain=True)
+    lines = text.splitlines()
+    assert lines[0].startswith("+453.2")
+    assert not any(ord(sign) >= 0x2800 for sign in text)
+    assert lines[0].split("┤")[1].strip()
+    assert lines[-1].split() == ["N·m", "0", "50", "100", "150", "s"]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -76,7 +77,14 @@ def test_check_tells_duration_and_peak_torque() -> None:
     assert 120 < found["duration_s"] < 220
     assert found["load_profile"][0] == {"t_s": 0.0, "torque_nm": 0.0}
     assert max(point["torque_nm"] for point in found["load_profile"]) == pytest.approx(453.2)
+    steps = found["steps"]
+    assert [row["step"] for row in steps][:4] == ["home", "lock", "calibrate", "first rise"]
+    assert [row["step"] for row in steps][-2:] == ["unload", "release"]
+    assert all(a["start_s"] + a["duration_s"] == pytest.approx(b["start_s"], abs=0.01) for a, b in pairwise(steps))
+    assert steps[-1]["start_s"] + steps[-1]["duration_s"] == pytest.approx(found["duration_s"], abs=0.01)
     shown = command("check", RECIPE).stdout
+    assert "≥ 108 N·m/arcmin" in shown
+    assert "simple: the value itself" in shown
     assert "453.2 N·m (110% of rated)" in shown
     assert "┤" in shown
 

@@ -15,7 +15,7 @@ from station.conclusion import Conclusion, Ending, conclude, finite
 from station.errors import BenchFaultError, RecordError, StationError
 from station.evaluation import method_of
 from station.headline import first_cause, headline, virtual_badges
-from station.history import history_of
+from station.history import conditions_of, history_of
 from station.live import LiveReader
 from station.log import open_log
 from station.loop_plot import loop_figure, png
@@ -198,8 +198,9 @@ def _illustrate(job: Job, record: RunRecord, conclusion: Conclusion) -> None:
     """Draw the pictures and write the report; the verdict is on disk already and does not depend on them."""
     result = conclusion.result
     pictures: dict[str, bytes] = {}
+    table = read_table(record.samples)
     history = history_of(
-        read_table(record.samples),
+        table,
         job.program,
         angle_out=job.bench.sensors.angle_out is not None,
         alarm=first_cause(result),
@@ -215,4 +216,7 @@ def _illustrate(job: Job, record: RunRecord, conclusion: Conclusion) -> None:
         record.write_bytes(name, picture)
     events = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()]
     files = {name: (record.folder / name).read_text() for name in ("recipe.yaml", "bench.yaml")}
-    record.write_bytes("report.html", report_html(result, record.manifest(), events, files, pictures))
+    conditions = conditions_of(table, job.program)
+    record.write_bytes(
+        "report.html", report_html(result, record.manifest(), events, files, pictures, conditions=conditions)
+    )

@@ -93,3 +93,20 @@ def history_of(table: Table, program: Program, *, angle_out: bool, alarm: dict[s
         alarm_s=None if alarm is None else float(str(alarm["t_s"])),
         alarm_text="" if alarm is None else str(alarm["text"]),
     )
+
+
+def conditions_of(table: Table, program: Program) -> dict[str, str]:
+    """Return temperatures and zeroes of a run as a report says them, by name; empty without records."""
+    measured = table[np.isin(table["orders"]["state"], FROM_STATE)]
+    if not len(measured):
+        return {}
+    said = {}
+    for name, field in (("housing temperature", "housing_temp_c"), ("room temperature", "ambient_temp_c")):
+        values = measured["image"][field]
+        said[name] = f"{values[0]:.1f} °C at the start, {values[-1]:.1f} °C at the end, highest {values.max():.1f} °C"
+    last = measured["orders"][-1]
+    if program.has_torque_in:
+        said["zero of the input torque"] = f"{last['torque_in_tare_nm']:+.4f} N·m, subtracted"
+    if program.has_torque_out:
+        said["zero of the output torque"] = f"{last['torque_out_tare_nm']:+.3f} N·m, subtracted"
+    return {name: text.replace("-", "−") for name, text in said.items()}

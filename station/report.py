@@ -26,12 +26,24 @@ RULES = {
 }
 
 
+def guarded_text(metric: dict[str, Any], decision: dict[str, Any]) -> str:
+    """Return the limits for acceptance, moved in by the guard band; nothing without guard band or uncertainty."""
+    if decision["rule"] != "guard_band" or metric["uncertainty"] is None or not limits_text(metric["limits"]):
+        return ""
+    width = decision["guard_factor"] * metric["uncertainty"]
+    low, high = metric["limits"].get("min"), metric["limits"].get("max")
+    moved = {"min": None if low is None else low + width, "max": None if high is None else high - width}
+    return f"accept {limits_text(moved)}, w = {width:.2g}"
+
+
 def report_html(
     result: dict[str, Any],
     run: dict[str, Any],
     events: list[dict[str, Any]],
     files: dict[str, str],
     pictures: dict[str, bytes],
+    *,
+    conditions: dict[str, str] | None = None,
 ) -> bytes:
     """Return the report as HTML.
 
@@ -41,6 +53,7 @@ def report_html(
         events: transitions, alarms, commands and notes.
         files: text of recipe.yaml and bench.yaml by name.
         pictures: PNG pictures by file name; `PICTURES` says what each shows.
+        conditions: temperatures and zeroes of the run, name and text.
 
     """
     environment = jinja2.Environment(
@@ -52,6 +65,7 @@ def report_html(
     )
     environment.filters |= {
         "number": number,
+        "guarded": guarded_text,
         "limits": limits_text,
         "metric_name": metric_name,
         "uncertainty": uncertainty_text,
@@ -67,6 +81,7 @@ def report_html(
         rule=RULES[result["decision"]["rule"]],
         timing_line=timing_line(result["timing"]),
         head=headline(result),
+        conditions=conditions or {},
         badges=virtual_badges(result),
         ending=ending_text(result),
         reasons=remaining_reasons(result),

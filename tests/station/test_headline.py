@@ -15,6 +15,7 @@ ALARM = {
     "id": "guard_open",
     "reaction": "quick_stop",
     "t_s": 7.342,
+    "state": "calibrate",
     "text": "Guard opened",
     "cause": "open",
     "next_action": "Close it",

@@ -154,7 +154,7 @@ FAULTS: tuple[Fault, ...] = (
           "Energy may be stored in the unit: release it by hand with the tool for it"),
     Fault(39, "sample_late", R.HOLD, 0, "Torque and angle samples are late",
           "The measuring amplifier answered late",
-          "None if it stays rare; otherwise check the network"),
+          "Nothing to do if it stays rare; otherwise check the network"),
     Fault(40, "brake_stays_closed", R.POWER_OFF, 0, "Lock brake did not open, or was closed before the start",
           "Brake supply does not switch off, or was left on by hand",
           "Switch the brake supply off, check that no torque is stored in the unit"),

@@ -23,6 +23,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
@@ -40,6 +41,28 @@ ScenarioOption = Annotated[
     Path | None,
     typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
 ]
+
+
+def _print_version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value
+    if asked:
+        import importlib.metadata
+
+        try:
+            version = importlib.metadata.version("lostmotion")
+        except importlib.metadata.PackageNotFoundError:
+            version = "from its source folder"
+        typer.echo(f"lostmotion {version}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """End-of-line test bench for precision gear reducers: torsional stiffness, backlash and lost motion."""
 
 
 @app.command()
@@ -235,24 +258,42 @@ def _bad_input() -> tuple[type[Exception], ...]:
     return (StationError, *(getattr(loaded[module], name) for module, name in names if module in loaded))
 
 
+def _refuse(error: Exception) -> None:
+    """Tell what is wrong with the input, in words and, to a program that asked for it, as JSON; exit."""
+    from station.json_errors import asked_for, errors_json
+
+    show = getattr(error, "show", None)
+    if show is not None:
+        show()
+    else:
+        sys.stderr.write(f"{error}\n")
+    code = getattr(error, "exit_code", EXIT_BAD_INPUT)
+    if code == EXIT_BAD_INPUT and asked_for(sys.argv[1:]):
+        sys.stdout.write(errors_json(error))
+    sys.exit(code)
+
+
 def main() -> None:
     """Run the command line; errors that a person can mend are plain text on standard error, without a traceback."""
+    from station.plain_text import never_crash
+
+    never_crash()
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
     except BenchFaultError as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(EXIT_BENCH)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, typer.Abort):
         sys.stderr.write("interrupted before anything moved\n")
         sys.exit(EXIT_BENCH)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
     except Exception as error:
-        if not isinstance(error, _bad_input()):
+        # The command line's own refusals show themselves; their class is not part of typer's interface.
+        if not (hasattr(error, "format_message") or isinstance(error, _bad_input())):
             raise
-        sys.stderr.write(f"{error}\n")
-        sys.exit(EXIT_BAD_INPUT)
+        _refuse(error)
 
 
 if __name__ == "__main__":

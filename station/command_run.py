@@ -14,14 +14,18 @@ from typing import Any
 from station.conclusion import Conclusion, Ending, conclude, finite
 from station.errors import BenchFaultError, RecordError, StationError
 from station.evaluation import method_of
+from station.headline import first_cause, headline, virtual_badges
+from station.history import conditions_of, history_of
 from station.live import LiveReader
 from station.log import open_log
 from station.loop_plot import loop_figure, png
 from station.progress import Progress
+from station.record_check import read_table
 from station.record_store import RunRecord, Store, check_serial, now_text
 from station.report import report_html
 from station.request import Job, Source, load_job
 from station.result_view import result_console, show_result
+from station.time_plot import time_figure
 
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
 EXIT_BENCH = 4
@@ -66,8 +70,12 @@ def run(options: Options) -> int:
     with open_log(record.folder / "log.jsonl") as log:
         log.info("run started", run=record.id, serial=serial, recipe=job.recipe.recipe.name, unit=unit)
         try:
-            with Progress(reader, title, stream) as progress:
+            with Progress(reader, title, stream, say_alarms=options.json) as progress:
                 progress.say(f"{title}: {record.id}")
+                if options.virtual_time and not job.bench.bench.embedded:
+                    progress.say(
+                        f"virtual time: bench {job.bench.bench.name} is simulated, its devices are not touched"
+                    )
                 conclusion = _conclude(options, job, record, unit, progress)
         except BaseException as error:
             # A full disk refuses this as well; what is there then says `recording`, and is shown as interrupted.
@@ -134,6 +142,7 @@ def _create(options: Options, job: Job, serial: str, unit: str | None, scenario:
             "revision": bench.bench.revision,
             "sha256": job.bench_source.sha256,
             "file": str(job.bench_source.path),
+            "embedded": bench.bench.embedded,
         },
         "software": {
             "name": "lostmotion",
@@ -186,14 +195,28 @@ def refused(record: RunRecord, error: BenchFaultError) -> Ending:
 
 
 def _illustrate(job: Job, record: RunRecord, conclusion: Conclusion) -> None:
-    """Draw the loop and write the report; the verdict is on disk already and does not depend on them."""
+    """Draw the pictures and write the report; the verdict is on disk already and does not depend on them."""
     result = conclusion.result
-    picture = None
-    if conclusion.trace is not None:
-        title = f"{result['serial']}   {result['recipe']['name']}   {result['verdict']}"
-        figure = loop_figure(conclusion.trace, conclusion.analysis, method_of(job.recipe, job.bench), title)
-        picture = png(figure)
-        record.write_bytes("loop.png", picture)
+    pictures: dict[str, bytes] = {}
+    table = read_table(record.samples)
+    history = history_of(
+        table,
+        job.program,
+        angle_out=job.bench.sensors.angle_out is not None,
+        alarm=first_cause(result),
+    )
+    if history is not None:
+        badges = virtual_badges(result)
+        title = "   ".join((result["serial"], result["recipe"]["name"], *badges)) + f"\n{headline(result).text}"
+        method = method_of(job.recipe, job.bench)
+        pictures["loop.png"] = png(loop_figure(history, conclusion.analysis, method, title))
+        if result["state"] != "complete":
+            pictures["time.png"] = png(time_figure(history, title))
+    for name, picture in pictures.items():
+        record.write_bytes(name, picture)
     events = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()]
     files = {name: (record.folder / name).read_text() for name in ("recipe.yaml", "bench.yaml")}
-    record.write_bytes("report.html", report_html(result, record.manifest(), events, files, picture))
+    conditions = conditions_of(table, job.program)
+    record.write_bytes(
+        "report.html", report_html(result, record.manifest(), events, files, pictures, conditions=conditions)
+    )

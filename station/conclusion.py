@@ -17,6 +17,7 @@ from station.durable import read_from_disk
 from station.errors import RecordError, StationError
 from station.evaluation import calibration_of, evaluate_trace, trace_of
 from station.event_log import alarms_in, events_of
+from station.left_state import left_state
 from station.record_check import Table, check_bytes, table_of
 from station.record_store import INTERRUPTED, RESULT, RunRecord, now_text
 from station.request import Job
@@ -100,6 +101,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "notes": notes,
         "timing": timing,
         "alarms": alarms_in(events),
+        "left": None if state == "complete" else left_state(table, record.read_json("program.json")),
         "record": str(record.folder),
     }
     if found is not None and state == "complete":

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
-from controller.faults import FAULT_BY_NUMBER
-from controller.image import Image, Orders, State
+from controller.faults import FAULT_BY_NUMBER, FAULTS
+from controller.image import Image, Orders, Reaction, State
 from controller.program import Program
 from station.scan_record import unpack
 
@@ -17,15 +17,21 @@ STATE_WORDS: dict[State, str] = {
     State.HOME: "taking zeroes, referencing",
     State.LOCK: "closing and proving the lock",
     State.CALIBRATE: "measuring the torque ratio",
-    State.RAMP_POS: "loading, positive",
+    State.RAMP_POS: "loading",
     State.REVERSE: "turning point",
-    State.RAMP_NEG: "loading, negative",
+    State.RAMP_NEG: "loading",
     State.UNLOAD: "bringing the torque to zero",
     State.RELEASE: "opening the lock",
     State.COMPLETE: "done",
     State.STOPPED: "stopped, unloaded",
     State.FAULT: "fault",
 }
+
+
+TOWARDS = (State.RAMP_POS, State.RAMP_NEG)
+"""States whose words name the torque that the ramp goes to."""
+
+NOTE_BITS = sum(1 << fault.number for fault in FAULTS if fault.reaction <= Reaction.HOLD)
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,7 @@ class LiveView:
     left_s: float
     time_s: float
     alarms: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 class LiveReader:
@@ -64,7 +71,7 @@ class LiveReader:
         fraction, left_scans = self._advance(scan, orders)
         return LiveView(
             state=state,
-            words=STATE_WORDS[state],
+            words=self._words(state, orders.segment),
             torque_nm=self._torque_nm(image, orders),
             windup_arcmin=self._windup_arcmin(image, orders),
             cycle=orders.cycle,
@@ -72,8 +79,15 @@ class LiveReader:
             fraction=fraction,
             left_s=left_scans * self._program.period_s,
             time_s=scan * self._program.period_s,
-            alarms=alarm_texts(orders.alarms),
+            alarms=alarm_texts(orders.alarms & ~NOTE_BITS),
+            notes=alarm_texts(orders.alarms & NOTE_BITS),
         )
+
+    def _words(self, state: State, segment: int) -> str:
+        if state not in TOWARDS:
+            return STATE_WORDS[state]
+        target = f"{self._program.segments[segment].target_nm:+.0f}".replace("-", "−")
+        return f"{STATE_WORDS[state]} towards {target} N·m"
 
     def _torque_nm(self, image: Image, orders: Orders) -> float:
         if self._program.has_torque_out:

@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis import Result, Trace
-from analysis.branches import Branch, measured_windup
-from analysis.errors import AnalysisError
+from analysis import Result
+from analysis.branches import Branch
 from analysis.method import Method
+from station.history import History
 
-INK, GRID, RAW = "#1f2933", "#d9dee4", "#9aa6b2"
+INK, GRID, RAW = "#1f2933", "#d9dee4", "#c3ccd5"
 LOADING, UNLOADING, MEAN, LIMIT = "#0b6e99", "#c2571a", "#1f2933", "#b00020"
 SIZE_INCH = (8.4, 5.6)
 MOST_POINTS = 6000
@@ -34,12 +34,12 @@ STYLE: Any = {
 }
 
 
-def loop_figure(trace: Trace | None, analysis: Result | None, method: Method, title: str) -> Figure:
-    """Return the figure; without an analysis it shows the raw trace alone, without a trace the branches alone."""
+def loop_figure(history: History | None, analysis: Result | None, method: Method, title: str) -> Figure:
+    """Return the figure; without an analysis it shows all samples alone, without a history the branches alone."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=SIZE_INCH, dpi=150, layout="constrained")
         axes = figure.subplots()
-        _raw(axes, trace, method)
+        _raw(axes, history, under=analysis is not None)
         if analysis is not None:
             _branches(axes, analysis)
             _references(axes, analysis, method)
@@ -63,15 +63,20 @@ def png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def _raw(axes: Axes, trace: Trace | None, method: Method) -> None:
-    if trace is None or trace.torque_out_nm is None:
+def _raw(axes: Axes, history: History | None, *, under: bool) -> None:
+    """Draw every sample up to the last scan, wide and pale so that it shows under the branches; mark the alarm."""
+    if history is None:
         return
-    try:
-        windup, _, _ = measured_windup(trace, method)
-    except AnalysisError:
+    shown = history.thinned(MOST_POINTS)
+    torque, windup = history.torque_nm[shown], history.windup_arcmin[shown]
+    colour, width = (RAW, 3.6) if under else (INK, 1.2)
+    axes.plot(torque, windup, color=colour, linewidth=width, solid_capstyle="round", label="all samples", zorder=1)
+    index = history.alarm_index
+    if index is None:
         return
-    every = max(1, windup.size // MOST_POINTS)
-    axes.plot(trace.torque_out_nm[::every], windup[::every], color=RAW, linewidth=0.8, label="all samples", zorder=1)
+    at = history.torque_nm[index], history.windup_arcmin[index]
+    axes.plot(*at, color=LIMIT, marker="X", markersize=9, linestyle="", label="alarm", zorder=5)
+    axes.plot(torque[-1:], windup[-1:], color=INK, marker="s", markersize=5, linestyle="", label="last scan", zorder=5)
 
 
 def _branches(axes: Axes, analysis: Result) -> None:
@@ -95,7 +100,16 @@ def _references(axes: Axes, analysis: Result, method: Method) -> None:
             reached = float(branch.at(np.array([side * reference]))[0])
             axes.vlines(side * reference, 0, reached, color=INK, linewidth=0.8, linestyle=":")
             text = f"{side * reference:+g} N·m".replace("-", "−")
-            axes.text(side * reference, 0, text, fontsize=8, va="top" if side > 0 else "bottom", ha="center")
+            axes.annotate(
+                text,
+                (side * reference, 0),
+                xytext=(0, -5 * side),
+                textcoords="offset points",
+                fontsize=8,
+                va="top" if side > 0 else "bottom",
+                ha="center",
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+            )
 
 
 def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
@@ -116,9 +130,10 @@ def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
     low, high = (float(branch.at(np.array([at]))[0]) for branch in first)
     arrow = {"arrowstyle": "<->", "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
     inside.annotate("", (at, high), (at, low), arrowprops=arrow)
-    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     text = f"{abs(high - low):.3f}′"
-    inside.text(1.25 * at, (low + high) / 2, text, fontsize=8.5, va="center", fontweight="bold", bbox=box)
+    # Above the upper branch: beside the arrow the mean curve passes.
+    place: Any = {"xytext": (-4, 5), "textcoords": "offset points", "ha": "right", "va": "bottom"}
+    inside.annotate(text, (at, max(low, high)), fontsize=8.5, fontweight="bold", **place)
     _limits(inside, analysis, at, *first)
     inside.axvspan(-band / 3, band / 3, color=GRID, alpha=0.6, zorder=0)
     inside.axhline(0, color=INK, linewidth=0.6)

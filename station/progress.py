@@ -39,6 +39,11 @@ def clock(seconds: float) -> str:
     return f"{whole // 60}:{whole % 60:02d}"
 
 
+def signed(value: float, decimals: int) -> str:
+    """Return a number with its sign, minus as it stands in all other texts."""
+    return f"{value:+.{decimals}f}".replace("-", "−")
+
+
 class Progress:
     """Shows records as they come; a context manager, so that the terminal is left as it was found.
 
@@ -46,16 +51,20 @@ class Progress:
         reader: turns records into what is shown.
         title: serial number and recipe.
         stream: standard output, or standard error when standard output belongs to a program.
+        say_alarms: print each alarm once as it comes; where a result is printed behind it, that one names them.
 
     """
 
-    def __init__(self, reader: LiveReader, title: str, stream: TextIO | None = None) -> None:
+    def __init__(
+        self, reader: LiveReader, title: str, stream: TextIO | None = None, *, say_alarms: bool = False
+    ) -> None:
         self._reader, self._title = reader, title
         self._stream = stream or sys.stdout
         self._console = Console(file=self._stream)
         self._live: Live | None = None
         self._last: State | None = None
-        self._alarms: tuple[str, ...] = ()
+        self._say_alarms = say_alarms
+        self._said: set[str] = set()
 
     def __enter__(self) -> Self:
         if self._console.is_terminal:
@@ -82,12 +91,14 @@ class Progress:
             self._live.update(panel(view, self._title), refresh=True)
         elif view.state is not self._last:
             cycle = f", cycle {view.cycle} of {view.cycles}" if view.cycle else ""
-            self._line(f"{clock(view.time_s):>6}  {view.words}{cycle}, {view.torque_nm:+.1f} N·m")
+            self._line(f"{clock(view.time_s):>6}  {view.words}{cycle}, {signed(view.torque_nm, 1)} N·m")
         self._last = view.state
-        for alarm in view.alarms:
-            if alarm not in self._alarms:
-                self.say(f"ALARM  {alarm}")
-        self._alarms = view.alarms
+        if self._say_alarms:
+            for word, texts in (("ALARM", view.alarms), ("note", view.notes)):
+                for text in texts:
+                    if text not in self._said:
+                        self._said.add(text)
+                        self.say(f"{word}  {text}")
 
     def _line(self, text: str) -> None:
         self._stream.write(text + "\n")
@@ -103,8 +114,8 @@ def panel(view: LiveView, title: str) -> Panel:
     for _ in range(4):
         numbers.add_column(justify="center")
     numbers.add_row(
-        Text(f"{view.torque_nm:+8.1f} N·m", style="bold"),
-        Text(f"{view.windup_arcmin:+8.3f} ′", style="bold"),
+        Text(f"{signed(view.torque_nm, 1):>8} N·m", style="bold"),
+        Text(f"{signed(view.windup_arcmin, 3):>8} ′", style="bold"),
         Text(f"{view.cycle} of {view.cycles}" if view.cycle else "–", style="bold"),
         Text(clock(view.left_s), style="bold"),
     )
@@ -118,4 +129,5 @@ def panel(view: LiveView, title: str) -> Panel:
         ProgressBar(total=1.0, completed=view.fraction, complete_style=colour.removeprefix("bold ")),
     ]
     parts += [Text(f"▲ {alarm}", style="bold red") for alarm in view.alarms]
+    parts += [Text(f"· {note}", style="cyan") for note in view.notes]
     return Panel(Group(*parts), title=title, border_style=colour.removeprefix("bold "), padding=(1, 2), width=78)

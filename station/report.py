@@ -8,10 +8,17 @@ from typing import Any
 
 import jinja2
 
-from station.result_view import limits_text, metric_name, number, shown_rows, timing_line, uncertainty_text, unit_text
+from station.headline import ending_text, headline, remaining_reasons, virtual_badges
+from station.result_view import all_rows, limits_text, metric_name, number, timing_line, uncertainty_text, unit_text
 
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
+
+PICTURES: dict[str, str] = {
+    "loop.png": "Wind-up over torque: every sample, the rising and falling branches and the mean curve",
+    "time.png": "Torque and angle of the locked shaft over time, with the states of the run and its alarm",
+}
+"""What each picture of a run shows, for readers that do not see it."""
 
 RULES = {
     "simple": "Simple acceptance: the measured value itself is compared with the limit.",
@@ -19,12 +26,24 @@ RULES = {
 }
 
 
+def guarded_text(metric: dict[str, Any], decision: dict[str, Any]) -> str:
+    """Return the limits for acceptance, moved in by the guard band; nothing without guard band or uncertainty."""
+    if decision["rule"] != "guard_band" or metric["uncertainty"] is None or not limits_text(metric["limits"]):
+        return ""
+    width = decision["guard_factor"] * metric["uncertainty"]
+    low, high = metric["limits"].get("min"), metric["limits"].get("max")
+    moved = {"min": None if low is None else low + width, "max": None if high is None else high - width}
+    return f"accept {limits_text(moved)}, w = {width:.2g}"
+
+
 def report_html(
     result: dict[str, Any],
     run: dict[str, Any],
     events: list[dict[str, Any]],
     files: dict[str, str],
-    picture: bytes | None,
+    pictures: dict[str, bytes],
+    *,
+    conditions: dict[str, str] | None = None,
 ) -> bytes:
     """Return the report as HTML.
 
@@ -33,7 +52,8 @@ def report_html(
         run: run.json.
         events: transitions, alarms, commands and notes.
         files: text of recipe.yaml and bench.yaml by name.
-        picture: the loop as PNG, None when there is none.
+        pictures: PNG pictures by file name; `PICTURES` says what each shows.
+        conditions: temperatures and zeroes of the run, name and text.
 
     """
     environment = jinja2.Environment(
@@ -45,6 +65,7 @@ def report_html(
     )
     environment.filters |= {
         "number": number,
+        "guarded": guarded_text,
         "limits": limits_text,
         "metric_name": metric_name,
         "uncertainty": uncertainty_text,
@@ -55,10 +76,14 @@ def report_html(
         run=run,
         events=events,
         files=files,
-        picture=None if picture is None else base64.b64encode(picture).decode(),
-        metrics=shown_rows(result["metrics"]),
+        pictures=[(PICTURES[name], base64.b64encode(picture).decode()) for name, picture in pictures.items()],
+        metrics=all_rows(result["metrics"]),
         rule=RULES[result["decision"]["rule"]],
         timing_line=timing_line(result["timing"]),
-        verdict_class=result["verdict"].lower().replace(" ", "-"),
+        head=headline(result),
+        conditions=conditions or {},
+        badges=virtual_badges(result),
+        ending=ending_text(result),
+        reasons=remaining_reasons(result),
     )
     return page.encode()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from math import floor, inf, log10
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -10,25 +12,40 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from station.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
+
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
+HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
+NO_UNCERTAINTY = "no uncertainty: one cycle"
+SEVERITY = {"FAIL": 0, "NOT DECIDABLE": 1, "PASS": 2}
+BADGE_STYLE = "bold white on magenta"
 
 
-def number(value: float | None) -> str:
-    """Return a value with four significant digits, without an exponent where it can be had; a dash when missing."""
+def minus(text: str) -> str:
+    """Return a number's text with the minus sign that stands in all other texts."""
+    return text.replace("-", "−")
+
+
+def number(value: float | None, uncertainty: float | None = None) -> str:
+    """Return a value as far as its uncertainty carries (two digits of it), else four digits; a dash for none."""
     if value is None:
         return "–"
+    if uncertainty is not None and 0 < uncertainty < abs(value):
+        decimals = 1 - floor(log10(uncertainty))
+        if 0 <= decimals <= 6:
+            return minus(f"{value:.{decimals}f}")
     text = f"{value:.4g}"
-    return text if "e" not in text else f"{value:.3e}"
+    return minus(text if "e" not in text else f"{value:.3e}")
 
 
 def limits_text(limits: dict[str, float | None]) -> str:
     """Return limits as they are said: `≤ 1`, `≥ 108`, `95 … 120`, or nothing."""
     low, high = limits.get("min"), limits.get("max")
     if low is not None and high is not None:
-        return f"{low:g} … {high:g}"
+        return minus(f"{low:g} … {high:g}")
     if low is not None:
-        return f"≥ {low:g}"
-    return f"≤ {high:g}" if high is not None else ""
+        return minus(f"≥ {low:g}")
+    return minus(f"≤ {high:g}") if high is not None else ""
 
 
 def metric_name(metric: dict[str, Any]) -> str:
@@ -39,13 +56,17 @@ def metric_name(metric: dict[str, Any]) -> str:
     if metric["branch"] in ("load", "unload") or metric["id"] == "stiffness_50_100":
         parts.append(metric["branch"])
     if metric["side"] in ("+", "-"):
-        parts.append(metric["side"].replace("-", "−"))
+        parts.append(f"side {minus(metric['side'])}")
     return " ".join(parts)
 
 
 def uncertainty_text(metric: dict[str, Any]) -> str:
-    """Return the expanded uncertainty with two digits, or nothing."""
-    return f"± {metric['uncertainty']:.2g}" if metric["uncertainty"] is not None else ""
+    """Return the expanded uncertainty with two digits, why there is none, or nothing."""
+    uncertainty = metric["uncertainty"]
+    if uncertainty is None:
+        return NO_UNCERTAINTY if metric["value"] is not None and metric.get("cycles") == 1 else ""
+    decimals = max(1 - floor(log10(uncertainty)), 0) if uncertainty > 0 else 0
+    return f"± {uncertainty:.{decimals}f}" if decimals <= 6 else f"± {uncertainty:.1e}"
 
 
 def unit_text(unit: str) -> str:
@@ -53,35 +74,53 @@ def unit_text(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
-def shown_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the metrics as rows: the headline side, and every other side whose verdict is not the same."""
-    rows = []
-    for metric in metrics:
-        sides = metric.get("sides", {})
-        headline = sides.get(metric["side"], metric)
-        rows.append(metric | {"verdict": headline["verdict"]})
-        rows += [
-            metric
-            | {"side": side, "value": found["value"], "uncertainty": found["uncertainty"], "verdict": found["verdict"]}
-            for side, found in sides.items()
-            if side != metric["side"] and found["verdict"] != headline["verdict"]
-        ]
-    return rows
+def _side_rows(metric: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return a metric as one row per side, the one that judges first."""
+    sides = metric.get("sides") or {}
+    headline = sides.get(metric["side"], metric)
+    rows = [metric | {"verdict": headline.get("verdict")}]
+    rows += [
+        metric
+        | {"side": side, "value": found["value"], "uncertainty": found["uncertainty"], "verdict": found["verdict"]}
+        for side, found in sides.items()
+        if side != metric["side"]
+    ]
+    return sorted(rows, key=_goodness)
+
+
+def _goodness(row: dict[str, Any]) -> tuple[int, float]:
+    """Order rows by how near they are to refusal: verdict first, then the distance to the nearest limit."""
+    limits, value = row.get("limits") or {}, row["value"]
+    low, high = limits.get("min"), limits.get("max")
+    if value is None:
+        return SEVERITY.get(row["verdict"] or "", len(SEVERITY)), -inf
+    room = min(inf if low is None else value - low, inf if high is None else high - value)
+    return SEVERITY.get(row["verdict"] or "", len(SEVERITY)), room
+
+
+def all_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the metrics as rows, every side of each; of the sides the one that judges first."""
+    return [row for metric in metrics for row in _side_rows(metric)]
+
+
+def judging_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one row per metric: the side that is nearest to refusal, or beyond it."""
+    return [_side_rows(metric)[0] for metric in metrics]
 
 
 def metrics_table(metrics: list[dict[str, Any]]) -> Table:
-    """Return the metrics as a table, those that decide first."""
+    """Return the metrics as a table, those that decide first, each by the side that judges it."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
     for name in ("", "unit", "limit", ""):
         table.add_column(name, no_wrap=True)
-    for metric in sorted(shown_rows(metrics), key=lambda one: one["verdict"] is None):
+    for metric in sorted(judging_rows(metrics), key=lambda one: one["verdict"] is None):
         verdict = metric["verdict"]
         style = {"PASS": "green", "FAIL": "bold red", "NOT DECIDABLE": "yellow"}.get(verdict or "", "")
         table.add_row(
             metric_name(metric),
-            Text(number(metric["value"]), style="bold" if verdict else ""),
+            Text(number(metric["value"], metric["uncertainty"]), style="bold" if verdict else ""),
             Text(uncertainty_text(metric), style="dim"),
             unit_text(metric["unit"]),
             limits_text(metric["limits"]),
@@ -114,20 +153,58 @@ def show_result(console: Console, result: dict[str, Any], *, files: bool = True)
     if result["metrics"]:
         console.print(metrics_table(result["metrics"]))
         console.print()
-    for alarm in result.get("alarms", []):
-        console.print(f"ALARM  {alarm['text']}: {alarm['cause']}", style="red", highlight=False)
-        console.print(f"       next: {alarm['next_action']}", highlight=False)
+    for line in alarm_lines(result):
+        console.print(line, highlight=False)
     if result.get("timing"):
         console.print(timing_line(result["timing"]), style="dim", highlight=False)
     if files and result.get("record"):
         console.print(f"record  {result['record']}", style="dim", highlight=False, soft_wrap=True)
-    style = VERDICT_STYLES[result["verdict"]]
-    lines = Text(f" {result['verdict']} ", style=style)
+    console.print(verdict_panel(result))
+    report = Path(result.get("record") or "") / "report.html"
+    if files and report.is_file():
+        console.print(f"report  {report}", highlight=False, soft_wrap=True)
+
+
+def alarm_lines(result: dict[str, Any]) -> list[Text]:
+    """Return each alarm once, with when it first came, how often, and what to do; notes are not red.
+
+    The cause and the next action of the alarm that ended the run stand in the box below.
+    """
+    lines, seen = [], set()
+    alarms = result.get("alarms", [])
+    for alarm in alarms:
+        if alarm["id"] in seen:
+            continue
+        seen.add(alarm["id"])
+        note = is_note(alarm)
+        times = sum(other["id"] == alarm["id"] for other in alarms)
+        line = Text("note   " if note else "ALARM  ", style="cyan" if note else "red")
+        line.append(f"{alarm['t_s']:.3f} s  {alarm['text']}")
+        line.append(f", {times} times" if times > 1 else "")
+        if alarm.get("first") and not note:
+            line.append("  ◀ first cause", style="bold red")
+        else:
+            line.append(f". {alarm['next_action']}", style="default")
+        lines.append(line)
+    return lines
+
+
+def verdict_panel(result: dict[str, Any]) -> Panel:
+    """Return the box at the end of a result: headline, verdict, whether it is real, why, how the bench was left."""
+    head = headline(result)
+    style = HEADLINE_STYLES[head.style]
     recipe = result["recipe"]
-    head = f"  {result.get('serial') or ''}  {recipe['name']} revision {recipe['revision']}"
-    body = Text.assemble(lines, head)
-    if result["state"] not in ("complete", "analyzed"):
-        body.append(f"  run {result['state']}", style="bold red")
-    for reason in result["reasons"]:
+    body = Text.assemble(Text(f" {head.text} ", style=style))
+    for badge in virtual_badges(result):
+        body.append("  ").append(f" {badge} ", style=BADGE_STYLE)
+    if head.verdict:
+        body.append("\n").append(head.verdict, style=f"bold {VERDICT_STYLES[head.verdict].split()[-1]}")
+    body.append(f"  {result.get('serial') or ''}  {recipe['name']} revision {recipe['revision']}")
+    if head.verdict:
+        body.append(f"  run {ending_text(result)}")
+    for reason in remaining_reasons(result):
         body.append(f"\n{reason}")
-    console.print(Panel(body, border_style=style.split()[-1], padding=(0, 1)))
+    left = result.get("left")
+    if left:
+        body.append(f"\n{left['text']}: ", style="bold").append(left["next_action"])
+    return Panel(body, border_style=style.split()[-1], padding=(0, 1))

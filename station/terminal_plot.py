@@ -44,18 +44,46 @@ class Canvas:
         """Return the canvas as lines of text."""
         return ["".join(chr(BLANK + cell) for cell in row) for row in self._cells]
 
+    def plain_rows(self) -> list[str]:
+        """Return the canvas as lines of ASCII: a cell shows where most of its dots stand."""
+        return ["".join(_plain(cell) for cell in row) for row in self._cells]
 
-def plot(points: Sequence[tuple[float, float]], units: tuple[str, str], columns: int = 72, rows: int = 11) -> str:
-    """Return a plot of connected points (x from 0 up, y around zero) with its axes labelled.
+
+def _plain(cell: int) -> str:
+    upper = sum(bool(cell & bit) for pair in DOTS[:2] for bit in pair)
+    lower = sum(bool(cell & bit) for pair in DOTS[2:] for bit in pair)
+    if not upper and not lower:
+        return " "
+    if upper and lower:
+        return ":"
+    return "'" if upper else "."
+
+
+def time_ticks(right: float, most: int = 6) -> list[float]:
+    """Return round positions from 0 to at most `right`, a few of them."""
+    step = nice_ceiling(right / most) if right > 0 else 1.0
+    return [number * step for number in range(int(right / step + 1e-9) + 1)]
+
+
+def plot(
+    points: Sequence[tuple[float, float]],
+    units: tuple[str, str],
+    columns: int = 72,
+    rows: int = 11,
+    *,
+    plain: bool = False,
+) -> str:
+    """Return a plot of connected points (x from 0 up, y around zero) with its axes labelled; y fits the data.
 
     Args:
         points: x and y of each corner, x not falling.
         units: of x and y.
         columns: width of the drawing area in characters.
         rows: height of it; odd, so that zero has a row of its own.
+        plain: draw with ASCII instead of braille characters.
 
     """
-    top = nice_ceiling(max((abs(y) for _, y in points), default=1.0))
+    top = max((abs(y) for _, y in points), default=1.0) or 1.0
     right = max((x for x, _ in points), default=1.0) or 1.0
     canvas = Canvas(columns, rows)
     middle = (canvas.height - 1) / 2
@@ -67,10 +95,16 @@ def plot(points: Sequence[tuple[float, float]], units: tuple[str, str], columns:
         canvas.dot(x, round(middle))
     for start, end in itertools.pairwise(points):
         canvas.line(place(start), place(end))
-    labels = {0: f"{top:+g}", rows // 2: "0", rows - 1: f"{-top:+g}"}
-    width = max(len(label) for label in labels.values())
-    lines = [f"{labels.get(number, ''):>{width}} ┤{row}" for number, row in enumerate(canvas.rows())]
-    ends = f"{right:.0f} {units[0]}"
-    lines.append(f"{'':>{width}} └{'─' * columns}")
-    lines.append(f"{units[1]:>{width}}  0{ends:>{columns - 1}}")
+    labels = {0: f"+{top:.4g}", rows // 2: "0", rows - 1: f"−{top:.4g}"}
+    width = max(len(label) for label in (*labels.values(), units[1]))
+    drawn = canvas.plain_rows() if plain else canvas.rows()
+    lines = [f"{labels.get(number, ''):>{width}} ┤{row}" for number, row in enumerate(drawn)]
+    axis, below = ["─"] * columns, [" "] * (columns + 8)
+    for tick in time_ticks(right):
+        column = round(tick / right * (columns - 1))
+        axis[column] = "┬"
+        label = f"{tick:g}"
+        below[column : column + len(label)] = label
+    lines.append(f"{'':>{width}} └{''.join(axis)}")
+    lines.append(f"{units[1]:>{width}}  {''.join(below).rstrip()} {units[0]}")
     return "\n".join(lines)

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,14 @@ ROOT = Path(__file__).parents[2]
 RECIPE = "recipes/rv-40e-121-inverse.yaml"
 
 
-def command(*args: str) -> subprocess.CompletedProcess[str]:
+def command(*args: str, encoding: str = "utf-8") -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "station", *args], cwd=ROOT, text=True, capture_output=True, check=False
+        [sys.executable, "-m", "station", *args],
+        cwd=ROOT,
+        encoding=encoding,
+        capture_output=True,
+        check=False,
+        env=os.environ | {"PYTHONIOENCODING": encoding},
     )
 
 
@@ -70,7 +77,14 @@ def test_check_tells_duration_and_peak_torque() -> None:
     assert 120 < found["duration_s"] < 220
     assert found["load_profile"][0] == {"t_s": 0.0, "torque_nm": 0.0}
     assert max(point["torque_nm"] for point in found["load_profile"]) == pytest.approx(453.2)
+    steps = found["steps"]
+    assert [row["step"] for row in steps][:4] == ["home", "lock", "calibrate", "first rise"]
+    assert [row["step"] for row in steps][-2:] == ["unload", "release"]
+    assert all(a["start_s"] + a["duration_s"] == pytest.approx(b["start_s"], abs=0.01) for a, b in pairwise(steps))
+    assert steps[-1]["start_s"] + steps[-1]["duration_s"] == pytest.approx(found["duration_s"], abs=0.01)
     shown = command("check", RECIPE).stdout
+    assert "≥ 108 N·m/arcmin" in shown
+    assert "simple: the value itself" in shown
     assert "453.2 N·m (110% of rated)" in shown
     assert "┤" in shown
 
@@ -92,3 +106,50 @@ def test_a_loop_measured_elsewhere_is_analysed() -> None:
     assert metrics["backlash_width_zero"]["value"] == pytest.approx(0.9408, abs=2e-4)
     assert metrics["lost_motion"]["value"] == pytest.approx(0.9591, abs=2e-4)
     assert done.returncode == 1  # its negative side is soft
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_terminals_without_our_signs_get_plain_ones(encoding: str) -> None:
+    done = command("check", RECIPE, encoding=encoding)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "453.2 N.m" in done.stdout.replace("·", ".")
+    assert "?" not in done.stdout
+    refused = command("check", "nothing·′.yaml", encoding=encoding)
+    assert refused.returncode == 2
+    assert "Traceback" not in refused.stderr
+
+
+def test_version_and_short_help() -> None:
+    assert command("--version").stdout.startswith("lostmotion ")
+    assert command("-h").stdout == command("--help").stdout
+    assert command("run", "-h").returncode == 0
+
+
+def test_bad_input_is_one_json_object_for_programs(tmp_path: Path) -> None:
+    text = (ROOT / RECIPE).read_text().replace("loading: input", "loading: inputt", 1)
+    recipe = tmp_path / "bad.yaml"
+    recipe.write_text(text)
+    for args in (("check", str(recipe)), ("run", str(recipe), "--data", str(tmp_path / "runs"))):
+        done = command(*args, "--json")
+        assert done.returncode == 2
+        (error,) = json.loads(done.stdout)["errors"]
+        assert set(error) == {"file", "line", "column", "option", "found", "allowed", "hint"}
+        assert (error["file"], error["option"], error["found"]) == (str(recipe), "loading", "'inputt'")
+        assert error["line"] > 1
+        assert str(recipe) in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("args", "found"),
+    [
+        (("analyze", "nothing.csv", "--recipe", RECIPE), "nothing.csv: there is no such file"),
+        (("run", RECIPE, "--serial", ""), "''"),
+        (("check",), "Missing argument"),
+        (("run", RECIPE, "--nonsense"), "No such option"),
+    ],
+)
+def test_refusals_without_a_place_are_json_too(args: tuple[str, ...], found: str) -> None:
+    done = command(*args, "--json")
+    assert done.returncode == 2
+    assert found in json.loads(done.stdout)["errors"][0]["found"]
+    assert done.stderr

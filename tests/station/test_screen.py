@@ -6,12 +6,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
+from station_samples import IMAGE, ORDERS
 
 from controller.faults import FAULTS
 from controller.image import State
-from station.live import STATE_WORDS, LiveView, alarm_texts
+from station.live import STATE_WORDS, LiveReader, LiveView, alarm_texts
 from station.progress import STATE_COLOURS, clock, panel
-from station.result_view import limits_text, metric_name, number, shown_rows
+from station.request import load_job
+from station.result_view import (
+    alarm_lines,
+    all_rows,
+    judging_rows,
+    limits_text,
+    metric_name,
+    number,
+    uncertainty_text,
+)
+from station.scan_record import pack
 from station.terminal_plot import Canvas, nice_ceiling, plot
 
 
@@ -30,7 +41,7 @@ def test_the_panel_shows_state_torque_cycle_and_alarms(state: State) -> None:
     stream = io.StringIO()
     Console(file=stream, width=80).print(panel(view, "SN1"))
     text = stream.getvalue()
-    for part in (state.name.replace("_", " "), "-123.4 N·m", "+1.250 ′", "2 of 3", "1:15", "Guard opened"):
+    for part in (state.name.replace("_", " "), "−123.4 N·m", "+1.250 ′", "2 of 3", "1:15", "Guard opened"):
         assert part in text
 
 
@@ -52,12 +63,21 @@ def test_a_plot_shows_peaks_on_their_sides() -> None:
     lines = plot([(0, 0), (1, 100), (3, -100), (4, 0)], ("s", "N·m"), columns=20, rows=5).splitlines()
     blank = chr(0x2800)
     assert lines[0].startswith("+100")
-    assert lines[4].startswith("-100")
+    assert lines[4].startswith("−100")
     top, bottom = lines[0].split("┤")[1], lines[4].split("┤")[1]
     assert any(cell != blank for cell in top[:10])
     assert all(cell == blank for cell in top[10:])
     assert any(cell != blank for cell in bottom[10:])
-    assert "4 s" in lines[-1]
+    assert lines[-1].split() == ["N·m", "0", "1", "2", "3", "4", "s"]
+
+
+def test_a_plot_fits_its_data_and_can_be_plain() -> None:
+    text = plot([(0, 0), (80, 453.2), (160, -453.2)], ("s", "N·m"), plain=True)
+    lines = text.splitlines()
+    assert lines[0].startswith("+453.2")
+    assert not any(ord(sign) >= 0x2800 for sign in text)
+    assert lines[0].split("┤")[1].strip()
+    assert lines[-1].split() == ["N·m", "0", "50", "100", "150", "s"]
 
 
 @pytest.mark.parametrize(
@@ -74,17 +94,61 @@ def test_limits_are_said_as_people_say_them() -> None:
     assert limits_text({"min": None, "max": None}) == ""
 
 
-def test_a_side_that_fails_beside_one_that_passes_is_shown() -> None:
+def test_values_are_rounded_to_their_uncertainty() -> None:
+    assert number(0.94023678, 0.00067068) == "0.94024"
+    assert number(-13.9512, 0.0793) == "−13.951"
+    assert number(448.92, 12.0) == "449"
+    assert number(0.5, 3.0) == "0.5"
+    assert uncertainty_text({"uncertainty": 0.00067068, "value": 1.0}) == "± 0.00067"
+    assert uncertainty_text({"uncertainty": None, "value": 1.0, "cycles": 1}) == "no uncertainty: one cycle"
+    assert uncertainty_text({"uncertainty": None, "value": None, "cycles": 1}) == ""
+
+
+def test_the_side_that_judges_is_shown_and_the_report_has_both() -> None:
     sides = {
         "+": {"value": 115.0, "uncertainty": None, "verdict": "PASS"},
         "-": {"value": 45.0, "uncertainty": None, "verdict": "FAIL"},
     }
-    metric = {"id": "spring_constant", "branch": "mean", "side": "+", "value": 115.0, "verdict": "FAIL", "sides": sides}
-    rows = shown_rows([metric])
-    assert [(metric_name(row), row["value"], row["verdict"]) for row in rows] == [
-        ("spring_constant +", 115.0, "PASS"),
-        ("spring_constant −", 45.0, "FAIL"),
+    limits = {"min": 108.0, "max": None}
+    metric = {"id": "spring_constant", "branch": "mean", "side": "+", "value": 115.0, "uncertainty": None}
+    metric |= {"verdict": "FAIL", "sides": sides, "limits": limits}
+    (judging,) = judging_rows([metric])
+    assert (metric_name(judging), judging["value"], judging["verdict"]) == ("spring_constant side −", 45.0, "FAIL")
+    assert [row["side"] for row in all_rows([metric])] == ["-", "+"]
+
+
+def test_of_two_sides_in_order_the_one_nearer_to_its_limit_judges() -> None:
+    sides = {side: {"value": value, "uncertainty": None, "verdict": "PASS"} for side, value in (("+", 0.8), ("-", 0.9))}
+    metric = {"id": "backlash_width_3pct", "branch": "width", "side": "+", "value": 0.8, "uncertainty": None}
+    metric |= {"verdict": "PASS", "sides": sides}
+    assert judging_rows([metric | {"limits": {"min": None, "max": 1.0}}])[0]["side"] == "-"
+    assert judging_rows([metric | {"limits": {"min": 0.5, "max": None}}])[0]["side"] == "+"
+    assert judging_rows([metric | {"limits": {"min": None, "max": None}}])[0]["side"] == "+"
+
+
+def alarm(name: str, reaction: str, *, first: bool = False) -> dict[str, object]:
+    words = {"text": f"text of {name}", "cause": "cause", "next_action": f"mend {name}"}
+    return {"id": name, "reaction": reaction, "first": first, "t_s": 1.0, **words}
+
+
+def test_each_alarm_is_printed_once_and_the_first_cause_is_marked() -> None:
+    alarms = [alarm("late", "hold"), alarm("guard", "quick_stop", first=True), alarm("late", "hold")]
+    lines = alarm_lines({"alarms": alarms})
+    assert [line.plain for line in lines] == [
+        "note   1.000 s  text of late, 2 times. mend late",
+        "ALARM  1.000 s  text of guard  ◀ first cause",
     ]
+    assert "red" not in str(lines[0].style)
+
+
+def test_ramps_are_named_by_where_they_go() -> None:
+    program = load_job("recipes/rv-40e-121-quick.yaml", None).program
+    index = next(one.index for one in program.segments if one.state is State.RAMP_NEG)
+    orders = ORDERS._replace(state=int(State.RAMP_NEG), segment=index, cycle=1, alarms=1 << 39 | 1 << 2)
+    view = LiveReader(program).read(pack((0, 0, 0, 0), IMAGE, orders))
+    assert view.words == f"loading towards −{abs(program.segments[index].target_nm):.0f} N·m"
+    assert [text.split(".")[0] for text in view.alarms] == ["Guard opened"]
+    assert [text.split(".")[0] for text in view.notes] == ["Torque and angle samples are late"]
 
 
 def test_time_left_is_minutes_and_seconds() -> None:

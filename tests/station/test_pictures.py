@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controller.image import State
+from controller.program import Program
+from recipes import shipped_recipes
+from station.evaluation import method_of
+from station.history import History, history_of
+from station.loop_plot import loop_figure
+from station.record_check import RECORD_DTYPE
+from station.request import load_job
+from station.time_plot import BANDS, time_figure
+
+JOB = load_job(str(shipped_recipes()["rv-40e-121-quick"]), None)
+PROGRAM: Program = JOB.program
+
+
+def history(alarm_s: float | None = 7.0) -> History:
+    time_s = np.arange(0.0, 8.0, 0.001)
+    state = np.where(time_s < 7.0, int(State.CALIBRATE), int(State.FAULT))
+    torque = np.where(time_s < 7.0, 60.0 * time_s, -5.0)
+    return History(time_s, torque, torque / 100, torque * 1e-4, state, alarm_s, "Guard opened")
+
+
+def test_the_history_goes_on_to_the_last_scan() -> None:
+    table = np.zeros(6, dtype=RECORD_DTYPE)
+    table["scan"] = range(6)
+    table["orders"]["state"] = [State.HOME, State.LOCK, State.RAMP_POS, State.UNLOAD, State.FAULT, State.FAULT]
+    table["image"]["sample_counter"] = [1, 2, 3, 4, 5, 5]
+    table["image"]["torque_out_nm"] = [0, 1, 2, 3, 4, 4]
+    table["orders"]["torque_out_tare_nm"] = 0.5
+    table["image"]["angle_out_rad"] = 1e-4
+    found = history_of(table, PROGRAM, angle_out=True, alarm={"t_s": 0.004, "text": "Guard opened"})
+    assert found is not None
+    assert found.torque_nm.tolist() == [0.5, 1.5, 2.5, 3.5]
+    assert found.state.tolist()[-1] == State.FAULT
+    assert found.alarm_index == 3
+    assert found.locked_arcmin == pytest.approx([1e-4 * 10800 / np.pi] * 4)
+    assert history_of(table[:1], PROGRAM, angle_out=True, alarm=None) is None
+
+
+def test_thinning_keeps_every_sample_around_the_alarm() -> None:
+    kept = history().thinned(100)
+    assert set(range(6990, 7090)) <= set(kept.tolist())
+    assert kept.size < 400
+    assert history(None).thinned(100).size == 100
+
+
+def test_every_state_has_a_band() -> None:
+    assert set(BANDS) == set(State)
+
+
+def test_the_time_picture_shows_the_alarm_and_its_surroundings() -> None:
+    figure = time_figure(history(), "SN1")
+    assert len(figure.axes) == 4
+    assert "Guard opened" in [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert len(time_figure(history(None), "SN1").axes) == 2
+
+
+def test_the_loop_without_an_analysis_shows_all_samples_and_the_alarm() -> None:
+
+    figure = loop_figure(history(), None, method_of(JOB.recipe, JOB.bench), "SN1")
+    labels = figure.axes[0].get_legend_handles_labels()[1]
+    assert labels == ["all samples", "alarm", "last scan"]
+    torque = figure.axes[0].lines[0].get_xdata()
+    assert min(torque) == -5.0

@@ -14,6 +14,7 @@ from drivers.config import DriveConfig
 from drivers.drive_objects import (
     SetupRow,
     Treatment,
+    homing_rows,
     identity_rows,
     mapping_rows,
     protection_rows,
@@ -71,6 +72,7 @@ class _Setup:
             rows = [
                 *synchronisation_rows(self.period_ns),
                 *protection_rows(self.config),
+                *homing_rows(),
                 *mapping_rows(self.config),
             ]
             self._write(rows)

@@ -20,6 +20,7 @@ from drivers.config import CanConfig, DriveConfig
 from drivers.drive_objects import (
     PROTECTIONS,
     Treatment,
+    homing_rows,
     identity_rows,
     mapping_rows,
     protection_rows,
@@ -61,6 +62,7 @@ WRITTEN = {
     (0x6072, 0): 1100,
     (0x6080, 0): 120,
     (0x6087, 0): 10_000,
+    (0x6098, 0): 37,
     (0x1400, 1): 0x205,
     (0x1400, 2): 1,
     (0x1400, 5): 50,
@@ -118,6 +120,21 @@ def test_each_protection_alone_refuses_the_drive(drive: DurandDrive, link: CanLi
     problems = refused(link)
     assert len(problems) == 1
     assert problems[0].startswith(f"node 5 {row.index:04X}:{row.subindex:02X}: {row.meaning}")
+
+
+def test_a_drive_that_would_move_to_find_its_reference_is_refused(drive: DurandDrive, link: CanLink) -> None:
+    drive.forgets(0x6098, 0, 17)
+    (problem,) = refused(link)
+    assert problem.startswith("node 5 6098:00: homing method (current position, no motion) is not what it must be")
+    assert "found 17, expected 37; use a drive whose homing" in problem
+    assert drive.node.nmt.state == NmtState.PRE_OPERATIONAL
+
+
+def test_a_drive_that_refuses_the_homing_method_is_refused(drive: DurandDrive, link: CanLink) -> None:
+    drive.od[0x6098] = Variable(Type.INTEGER8, "rw", 35, maximum=35)
+    (problem,) = refused(link)
+    assert problem.startswith("node 5 6098:00: homing method (current position, no motion) cannot be written")
+    assert "abort 0x06090031" in problem
 
 
 def test_all_findings_are_told_at_once(drive: DurandDrive, link: CanLink) -> None:
@@ -232,6 +249,7 @@ def test_no_object_is_asked_for_two_values() -> None:
         *rating_rows(config),
         *synchronisation_rows(PERIOD_NS),
         *protection_rows(config),
+        *homing_rows(),
         *mapping_rows(config),
     ]
     places = [(row.index, row.subindex) for row in rows if row.treatment is not Treatment.STEP]

@@ -56,7 +56,8 @@ class _Setup:
     def __init__(self, link: CanLink, config: DriveConfig, period_ns: int) -> None:
         self.config = config
         self.period_ns = period_ns
-        self.node = SdoNode(link, config.node_id)
+        self.node = SdoNode(link, config.node_id, config.sdo_reply_timeout_s, config.sdo_tries)
+        self.deadline = time.monotonic() + config.setup_timeout_s
         self.log: list[str] = []
         self.problems: list[Problem] = []
         self.silences = 0
@@ -96,6 +97,19 @@ class _Setup:
         if self.problems:
             raise DriveSetupError(*self.problems)
 
+    def _stop_when_late(self) -> None:
+        if time.monotonic() > self.deadline:
+            self.problems.append(
+                Problem(
+                    "the set-up takes too long",
+                    f"node {self.config.node_id}",
+                    f"not finished after {self.config.setup_timeout_s:g} s",
+                    "a drive that answers at once",
+                    _NODE_NEXT,
+                )
+            )
+            self._stop_on_problems()
+
     def _boot(self) -> None:
         """Restart the node's communication, so that what it says afterwards is known to be from now."""
         node, wait_s = self.node, self.config.boot_timeout_s
@@ -127,6 +141,7 @@ class _Setup:
         for row in rows:
             if (row.index, row.subindex) in self.absent:
                 continue
+            self._stop_when_late()
             try:
                 found = self.node.read(row.index, row.subindex, row.type)
             except SdoFailure as failure:
@@ -158,6 +173,7 @@ class _Setup:
                     )
                 )
                 continue
+            self._stop_when_late()
             try:
                 self.node.write(row.index, row.subindex, row.type, row.value)
                 self.silences = 0

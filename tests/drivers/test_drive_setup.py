@@ -197,10 +197,65 @@ def test_a_drive_that_falls_silent_is_not_asked_for_ever(drive: DurandDrive, lin
 
     drive.od.set_read_callback(0x6076, 0, vanish)
     start = time.monotonic()
-    problems = refused(link)
+    problems = refused(link, drive_config(sdo_reply_timeout_s=0.2))
     assert len(problems) == 2
     assert all("found no answer" in problem for problem in problems)
     assert time.monotonic() - start < 3.0
+
+
+SDO_ANSWER = 0x585
+
+
+def test_a_lost_answer_is_asked_for_again(drive: DurandDrive, link: CanLink) -> None:
+    send = drive.network.send
+    answers: list[bytes] = []
+
+    def lose_the_first(cob_id: int, data: bytes) -> None:
+        answers.append(bytes(data))
+        if bytes(data[1:4]) != b"\x76\x60\x00" or answers.count(bytes(data)) > 1:
+            send(cob_id, data)
+
+    drive.network.send = lose_the_first
+    log = set_up_drive(link, drive_config(sdo_reply_timeout_s=0.3), PERIOD_NS)
+    assert sum(data[1:4] == b"\x76\x60\x00" for data in answers) == 2
+    assert "node 5 6076:00 rated torque of the motor (mN·m) = 5000: checked" in log
+
+
+def test_a_second_answer_is_not_taken_for_that_of_the_next_object(drive: DurandDrive, link: CanLink) -> None:
+    send = drive.network.send
+    late: list[bytes] = []
+
+    def answer_again_before_the_next(cob_id: int, data: bytes) -> None:
+        if cob_id == SDO_ANSWER:
+            if late:
+                send(cob_id, late.pop())
+            late.append(bytes(data))
+        send(cob_id, data)
+
+    drive.network.send = answer_again_before_the_next
+    set_up_drive(link, drive_config(), PERIOD_NS)
+    assert {place: drive.od.read(*place) for place in WRITTEN} == WRITTEN
+    assert late, "answers were repeated"
+
+
+def test_a_drive_that_answers_late_cannot_prolong_the_set_up(drive: DurandDrive, link: CanLink) -> None:
+    send = drive.network.send
+
+    def answer_late(cob_id: int, data: bytes) -> None:
+        time.sleep(0.05 if cob_id == SDO_ANSWER else 0)
+        send(cob_id, data)
+
+    drive.network.send = answer_late
+    start = time.monotonic()
+    (problem,) = refused(link, drive_config(setup_timeout_s=0.3))
+    assert problem.startswith("node 5: the set-up takes too long: found not finished after 0.3 s")
+    assert time.monotonic() - start < 2.0
+
+
+def test_a_busy_computer_does_not_make_the_drive_silent() -> None:
+    config = DriveConfig(**{name: value for name, value in vars(drive_config()).items() if not name.startswith("sdo_")})
+    assert config.sdo_reply_timeout_s >= 1.0
+    assert config.sdo_tries == 2
 
 
 def test_a_drive_that_does_not_start_is_told(drive: DurandDrive, link: CanLink) -> None:

@@ -121,7 +121,7 @@ class WireBench:
     def read(self, scan: int, missed_periods: int, command: int) -> Image:
         """Take what has arrived and return the image of this scan."""
         drive = self.drive
-        drive.poll(scan)
+        drive.poll(scan, missed_periods)
         amplifier, brake, remote_io = self._devices
         amplifier.poll(scan)
         brake.poll(scan)

@@ -40,6 +40,7 @@ def drive_config(**changes: Any) -> DriveConfig:
         "quick_stop_option": 2,
         "fault_reaction_option": 2,
         "boot_timeout_s": 2.0,
+        "listen_before_reset_s": 0.01,
     }
     return DriveConfig(**(values | changes))
 

@@ -22,7 +22,10 @@ from drivers.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, PdoCodec, rpdo_c
 from drivers.profile import ReceivePdo
 
 FRAMES_PER_POLL = 64
-"""A babbling bus must not hold a scan; what is left is drained in the next one."""
+"""A babbling bus must not hold a scan; what is left is drained in the next one, and data count as old until then."""
+
+FRAMES_AFTER_GAP = 512
+"""After missed periods the queue is long and the scan is late anyway: drain to the newest frames at once."""
 
 VELOCITY_SCANS_AFTER_CSV = 10
 """Zero velocity is sent this long after the velocity mode was left, so that no old set-point waits in the drive."""
@@ -82,6 +85,8 @@ class CanDrive:
         self.frames_foreign = 0
         self.setpoints_clamped = 0
         self.setpoint_is_clamped = False
+        self._waiting: can.Message | None = None
+        self._polls_with_frames_left = 0
         self._error_register = 0
         self._emcy_withdrawn = False
         self._reset_asked = False
@@ -106,20 +111,27 @@ class CanDrive:
         self._sync = _message(SYNC_COB_ID, b"")
         self._heartbeat = _message(HEARTBEAT_BASE + config.controller_node_id, bytes((NmtState.OPERATIONAL,)))
 
-    def poll(self, scan: int) -> None:
-        """Take everything that has arrived for scan number `scan`."""
+    def poll(self, scan: int, missed_periods: int = 0) -> None:
+        """Take everything that has arrived for scan number `scan`, which comes `missed_periods` late."""
         if self._emcy_withdrawn:  # an emergency and its reset in one scan: the emergency was seen for that scan
             self._emcy_withdrawn = False
             self.emcy_code = 0
         receive = self.link.receive
-        for count in range(FRAMES_PER_POLL):
+        if self._waiting is not None:
+            self._take(self._waiting, scan)
+            self._waiting = None
+        for count in range(FRAMES_AFTER_GAP if missed_periods else FRAMES_PER_POLL):
             message = receive()
             if message is None:
                 if count == 0:
                     self.link.check_peer()
+                self._polls_with_frames_left = 0
                 break
             self._take(message, scan)
-        if self._reset_asked and self.scan_of_process_data == scan:
+        else:
+            self._waiting = receive()  # python-can has no way to look without taking
+            self._polls_with_frames_left = 0 if self._waiting is None else self._polls_with_frames_left + 1
+        if self._reset_asked and self.age_scans(scan) == 0:
             self._after_reset()
 
     def _take(self, message: can.Message, scan: int) -> None:
@@ -188,13 +200,15 @@ class CanDrive:
         return min([receiver.scan for receiver in self._all_receivers])
 
     def age_scans(self, scan: int) -> int:
-        """Age of the oldest process data at scan number `scan`."""
+        """Age of the oldest process data at scan number `scan`; frames left in the queue make it older."""
         came = self.scan_of_process_data
-        return AGE_NEVER if came < 0 else min(scan - came, AGE_NEVER)
+        return AGE_NEVER if came < 0 else min(scan - came + self._polls_with_frames_left, AGE_NEVER)
 
     def heartbeat_age_scans(self, scan: int) -> int:
         """Age of the last heartbeat at scan number `scan`."""
-        return AGE_NEVER if self._heartbeat_scan < 0 else min(scan - self._heartbeat_scan, AGE_NEVER)
+        if self._heartbeat_scan < 0:
+            return AGE_NEVER
+        return min(scan - self._heartbeat_scan + self._polls_with_frames_left, AGE_NEVER)
 
     def send(self, orders: Orders, scan: int) -> None:
         """Send the set-points of one scan, then SYNC, then our heartbeat when it is due."""

@@ -61,6 +61,14 @@ class DriveConfig:
     fault_reaction_option: int
     boot_timeout_s: float = 3.0
     """Longest wait for the drive's boot-up message and its first operational heartbeat."""
+    listen_before_reset_s: float = 0.15
+    """Time for which another controller is listened for; several heartbeats of a controller fit into it."""
+    sdo_reply_timeout_s: float = 1.0
+    """Longest wait for the answer to one SDO request; a busy computer needs far longer than the drive."""
+    sdo_tries: int = 2
+    """Times that an SDO request is sent before the drive counts as silent, at least 1."""
+    setup_timeout_s: float = 30.0
+    """Longest time for the objects of the whole set-up, so that a drive that answers late cannot prolong it."""
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,12 @@ PDO_NUMBERS = range(1, 5)
 REQUIRED_MODES = (1 << 5) | (1 << 8) | (1 << 9)
 """Bits of 0x6502: homing, cyclic synchronous velocity, cyclic synchronous torque (CiA 402-2)."""
 
+HOMING_METHOD_CURRENT_POSITION = 37
+"""Value of 0x6098 that takes the present position as the reference (CiA 402-2); the motor does not move."""
+
 _PROFILE_NEXT = "check that the drive profile belongs to this drive"
 _BENCH_NEXT = "set this value with the drive's own tool, or correct the bench file"
+_HOMING_NEXT = "use a drive whose homing takes the current position without moving, or set it with the drive's own tool"
 _MAPPING_NEXT = "correct the mapping in the drive profile, or restore the drive's PDO defaults"
 
 
@@ -161,6 +165,20 @@ def protections_switched_off(config: DriveConfig) -> list[Protection]:
         if row.zero_is_off and (value & 0xFFFF if row.index == 0x1016 else value) == 0:
             off.append(row)
     return off
+
+
+def homing_rows() -> list[SetupRow]:
+    """Rows that make homing set a reference without motion: any other method would turn a shaft whose lock is open."""
+    return [
+        SetupRow(
+            0x6098,
+            0,
+            "i8",
+            HOMING_METHOD_CURRENT_POSITION,
+            "homing method (current position, no motion)",
+            next_step=_HOMING_NEXT,
+        )
+    ]
 
 
 def synchronisation_rows(period_ns: int) -> list[SetupRow]:

@@ -14,6 +14,7 @@ from drivers.config import DriveConfig
 from drivers.drive_objects import (
     SetupRow,
     Treatment,
+    homing_rows,
     identity_rows,
     mapping_rows,
     protection_rows,
@@ -55,7 +56,8 @@ class _Setup:
     def __init__(self, link: CanLink, config: DriveConfig, period_ns: int) -> None:
         self.config = config
         self.period_ns = period_ns
-        self.node = SdoNode(link, config.node_id)
+        self.node = SdoNode(link, config.node_id, config.sdo_reply_timeout_s, config.sdo_tries)
+        self.deadline = time.monotonic() + config.setup_timeout_s
         self.log: list[str] = []
         self.problems: list[Problem] = []
         self.silences = 0
@@ -71,6 +73,7 @@ class _Setup:
             rows = [
                 *synchronisation_rows(self.period_ns),
                 *protection_rows(self.config),
+                *homing_rows(),
                 *mapping_rows(self.config),
             ]
             self._write(rows)
@@ -93,6 +96,19 @@ class _Setup:
     def _stop_on_problems(self) -> None:
         if self.problems:
             raise DriveSetupError(*self.problems)
+
+    def _stop_when_late(self) -> None:
+        if time.monotonic() > self.deadline:
+            self.problems.append(
+                Problem(
+                    "the set-up takes too long",
+                    f"node {self.config.node_id}",
+                    f"not finished after {self.config.setup_timeout_s:g} s",
+                    "a drive that answers at once",
+                    _NODE_NEXT,
+                )
+            )
+            self._stop_on_problems()
 
     def _boot(self) -> None:
         """Restart the node's communication, so that what it says afterwards is known to be from now."""
@@ -125,6 +141,7 @@ class _Setup:
         for row in rows:
             if (row.index, row.subindex) in self.absent:
                 continue
+            self._stop_when_late()
             try:
                 found = self.node.read(row.index, row.subindex, row.type)
             except SdoFailure as failure:
@@ -156,6 +173,7 @@ class _Setup:
                     )
                 )
                 continue
+            self._stop_when_late()
             try:
                 self.node.write(row.index, row.subindex, row.type, row.value)
                 self.silences = 0

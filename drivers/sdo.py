@@ -24,8 +24,6 @@ from drivers.pdo import HEARTBEAT_BASE
 
 _T = TypeVar("_T")
 
-REPLY_TIMEOUT_S = 0.5
-
 NMT_START = 0x01
 NMT_ENTER_PRE_OPERATIONAL = 0x80
 NMT_RESET_COMMUNICATION = 0x82
@@ -77,6 +75,16 @@ SDO_ABORTS = MappingProxyType(
 )
 """SDO abort codes of CiA 301: cause and what to do next."""
 
+_SDO_BYTES = 8
+_OBJECT = slice(1, 4)
+"""Bytes of a frame that hold index and subindex."""
+_INITIATING = frozenset({1, 2})
+"""Command specifiers of requests that name an object: download, upload."""
+_NAMING_OBJECT = frozenset({2, 3, 4})
+"""Command specifiers of answers that repeat the object asked for: upload, download, abort."""
+_NO_OBJECT = bytes(3)
+"""What some nodes put into an abort in place of the object."""
+
 _UNKNOWN_ABORT = AbortHint("abort code without a standard meaning", "look the code up in the drive's manual")
 
 
@@ -96,16 +104,34 @@ def explain_abort(code: int) -> AbortHint:
 
 
 class _PumpedSdoClient(SdoClient):
-    """canopen's SDO client that takes its replies from the bus itself."""
+    """canopen's SDO client that takes its replies from the bus itself.
+
+    A request is sent again when its answer is late, so an answer may come twice: answers to another object than the
+    one that was asked for last are left-overs and are dropped.
+    """
 
     RESPONSE_TIMEOUT = 0.001  # what is left for canopen's queue once `read_response` has waited
 
-    def __init__(self, node_id: int, pump: Callable[[float], None]) -> None:
+    def __init__(self, node_id: int, pump: Callable[[float], None], reply_timeout_s: float, tries: int) -> None:
         super().__init__(0x600 + node_id, 0x580 + node_id, ObjectDictionary())  # type: ignore[no-untyped-call]
+        self.MAX_RETRIES = tries  # canopen counts the first request as well
         self._pump = pump
+        self._reply_timeout_s = reply_timeout_s
+        self._asked_for = b""
+
+    def send_request(self, request: bytes | bytearray) -> None:
+        if request[0] >> 5 in _INITIATING:
+            self._asked_for = bytes(request[_OBJECT])
+        super().send_request(request)  # type: ignore[no-untyped-call]
+
+    def on_response(self, can_id: int, data: bytes | bytearray, timestamp: float) -> None:
+        if len(data) != _SDO_BYTES:
+            return
+        if data[0] >> 5 not in _NAMING_OBJECT or data[_OBJECT] in (self._asked_for, _NO_OBJECT):
+            super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
 
     def read_response(self) -> bytes:
-        deadline = time.monotonic() + REPLY_TIMEOUT_S
+        deadline = time.monotonic() + self._reply_timeout_s
         while self.responses.empty() and (left := deadline - time.monotonic()) > 0:
             self._pump(left)
         response: bytes = super().read_response()  # type: ignore[no-untyped-call]
@@ -115,14 +141,14 @@ class _PumpedSdoClient(SdoClient):
 class SdoNode:
     """A node addressed before the scan: SDO transfers, NMT commands, and the NMT states it was heard in."""
 
-    def __init__(self, link: CanLink, node_id: int) -> None:
-        """Listen to node `node_id` (1 to 127) on an open bus."""
+    def __init__(self, link: CanLink, node_id: int, reply_timeout_s: float = 1.0, tries: int = 2) -> None:
+        """Listen to node `node_id` (1 to 127) on an open bus; a request takes at most `tries` reply time-outs."""
         logging.getLogger("canopen").setLevel(logging.CRITICAL)  # its errors come back to the caller as well
         self.node_id = node_id
         self.heard: list[int] = []
         self._bus = link.bus
         self._network = canopen.Network(link.bus)
-        self._client = _PumpedSdoClient(node_id, self.pump)
+        self._client = _PumpedSdoClient(node_id, self.pump, reply_timeout_s, tries)
         self._client.network = self._network
         self._network.subscribe(0x580 + node_id, self._client.on_response)
         self._network.subscribe(HEARTBEAT_BASE + node_id, self._hear)

@@ -18,6 +18,7 @@ from drivers.drive_setup import set_up_drive
 from drivers.errors import DriverError, ModbusError, Problem
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
+from drivers.other_controller import refuse_other_controller
 from drivers.part_fields import PART_FIELDS, check_parts
 from drivers.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 
@@ -112,16 +113,22 @@ class WireBench:
         return log
 
     def _open_drive(self) -> list[str]:
-        self._link = open_can(self.config.can)
-        verified = set_up_drive(self._link, self.config.drive, self.config.period_ns)
+        link = open_can(self.config.can)
+        try:
+            refuse_other_controller(link, self.config.drive)
+        except DriverError:
+            link.close()  # here, because `close` would reset a drive that is not ours
+            raise
+        self._link = link
+        verified = set_up_drive(link, self.config.drive, self.config.period_ns)
         heartbeat_scans = in_scans(self.config.drive.controller_heartbeat_s, self.config.period_ns)
-        self._drive = CanDrive(self._link, self.config.drive, heartbeat_scans)
+        self._drive = CanDrive(link, self.config.drive, heartbeat_scans)
         return [f"{self.config.can.where}: open", *verified]
 
     def read(self, scan: int, missed_periods: int, command: int) -> Image:
         """Take what has arrived and return the image of this scan."""
         drive = self.drive
-        drive.poll(scan)
+        drive.poll(scan, missed_periods)
         amplifier, brake, remote_io = self._devices
         amplifier.poll(scan)
         brake.poll(scan)

@@ -39,7 +39,8 @@ def drive_config(**changes: Any) -> DriveConfig:
         "abort_connection_option": 2,
         "quick_stop_option": 2,
         "fault_reaction_option": 2,
-        "boot_timeout_s": 0.5,
+        "boot_timeout_s": 2.0,
+        "listen_before_reset_s": 0.01,
     }
     return DriveConfig(**(values | changes))
 

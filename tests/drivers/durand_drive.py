@@ -32,6 +32,7 @@ VARIABLES: dict[int, tuple[Any, str, int]] = {
     0x6077: (Type.INTEGER16, "ro", 0),
     0x6080: (Type.UNSIGNED32, "rw", 6000),
     0x6087: (Type.UNSIGNED32, "rw", 0xFFFF_FFFF),
+    0x6098: (Type.INTEGER8, "rw", 17),
     0x60FF: (Type.INTEGER32, "rw", 0),
     0x6502: (Type.UNSIGNED32, "ro", 0x3A0),
 }

@@ -20,6 +20,7 @@ from drivers.config import CanConfig, DriveConfig
 from drivers.drive_objects import (
     PROTECTIONS,
     Treatment,
+    homing_rows,
     identity_rows,
     mapping_rows,
     protection_rows,
@@ -61,6 +62,7 @@ WRITTEN = {
     (0x6072, 0): 1100,
     (0x6080, 0): 120,
     (0x6087, 0): 10_000,
+    (0x6098, 0): 37,
     (0x1400, 1): 0x205,
     (0x1400, 2): 1,
     (0x1400, 5): 50,
@@ -118,6 +120,21 @@ def test_each_protection_alone_refuses_the_drive(drive: DurandDrive, link: CanLi
     problems = refused(link)
     assert len(problems) == 1
     assert problems[0].startswith(f"node 5 {row.index:04X}:{row.subindex:02X}: {row.meaning}")
+
+
+def test_a_drive_that_would_move_to_find_its_reference_is_refused(drive: DurandDrive, link: CanLink) -> None:
+    drive.forgets(0x6098, 0, 17)
+    (problem,) = refused(link)
+    assert problem.startswith("node 5 6098:00: homing method (current position, no motion) is not what it must be")
+    assert "found 17, expected 37; use a drive whose homing" in problem
+    assert drive.node.nmt.state == NmtState.PRE_OPERATIONAL
+
+
+def test_a_drive_that_refuses_the_homing_method_is_refused(drive: DurandDrive, link: CanLink) -> None:
+    drive.od[0x6098] = Variable(Type.INTEGER8, "rw", 35, maximum=35)
+    (problem,) = refused(link)
+    assert problem.startswith("node 5 6098:00: homing method (current position, no motion) cannot be written")
+    assert "abort 0x06090031" in problem
 
 
 def test_all_findings_are_told_at_once(drive: DurandDrive, link: CanLink) -> None:
@@ -180,10 +197,65 @@ def test_a_drive_that_falls_silent_is_not_asked_for_ever(drive: DurandDrive, lin
 
     drive.od.set_read_callback(0x6076, 0, vanish)
     start = time.monotonic()
-    problems = refused(link)
+    problems = refused(link, drive_config(sdo_reply_timeout_s=0.2))
     assert len(problems) == 2
     assert all("found no answer" in problem for problem in problems)
     assert time.monotonic() - start < 3.0
+
+
+SDO_ANSWER = 0x585
+
+
+def test_a_lost_answer_is_asked_for_again(drive: DurandDrive, link: CanLink) -> None:
+    send = drive.network.send
+    answers: list[bytes] = []
+
+    def lose_the_first(cob_id: int, data: bytes) -> None:
+        answers.append(bytes(data))
+        if bytes(data[1:4]) != b"\x76\x60\x00" or answers.count(bytes(data)) > 1:
+            send(cob_id, data)
+
+    drive.network.send = lose_the_first
+    log = set_up_drive(link, drive_config(sdo_reply_timeout_s=0.3), PERIOD_NS)
+    assert sum(data[1:4] == b"\x76\x60\x00" for data in answers) == 2
+    assert "node 5 6076:00 rated torque of the motor (mN·m) = 5000: checked" in log
+
+
+def test_a_second_answer_is_not_taken_for_that_of_the_next_object(drive: DurandDrive, link: CanLink) -> None:
+    send = drive.network.send
+    late: list[bytes] = []
+
+    def answer_again_before_the_next(cob_id: int, data: bytes) -> None:
+        if cob_id == SDO_ANSWER:
+            if late:
+                send(cob_id, late.pop())
+            late.append(bytes(data))
+        send(cob_id, data)
+
+    drive.network.send = answer_again_before_the_next
+    set_up_drive(link, drive_config(), PERIOD_NS)
+    assert {place: drive.od.read(*place) for place in WRITTEN} == WRITTEN
+    assert late, "answers were repeated"
+
+
+def test_a_drive_that_answers_late_cannot_prolong_the_set_up(drive: DurandDrive, link: CanLink) -> None:
+    send = drive.network.send
+
+    def answer_late(cob_id: int, data: bytes) -> None:
+        time.sleep(0.05 if cob_id == SDO_ANSWER else 0)
+        send(cob_id, data)
+
+    drive.network.send = answer_late
+    start = time.monotonic()
+    (problem,) = refused(link, drive_config(setup_timeout_s=0.3))
+    assert problem.startswith("node 5: the set-up takes too long: found not finished after 0.3 s")
+    assert time.monotonic() - start < 2.0
+
+
+def test_a_busy_computer_does_not_make_the_drive_silent() -> None:
+    config = DriveConfig(**{name: value for name, value in vars(drive_config()).items() if not name.startswith("sdo_")})
+    assert config.sdo_reply_timeout_s >= 1.0
+    assert config.sdo_tries == 2
 
 
 def test_a_drive_that_does_not_start_is_told(drive: DurandDrive, link: CanLink) -> None:
@@ -232,6 +304,7 @@ def test_no_object_is_asked_for_two_values() -> None:
         *rating_rows(config),
         *synchronisation_rows(PERIOD_NS),
         *protection_rows(config),
+        *homing_rows(),
         *mapping_rows(config),
     ]
     places = [(row.index, row.subindex) for row in rows if row.treatment is not Treatment.STEP]

@@ -20,6 +20,7 @@ from station.event_log import alarms_in, events_of
 from station.record_check import Table, check_bytes, table_of
 from station.record_store import INTERRUPTED, RESULT, RunRecord, now_text
 from station.request import Job
+from station.seal import seal
 from station.timing_proof import timing_block, timing_objections
 
 NOT_DECIDABLE = "NOT DECIDABLE"
@@ -108,7 +109,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     record.write_bytes("events.jsonl", "".join(lines).encode())
     record.write_json("timing.json", timing)
     result = _store(record, result)
-    record.update(state=state, ended=now_text(), verdict=result["verdict"], records=len(table), ring=None)
+    seal(record, state=state, ended=now_text(), verdict=result["verdict"], records=len(table), ring=None)
     return Conclusion(result, trace, found if state == "complete" else None)
 
 

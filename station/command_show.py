@@ -13,7 +13,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from station.errors import RecordError
+from station.errors import RecordError, StationError
 from station.record_check import check_file
 from station.record_store import RESULT, RunRecord, Store
 from station.recovery import recover_all
@@ -150,7 +150,15 @@ def table_width(rows: list[dict[str, Any]]) -> int:
 
 
 def list_runs(data: Path, *, as_json: bool) -> int:
-    """Print all runs, newest last."""
+    """Print all runs, newest last.
+
+    Raises:
+        StationError: the data folder is not there.
+
+    """
+    if not data.is_dir():
+        what = "is a file" if data.exists() else "there is no such folder"
+        raise StationError(f"--data {data}: {what}; a folder that holds runs is needed, as 'lostmotion run' makes it")
     store = Store(data)
     recover_all(store)
     rows = [row(run) for run in store.runs()]

@@ -59,7 +59,10 @@ def run(options: Options) -> int:
     job = load_job(options.recipe, options.bench)
     unit = _unit(options, job)
     scenario = _scenario(options, job)
-    record = _create(options, job, serial, unit, scenario)
+    notes = recipe_notes(Store(options.data), job)
+    record = _create(options, job, serial, unit, scenario, notes=notes)
+    for note in notes:
+        sys.stderr.write(f"WARNING  {note}\n")
     reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
     title = f"{serial}  {job.recipe.recipe.name}"
     stream = sys.stderr if options.json else sys.stdout
@@ -87,6 +90,20 @@ def run(options: Options) -> int:
     else:
         show_result(result_console(), result)
     return exit_code(result)
+
+
+def recipe_notes(store: Store, job: Job) -> list[str]:
+    """Return what is to be noted of a recipe: that its name and revision have meant something else before."""
+    recipe, sha256 = job.recipe.recipe, job.recipe_source.sha256
+    before = store.another_recipe(recipe.name, recipe.revision, sha256)
+    if before is None:
+        return []
+    note = (
+        f"recipe {recipe.name} revision {recipe.revision} ({sha256[:8]}) is not the one of that name and revision that "
+        f"run {before['id']} used ({before['recipe']['sha256'][:8]}): their verdicts cannot be compared. "
+        "Raise the revision when a recipe is changed"
+    )
+    return [note]
 
 
 def _unit(options: Options, job: Job) -> str | None:
@@ -120,7 +137,15 @@ def _version() -> str:
         return "from its source folder"
 
 
-def _create(options: Options, job: Job, serial: str, unit: str | None, scenario: Source | None) -> RunRecord:
+def _create(
+    options: Options,
+    job: Job,
+    serial: str,
+    unit: str | None,
+    scenario: Source | None,
+    *,
+    notes: list[str],
+) -> RunRecord:
     recipe, bench = job.recipe, job.bench
     manifest = {
         "recipe": {
@@ -146,6 +171,7 @@ def _create(options: Options, job: Job, serial: str, unit: str | None, scenario:
         "clock": "virtual" if options.virtual_time else "real",
         "period_ns": recipe.sampling.period_ns,
         "verdict": None,
+        "notes": notes,
         "ring": None,
     }
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}

@@ -96,7 +96,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "reasons": reasons,
         "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
         "metrics": metrics,
-        "notes": notes,
+        "notes": [*run.get("notes", []), *notes],
         "timing": timing,
         "alarms": alarms_in(events),
         "record": str(record.folder),

@@ -200,6 +200,19 @@ class Store:
             return []
         return [RunRecord(path.parent) for path in sorted(self.data.glob(f"*/{MANIFEST}"))]
 
+    def another_recipe(self, name: str, revision: int, sha256: str) -> dict[str, Any] | None:
+        """Return run.json of the newest run by a recipe of the same name and revision, but of other content."""
+        for run in reversed(self.runs()):
+            try:
+                manifest = run.manifest()
+                recipe = manifest["recipe"]
+                same = (recipe["name"], recipe["revision"]) == (name, revision)
+            except (RecordError, KeyError, TypeError):
+                continue
+            if same and recipe["sha256"] != sha256:
+                return manifest
+        return None
+
     def find(self, name: str) -> RunRecord:
         """Find a run by id, folder, the end of its id, serial number (newest attempt), or `last`.
 

@@ -25,6 +25,7 @@ from station.result_view import result_console, show_result
 
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
 EXIT_BENCH = 4
+UNNAMED = "unnamed"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Options:
     """What the command line asked for."""
 
     recipe: str
-    serial: str
+    serial: str | None
     bench: str | None
     data: Path
     unit: str | None
@@ -55,10 +56,12 @@ def run(options: Options) -> int:
         StationError, RecipeError, VirtualBenchError: bad input, before anything has moved.
 
     """
-    serial = check_serial(options.serial)
+    if options.serial is not None:
+        check_serial(options.serial)
     job = load_job(options.recipe, options.bench)
     unit = _unit(options, job)
     scenario = _scenario(options, job)
+    serial = _serial(options, job)
     notes = recipe_notes(Store(options.data), job)
     record = _create(options, job, serial, unit, scenario, notes=notes)
     for note in notes:
@@ -104,6 +107,15 @@ def recipe_notes(store: Store, job: Job) -> list[str]:
         "Raise the revision when a recipe is changed"
     )
     return [note]
+
+
+def _serial(options: Options, job: Job) -> str:
+    """Return the serial number; a real unit must have one, one on the virtual bench may go without."""
+    if options.serial is not None:
+        return options.serial
+    if job.bench.bench.embedded or options.virtual_time:
+        return UNNAMED
+    raise StationError(f"--serial is missing: scan the unit's label (bench {job.bench.bench.name} is a real one)")
 
 
 def _unit(options: Options, job: Job) -> str | None:

@@ -68,7 +68,10 @@ def options(
 @app.command()
 def run(
     recipe: RecipeArgument,
-    serial: Annotated[str, typer.Option("--serial", metavar="SN", help="Serial number of the unit.")] = "unnamed",
+    serial: Annotated[
+        str | None,
+        typer.Option("--serial", metavar="SN", help="Serial number of the unit. Required on a real bench."),
+    ] = None,
     bench: BenchOption = None,
     data: DataOption = DEFAULT_DATA,
     unit: UnitOption = None,

@@ -10,13 +10,16 @@ from typing import Any
 
 from analysis import Method, Result, Trace, analyse, read_trace
 from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
-from station.command_run import exit_code
+from station.command_run import EXIT_BENCH, EXIT_CODES, exit_code
+from station.command_show import stored_result
+from station.conclusion import NOT_DECIDABLE
 from station.errors import StationError
 from station.evaluation import decision_of, evaluate_trace, method_of, trace_of, wanted_of
 from station.record_check import check_file, read_table
-from station.record_store import MANIFEST, RunRecord, Store
+from station.record_store import INTERRUPTED, RECORDING, RESULT, RunRecord, Store
 from station.request import recipe_path
 from station.result_view import result_console, show_result
+from station.seal import alterations
 from station.timing_proof import timing_objections
 
 
@@ -35,13 +38,55 @@ def analyze(trace: str, recipe: str | None, bench: str | None, data: Path, *, as
     elif path.suffix in (".csv", ".parquet"):
         raise StationError(f"{trace}: there is no such file")
     else:
-        run = RunRecord(path) if (path / MANIFEST).is_file() else Store(data).find(trace)
-        result = _stored(run, recipe, bench)
+        run = Store(data).find(trace)
+        if run.state() != "complete" and not alterations(run):
+            return _incomplete(run, as_json=as_json)
+        result = reevaluate(run, recipe, bench)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
-    else:
-        show_result(result_console(), result)
-    return exit_code(result)
+        return _code(result)
+    console = result_console()
+    heading = reevaluation_heading(result)
+    if heading:
+        console.print(heading, style="bold magenta", highlight=False, soft_wrap=True)
+    show_result(console, result)
+    if heading:
+        # The verdict is the last thing on the screen: whose it is stands below it as well.
+        console.print(heading, style="bold magenta", highlight=False, soft_wrap=True)
+    return _code(result)
+
+
+def _code(result: dict[str, Any]) -> int:
+    return EXIT_CODES[NOT_DECIDABLE] if result.get("altered") else exit_code(result)
+
+
+def _incomplete(run: RunRecord, *, as_json: bool) -> int:
+    """Say why a run has no trace to evaluate; return 4 for one that stopped or faulted, 3 for one without an end."""
+    state = run.state()
+    words = {
+        "fault": "the run ended in a fault",
+        "stopped": "the run was stopped by the operator",
+        "interrupted": "the run was interrupted",
+        "recording": "the run is still going on",
+    }
+    what = words.get(state, f"the run is {state}")
+    sys.stderr.write(f"{run.id}: {what}: it has no complete trace to evaluate. See 'lostmotion show {run.id}'\n")
+    if as_json:
+        sys.stdout.write(json.dumps(stored_result(run), ensure_ascii=False) + "\n")
+    return EXIT_CODES[NOT_DECIDABLE] if state in (INTERRUPTED, RECORDING) else EXIT_BENCH
+
+
+def reevaluation_heading(result: dict[str, Any]) -> str:
+    """Return what stands above and below the result of another recipe or bench; '' for the run's own."""
+    if not result.get("reevaluated"):
+        return ""
+    recipe, original = result["recipe"], result["original_verdict"]
+    with_bench = result["reevaluated_bench"]
+    bench = f" on bench {with_bench}" if with_bench else ""
+    return (
+        f"RE-EVALUATED with {recipe['name']} rev {recipe['revision']} ({recipe['sha256'][:8]}){bench}, "
+        f"not the run's own verdict ({original})"
+    )
 
 
 def _head(recipe: Recipe, recipe_file: Path) -> dict[str, Any]:
@@ -80,15 +125,67 @@ def _method(recipe: Recipe, bench: Bench | None) -> Method:
     )
 
 
-def _stored(run: RunRecord, recipe_name: str | None, bench_name: str | None) -> dict[str, Any]:
-    """Evaluate a stored run anew, by its own recipe or by another one; the record itself is not touched."""
+def reevaluate(run: RunRecord, recipe_name: str | None, bench_name: str | None) -> dict[str, Any]:
+    """Evaluate a complete run anew, by its own recipe or by another one; the record itself is not touched.
+
+    An altered record is not evaluated: what it would be evaluated by may be what was altered.
+
+    Raises:
+        StationError: the recipe is for another unit model, or for a unit loaded on the other side.
+
+    """
+    altered = alterations(run)
+    if altered:
+        return stored_result(run) | {"metrics": [], "original_verdict": None}
     manifest = run.manifest()
-    state = run.state()
-    if state != "complete":
-        raise StationError(f"{run.id}: the run is {state}: it has no complete trace. See 'lostmotion show'")
-    recipe_file = run.folder / "recipe.yaml" if recipe_name is None else recipe_path(recipe_name)
-    recipe = load_recipe(recipe_file)
-    bench = load_bench(run.folder / "bench.yaml" if bench_name is None else find_bench(bench_name))
+    own_recipe, own_bench = run.folder / "recipe.yaml", run.folder / "bench.yaml"
+    recipe_file = own_recipe if recipe_name is None else recipe_path(recipe_name)
+    bench_file = own_bench if bench_name is None else find_bench(bench_name)
+    recipe, bench = load_recipe(recipe_file), load_bench(bench_file)
+    _check_fits(recipe, recipe_file, load_recipe(own_recipe), run)
+    other_bench = bench_file.read_bytes() != own_bench.read_bytes()
+    reevaluated = other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
+    found = _evaluate(run, manifest, recipe, bench)
+    plain = found.to_dict()
+    original = manifest["verdict"]
+    if not reevaluated and plain["verdict"] != original:
+        said = f"the run's own verdict is {original}, evaluated anew it is {plain['verdict']}: {_software(manifest)}"
+        plain |= {"verdict": NOT_DECIDABLE, "reasons": [said, *found.reasons]}
+    return {
+        "run": run.id,
+        "serial": manifest["serial"],
+        "recipe": _head(recipe, recipe_file),
+        "state": manifest["state"],
+        **plain,
+        "reevaluated": reevaluated,
+        "reevaluated_bench": f"{bench.bench.name} rev {bench.bench.revision}" if other_bench else None,
+        "original_verdict": original,
+        "timing": run.read_json("timing.json"),
+        "alarms": run.read_json(RESULT)["alarms"],
+        "record": str(run.folder),
+    }
+
+
+def _software(manifest: dict[str, Any]) -> str:
+    return f"it was made by lostmotion {manifest['software']['version']}. Compare the versions, then measure again"
+
+
+def _check_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: RunRecord) -> None:
+    """Refuse a recipe that cannot say anything about the unit of a run."""
+    asked, was = recipe.unit_under_test.model, own.unit_under_test.model
+    if asked != was:
+        raise StationError(
+            f"{recipe_file}: unit_under_test.model: found {asked}; run {run.id} measured a {was}. "
+            "Choose a recipe for that model",
+        )
+    if recipe.loading != own.loading:
+        raise StationError(
+            f"{recipe_file}: loading: found {recipe.loading}; run {run.id} was loaded at its {own.loading}. "
+            f"Choose a recipe with loading: {own.loading}",
+        )
+
+
+def _evaluate(run: RunRecord, manifest: dict[str, Any], recipe: Recipe, bench: Bench) -> Result:
     timing = run.read_json("timing.json")
     read_back = check_file(run.samples, manifest["records"])
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
@@ -97,14 +194,4 @@ def _stored(run: RunRecord, recipe_name: str | None, bench_name: str | None) -> 
     objections = broken + timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
     segments = run.read_json("program.json")["segments"]
     trace: Trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    found: Result = evaluate_trace(trace, recipe, bench, objections)
-    return {
-        "run": run.id,
-        "serial": manifest["serial"],
-        "recipe": _head(recipe, recipe_file),
-        "state": state,
-        **found.to_dict(),
-        "timing": timing,
-        "alarms": run.read_json("result.json")["alarms"],
-        "record": str(run.folder),
-    }
+    return evaluate_trace(trace, recipe, bench, objections)

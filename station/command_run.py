@@ -29,6 +29,7 @@ from station.time_plot import time_figure
 
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
 EXIT_BENCH = 4
+UNNAMED = "unnamed"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Options:
     """What the command line asked for."""
 
     recipe: str
-    serial: str
+    serial: str | None
     bench: str | None
     data: Path
     unit: str | None
@@ -59,11 +60,16 @@ def run(options: Options) -> int:
         StationError, RecipeError, VirtualBenchError: bad input, before anything has moved.
 
     """
-    serial = check_serial(options.serial)
+    if options.serial is not None:
+        check_serial(options.serial)
     job = load_job(options.recipe, options.bench)
     unit = _unit(options, job)
     scenario = _scenario(options, job)
-    record = _create(options, job, serial, unit, scenario)
+    serial = _serial(options, job)
+    notes = recipe_notes(Store(options.data), job)
+    record = _create(options, job, serial, unit, scenario, notes=notes)
+    for note in notes:
+        sys.stderr.write(f"WARNING  {note}\n")
     reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
     title = f"{serial}  {job.recipe.recipe.name}"
     stream = sys.stderr if options.json else sys.stdout
@@ -97,6 +103,29 @@ def run(options: Options) -> int:
     return exit_code(result)
 
 
+def recipe_notes(store: Store, job: Job) -> list[str]:
+    """Return what is to be noted of a recipe: that its name and revision have meant something else before."""
+    recipe, sha256 = job.recipe.recipe, job.recipe_source.sha256
+    before = store.another_recipe(recipe.name, recipe.revision, sha256)
+    if before is None:
+        return []
+    note = (
+        f"recipe {recipe.name} revision {recipe.revision} ({sha256[:8]}) is not the one of that name and revision that "
+        f"run {before['id']} used ({before['recipe']['sha256'][:8]}): their verdicts cannot be compared. "
+        "Raise the revision when a recipe is changed"
+    )
+    return [note]
+
+
+def _serial(options: Options, job: Job) -> str:
+    """Return the serial number; a real unit must have one, one on the virtual bench may go without."""
+    if options.serial is not None:
+        return options.serial
+    if job.bench.bench.embedded or options.virtual_time:
+        return UNNAMED
+    raise StationError(f"--serial is missing: scan the unit's label (bench {job.bench.bench.name} is a real one)")
+
+
 def _unit(options: Options, job: Job) -> str | None:
     """Return the unit on the virtual bench; None on a real one."""
     if not (options.virtual_time or job.bench.bench.embedded):
@@ -128,7 +157,15 @@ def _version() -> str:
         return "from its source folder"
 
 
-def _create(options: Options, job: Job, serial: str, unit: str | None, scenario: Source | None) -> RunRecord:
+def _create(
+    options: Options,
+    job: Job,
+    serial: str,
+    unit: str | None,
+    scenario: Source | None,
+    *,
+    notes: list[str],
+) -> RunRecord:
     recipe, bench = job.recipe, job.bench
     manifest = {
         "recipe": {
@@ -155,6 +192,7 @@ def _create(options: Options, job: Job, serial: str, unit: str | None, scenario:
         "clock": "virtual" if options.virtual_time else "real",
         "period_ns": recipe.sampling.period_ns,
         "verdict": None,
+        "notes": notes,
         "ring": None,
     }
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}

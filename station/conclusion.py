@@ -21,6 +21,7 @@ from station.left_state import left_state
 from station.record_check import Table, check_bytes, table_of
 from station.record_store import INTERRUPTED, RESULT, RunRecord, now_text
 from station.request import Job
+from station.seal import seal
 from station.timing_proof import timing_block, timing_objections
 
 NOT_DECIDABLE = "NOT DECIDABLE"
@@ -98,7 +99,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "reasons": reasons,
         "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
         "metrics": metrics,
-        "notes": notes,
+        "notes": [*run.get("notes", []), *notes],
         "timing": timing,
         "alarms": alarms_in(events),
         "left": None if state == "complete" else left_state(table, record.read_json("program.json")),
@@ -112,7 +113,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     record.write_bytes("events.jsonl", "".join(lines).encode())
     record.write_json("timing.json", proof)
     result = _store(record, result)
-    record.update(state=state, ended=now_text(), verdict=result["verdict"], records=len(table), ring=None)
+    seal(record, state=state, ended=now_text(), verdict=result["verdict"], records=len(table), ring=None)
     return Conclusion(result, trace, found if state == "complete" else None)
 
 

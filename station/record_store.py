@@ -122,6 +122,13 @@ class RunRecord:
         except OSError:
             return 0
 
+    def serial(self) -> str | None:
+        """Serial number of the unit; None when the manifest is damaged."""
+        try:
+            return str(self.manifest()["serial"])
+        except (RecordError, KeyError):
+            return None
+
     def state(self) -> str:
         """State of the run; a recording whose desk is gone is `interrupted`."""
         manifest = self.manifest()
@@ -193,6 +200,19 @@ class Store:
             return []
         return [RunRecord(path.parent) for path in sorted(self.data.glob(f"*/{MANIFEST}"))]
 
+    def another_recipe(self, name: str, revision: int, sha256: str) -> dict[str, Any] | None:
+        """Return run.json of the newest run by a recipe of the same name and revision, but of other content."""
+        for run in reversed(self.runs()):
+            try:
+                manifest = run.manifest()
+                recipe = manifest["recipe"]
+                same = (recipe["name"], recipe["revision"]) == (name, revision)
+            except (RecordError, KeyError, TypeError):
+                continue
+            if same and recipe["sha256"] != sha256:
+                return manifest
+        return None
+
     def find(self, name: str) -> RunRecord:
         """Find a run by id, folder, the end of its id, serial number (newest attempt), or `last`.
 
@@ -200,15 +220,19 @@ class Store:
             StationError: there is none, or the name fits several.
 
         """
+        if not name.strip():
+            raise StationError("RUN is empty; allowed are a run id or part of it, a serial number, a folder, or last")
         if (Path(name) / MANIFEST).is_file():
             return RunRecord(Path(name))
         runs = self.runs()
+        if Path(name).is_dir() and not any(name in (run.id, run.serial()) for run in runs):
+            raise StationError(f"{name}: this folder is no run: it has no {MANIFEST}. See 'lostmotion list'")
         if not runs:
             raise StationError(f"{self.data}: holds no runs. Make one with 'lostmotion run', or name --data")
         if name == "last":
             return runs[-1]
         exact = [run for run in runs if run.id == name]
-        by_serial = [run for run in runs if run.manifest()["serial"] == name]
+        by_serial = [run for run in runs if run.serial() == name]
         by_part = [run for run in runs if name in run.id]
         if exact or by_serial:
             return (exact or by_serial)[-1]

@@ -50,6 +50,7 @@ BAD = (
     (("run", RECIPE, "--scenario", "nothing.yaml"), "nothing.yaml"),
     (("run", RECIPE, "--data", "/proc/runs"), "/proc/runs"),
     (("run", RECIPE, "--bench", "example-socketcan", "--unit", "P1"), "virtual bench"),
+    (("run", RECIPE, "--bench", "example-socketcan"), "--serial is missing: scan the unit's label"),
     (("check", "nothing.yaml"), "nothing.yaml"),
     (("analyze", "nothing.csv", "--recipe", RECIPE), "nothing.csv"),
     (("analyze", "tests/data/loop_published_curve.csv"), "--recipe"),

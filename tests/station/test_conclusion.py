@@ -13,9 +13,10 @@ from typing import Any
 import pytest
 
 import station.conclusion
+from station.command_run import recipe_notes
 from station.conclusion import Ending, conclude
 from station.record_check import check_file
-from station.record_store import RunRecord
+from station.record_store import RunRecord, Store
 from station.request import load_job
 from station.scan_record import RECORD_BYTES
 
@@ -177,7 +178,7 @@ def test_show_reads_the_record_back(copied: RunRecord) -> None:
     copied.samples.write_bytes(content)
     shown = json.loads(command("show", "last", "--data", data, "--json").stdout)
     assert shown["verdict"] == "NOT DECIDABLE"
-    assert "damaged" in shown["reasons"][0]
+    assert any("the record is damaged" in reason for reason in shown["reasons"])
 
 
 def test_analyze_finds_in_the_record_what_the_run_found(
@@ -187,6 +188,30 @@ def test_analyze_finds_in_the_record_what_the_run_found(
     found = json.loads(done.stdout)
     assert done.returncode == 0
     assert found["metrics"] == finished[0]["metrics"]
+
+
+def test_a_recipe_changed_without_a_new_revision_is_noted(copied: RunRecord, tmp_path: Path) -> None:
+    store = Store(copied.folder.parent)
+    assert recipe_notes(store, load_job(str(RECIPE), None)) == []
+    changed = tmp_path / "changed.yaml"
+    changed.write_bytes(RECIPE.read_bytes() + b"# changed\n")
+    (note,) = recipe_notes(store, load_job(str(changed), None))
+    assert copied.id in note
+    assert "revision 1" in note
+    raised = tmp_path / "raised.yaml"
+    raised.write_text(RECIPE.read_text().replace("revision: 1", "revision: 2"))
+    assert recipe_notes(store, load_job(str(raised), None)) == []
+    copied.update(notes=[note])
+    assert again(copied)["notes"][0] == note
+
+
+def test_the_warning_is_there_before_the_run_starts(copied: RunRecord, tmp_path: Path) -> None:
+    changed = tmp_path / "changed.yaml"
+    changed.write_bytes(RECIPE.read_bytes() + b"# changed\n")
+    data = str(copied.folder.parent)
+    done = command("run", str(changed), "--virtual-time", "--json", "--serial", "SN 1", "--data", data)
+    assert done.stderr.startswith("WARNING  recipe rv-40e-121-quick revision 1")
+    assert copied.id in json.loads(done.stdout)["notes"][0]
 
 
 def test_list_has_a_row_for_every_run_even_a_damaged_one(copied: RunRecord) -> None:

@@ -1,0 +1,158 @@
+"""`analyze` of stored runs: by the run's own recipe, by another one, and of runs that have nothing to evaluate."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from station.command_analyze import reevaluate, reevaluation_heading
+from station.durable import as_json
+from station.errors import StationError
+from station.record_store import RunRecord, Store
+from station.seal import INDEX, seal
+
+ROOT = Path(__file__).parents[2]
+RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
+
+
+def command(*args: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "station", *args], cwd=ROOT, text=True, capture_output=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with one run that failed: its unit is worn."""
+    data = tmp_path_factory.mktemp("worn")
+    done = command(
+        "run", str(RECIPE), "--virtual-time", "--json", "--unit", "worn", "--serial", "W1", "--data", str(data)
+    )
+    assert done.returncode == 1, done.stderr
+    return data
+
+
+@pytest.fixture
+def failed(original: Path, tmp_path: Path) -> RunRecord:
+    shutil.copytree(original, tmp_path / "data")
+    return Store(tmp_path / "data").find("last")
+
+
+def changed_recipe(folder: Path, *changes: tuple[str, str]) -> str:
+    text = RECIPE.read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "other.yaml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def test_the_own_recipe_gives_the_own_verdict(failed: RunRecord) -> None:
+    result = reevaluate(failed, None, None)
+    assert (result["verdict"], result["original_verdict"], result["reevaluated"]) == ("FAIL", "FAIL", False)
+    assert reevaluation_heading(result) == ""
+    same_bytes = reevaluate(failed, str(RECIPE), None)
+    assert not same_bytes["reevaluated"]
+
+
+def test_another_recipe_is_never_the_runs_own_verdict(failed: RunRecord, tmp_path: Path) -> None:
+    generous = changed_recipe(tmp_path, ("max: 1 arcmin", "max: 9 arcmin"))
+    done = command("analyze", str(failed.folder), "--recipe", generous, "--json")
+    result = json.loads(done.stdout)
+    assert (done.returncode, result["verdict"]) == (0, "PASS")
+    assert (result["reevaluated"], result["original_verdict"]) == (True, "FAIL")
+    shown = command("analyze", str(failed.folder), "--recipe", generous).stdout
+    sha = result["recipe"]["sha256"][:8]
+    heading = f"RE-EVALUATED with rv-40e-121-quick rev 1 ({sha}), not the run's own verdict (FAIL)"
+    assert shown.startswith(heading)
+    assert shown.rstrip().endswith(heading)
+
+
+def test_another_bench_is_a_reevaluation_as_well(failed: RunRecord, tmp_path: Path) -> None:
+    bench = tmp_path / "bench.yaml"
+    bench.write_bytes((failed.folder / "bench.yaml").read_bytes() + b"# another\n")
+    result = reevaluate(failed, None, str(bench))
+    assert result["reevaluated"]
+    assert "on bench virtual rev 1" in reevaluation_heading(result)
+
+
+def test_a_recipe_for_another_model_is_refused(failed: RunRecord, tmp_path: Path) -> None:
+    other = changed_recipe(tmp_path, ("model: RV-40E-121", "model: RV-20E-121"))
+    done = command("analyze", str(failed.folder), "--recipe", other)
+    assert done.returncode == 2
+    assert "found RV-20E-121" in done.stderr
+    assert "measured a RV-40E-121" in done.stderr
+
+
+def test_a_recipe_that_loads_the_other_side_is_refused(failed: RunRecord) -> None:
+    with pytest.raises(StationError, match="was loaded at its input"):
+        reevaluate(failed, "rv-40e-121-output", None)
+
+
+@pytest.mark.parametrize("name", ["recipe.yaml", "bench.yaml", "calibration.json", "result.json"])
+def test_an_altered_record_is_not_evaluated(failed: RunRecord, name: str) -> None:
+    with (failed.folder / name).open("ab") as file:
+        file.write(b"\n")
+    done = command("analyze", str(failed.folder), "--json")
+    result = json.loads(done.stdout)
+    assert (done.returncode, result["verdict"], result["metrics"]) == (3, "NOT DECIDABLE", [])
+    assert result["reasons"][0].startswith(f"record altered: {name}")
+
+
+def test_a_verdict_that_the_record_does_not_bear_out_decides_nothing(failed: RunRecord) -> None:
+    """As by another version of the software: every checksum is right, the evaluation finds something else."""
+    result = failed.read_json("result.json")
+    for metric in result["metrics"]:
+        metric["verdict"] = metric["verdict"] and "PASS"
+    failed.write_json("result.json", result | {"verdict": "PASS"})
+    (failed.folder.parent / INDEX).unlink()
+    seal(failed, verdict="PASS")
+    found = reevaluate(failed, None, None)
+    assert (found["verdict"], found["original_verdict"]) == ("NOT DECIDABLE", "PASS")
+    assert "evaluated anew it is FAIL" in found["reasons"][0]
+
+
+@pytest.mark.parametrize(("state", "code"), [("fault", 4), ("stopped", 4), ("interrupted", 3)])
+def test_a_run_without_an_end_is_told_in_a_sentence(failed: RunRecord, state: str, code: int) -> None:
+    manifest = {key: value for key, value in failed.manifest().items() if key != "files"}
+    failed.write_json("run.json", manifest)
+    (failed.folder.parent / INDEX).unlink()
+    failed.write_bytes(
+        "result.json",
+        as_json(failed.read_json("result.json") | {"state": state, "verdict": "NOT DECIDABLE", "metrics": []}),
+    )
+    if state == "interrupted":
+        failed.update(state=state, verdict=None)
+    else:
+        seal(failed, state=state, verdict="NOT DECIDABLE")
+    done = command("analyze", failed.id, "--data", str(failed.folder.parent))
+    assert done.returncode == code
+    assert state in done.stderr
+    assert "no complete trace" in done.stderr
+
+
+def test_a_folder_that_is_no_run_is_called_so(tmp_path: Path) -> None:
+    done = command("analyze", str(tmp_path))
+    assert done.returncode == 2
+    assert "this folder is no run" in done.stderr
+
+
+@pytest.mark.parametrize("what", ["nothing", "file"])
+def test_list_of_no_folder_is_an_error(tmp_path: Path, what: str) -> None:
+    (tmp_path / "file").write_text("x")
+    done = command("list", "--data", str(tmp_path / what))
+    assert done.returncode == 2
+    assert str(tmp_path / what) in done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("name", ["", "  "])
+def test_an_empty_name_finds_no_run(failed: RunRecord, name: str) -> None:
+    with pytest.raises(StationError, match="RUN is empty"):
+        Store(failed.folder.parent).find(name)

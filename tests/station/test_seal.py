@@ -1,0 +1,185 @@
+"""A concluded record that somebody edits afterwards: every file, the index, and what the commands then say."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from station.command_show import row, stored_result
+from station.durable import as_json
+from station.record_store import RunRecord, Store
+from station.seal import INDEX, alterations, index_lines, seal
+
+ROOT = Path(__file__).parents[2]
+RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
+
+
+def command(*args: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "station", *args], cwd=ROOT, text=True, capture_output=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with one run that passed."""
+    data = tmp_path_factory.mktemp("sealed")
+    done = command("run", str(RECIPE), "--virtual-time", "--json", "--serial", "S1", "--data", str(data))
+    assert done.returncode == 0, done.stderr
+    return data
+
+
+@pytest.fixture
+def sealed(original: Path, tmp_path: Path) -> RunRecord:
+    shutil.copytree(original, tmp_path / "data")
+    return Store(tmp_path / "data").find("last")
+
+
+def edit(name: str, old: str, new: str) -> Callable[[RunRecord], None]:
+    def change(run: RunRecord) -> None:
+        text = (run.folder / name).read_text(encoding="utf-8")
+        assert old in text
+        (run.folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+
+    return change
+
+
+def flip_sample(run: RunRecord) -> None:
+    content = bytearray(run.samples.read_bytes())
+    content[5000] ^= 1
+    run.samples.write_bytes(content)
+
+
+def another_verdict_everywhere(run: RunRecord) -> None:
+    """What somebody does who knows about the checksums, and not about the index."""
+    edit("result.json", '"verdict": "PASS"', '"verdict": "FAIL"')(run)
+    manifest = run.manifest()
+    del manifest["files"]
+    run.write_json("run.json", manifest)
+    seal_without_line(run)
+
+
+def seal_without_line(run: RunRecord) -> None:
+    index = run.folder.parent / INDEX
+    before = index.read_bytes()
+    seal(run, verdict="FAIL")
+    index.write_bytes(before)
+
+
+ALTERATIONS: dict[str, tuple[Callable[[RunRecord], None], str]] = {
+    "a limit in the result": (edit("result.json", '"max": 1.0', '"max": 9.0'), "result.json"),
+    "verdict of the result": (edit("result.json", '"verdict": "PASS"', '"verdict": "FAIL"'), "result.json"),
+    "the result is no result": (lambda run: run.write_json("result.json", [1]), "result.json"),
+    "rows that are no rows": (lambda run: run.write_json("result.json", {"metrics": [1, {}]}), "result.json"),
+    "a limit in the recipe": (edit("recipe.yaml", "max: 1 arcmin", "max: 2 arcmin"), "recipe.yaml"),
+    "the bench": (edit("bench.yaml", "revision: 1", "revision: 2"), "bench.yaml"),
+    "a segment": (edit("program.json", '"segments"', '"segment"'), "program.json"),
+    "the calibration": (edit("calibration.json", '"slope"', '"Slope"'), "calibration.json"),
+    "the timing": (edit("timing.json", '"missed": 0', '"missed": 1'), "timing.json"),
+    "an event": (edit("events.jsonl", "home", "lock"), "events.jsonl"),
+    "an event deleted": (lambda run: (run.folder / "events.jsonl").unlink(), "events.jsonl"),
+    "a profile": (lambda run: next(run.folder.glob("profiles/*")).write_text("x"), "profiles/"),
+    "a scenario that was not there": (lambda run: run.write_bytes("scenario.yaml", b"x"), "scenario.yaml"),
+    "a sample": (flip_sample, "samples.bin"),
+    "the serial number": (lambda run: run.update(serial="S2"), "run.json"),
+    "verdict of the manifest": (lambda run: run.update(verdict="FAIL"), "run.json"),
+    "no checksums": (lambda run: run.update(files=None), "run.json"),
+    "all of it with new checksums": (another_verdict_everywhere, "run.json"),
+    "no line in the index": (lambda run: (run.folder.parent / INDEX).write_bytes(b""), INDEX),
+    "a second line in the index": (lambda run: seal(run, verdict="PASS", ended="later"), INDEX),
+}
+
+
+def row_verdicts(metrics: list[dict[str, Any]]) -> set[str | None]:
+    return {row["verdict"] for one in metrics for row in (one, *one.get("sides", {}).values())}
+
+
+def test_a_concluded_run_names_what_its_verdict_rests_on(sealed: RunRecord) -> None:
+    assert alterations(sealed) == ()
+    files = sealed.manifest()["files"]
+    assert set(files) >= {"samples.bin", "recipe.yaml", "bench.yaml", "program.json", "events.jsonl", "timing.json"}
+    assert set(files) >= {"calibration.json", "result.json"}
+    assert {f"profiles/{path.name}" for path in sealed.folder.glob("profiles/*")} <= set(files)
+    (line,) = index_lines(sealed.folder.parent / INDEX, sealed.id) or []
+    assert set(line) == {"run", "sha256", "verdict", "time"}
+    assert stored_result(sealed)["verdict"] == "PASS"
+
+
+@pytest.mark.parametrize("name", ALTERATIONS)
+def test_an_altered_record_decides_nothing_and_names_the_file(sealed: RunRecord, name: str) -> None:
+    alter, file = ALTERATIONS[name]
+    alter(sealed)
+    shown = stored_result(sealed)
+    assert shown["verdict"] == "NOT DECIDABLE"
+    assert shown["reasons"][0].startswith("record altered: ")
+    assert any(one.startswith(file) for one in shown["altered"])
+    assert row_verdicts(shown["metrics"]) <= {None}
+    listed = row(sealed)
+    if name != "a sample":  # the list compares the size of the samples alone
+        assert (listed["state"], listed["verdict"]) == ("altered", None)
+
+
+def test_show_and_list_say_it_to_a_person(sealed: RunRecord) -> None:
+    data = str(sealed.folder.parent)
+    edit("result.json", '"max": 1.0', '"max": 9.0')(sealed)
+    shown = command("show", "last", "--data", data).stdout
+    assert "RECORD ALTERED" in shown
+    assert "record altered: result.json" in shown
+    assert "PASS" not in shown
+    listed = command("list", "--data", data).stdout
+    assert "altered" in listed
+    assert "PASS" not in listed
+
+
+def test_a_damaged_record_leaves_no_row_its_verdict(sealed: RunRecord) -> None:
+    """Samples that do not read back, in a record that has no checksums of its own to compare them with."""
+    flip_sample(sealed)
+    (sealed.folder.parent / INDEX).unlink()
+    manifest = sealed.manifest()
+    content = sealed.samples.read_bytes()
+    seal(sealed)
+    assert manifest["files"]["samples.bin"] != sealed.manifest()["files"]["samples.bin"]
+    assert sealed.samples.read_bytes() == content
+    shown = stored_result(sealed)
+    assert "altered" not in shown
+    assert shown["verdict"] == "NOT DECIDABLE"
+    assert "fail their CRC" in shown["reasons"][0]
+    assert row_verdicts(shown["metrics"]) == {None}
+
+
+def test_a_run_that_was_not_concluded_has_no_verdict_to_believe(tmp_path: Path) -> None:
+    manifest = {"recipe": {"name": "r", "revision": 1, "sha256": "0"}, "verdict": None, "ring": None}
+    run = Store(tmp_path).create("S", manifest, {})
+    run.update(desk={"pid": 1, "birth": "gone"})
+    run.write_bytes("result.json", as_json({"verdict": "PASS", "reasons": [], "metrics": []}))
+    assert alterations(run) == ()
+    assert stored_result(run)["verdict"] == "NOT DECIDABLE"
+    assert row(run)["state"] == "interrupted"
+
+
+def test_a_record_copied_elsewhere_stands_alone_but_says_that_no_index_vouches_for_it(
+    sealed: RunRecord, tmp_path: Path
+) -> None:
+    copy = tmp_path / "archive" / "copy"
+    shutil.copytree(sealed.folder, copy)
+    shown = command("show", str(copy), "--data", str(tmp_path / "archive")).stdout
+    assert "PASS" in shown
+    assert f"no {INDEX} beside this run" in shown
+
+
+def test_runs_that_end_at_once_do_not_tear_the_index(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    manifest = {"recipe": {"name": "r", "revision": 1, "sha256": "0"}, "verdict": None, "ring": None}
+    runs = [store.create("S", manifest, {}) for _ in range(24)]
+    with ThreadPoolExecutor(12) as pool:
+        list(pool.map(lambda run: seal(run, verdict="PASS", state="complete"), runs))
+    lines = [json.loads(line) for line in (tmp_path / INDEX).read_text(encoding="utf-8").splitlines()]
+    assert sorted(line["run"] for line in lines) == [run.id for run in runs]

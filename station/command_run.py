@@ -11,12 +11,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from station.conclusion import Conclusion, Ending, conclude, finite
+from station.conclusion import Conclusion, Ending, conclude
 from station.errors import BenchFaultError, RecordError, StationError
 from station.evaluation import method_of
 from station.live import LiveReader
 from station.log import open_log
 from station.loop_plot import loop_figure, png
+from station.program_file import PROGRAM, plain_program
 from station.progress import Progress
 from station.record_store import RunRecord, Store, check_serial, now_text
 from station.report import report_html
@@ -58,7 +59,7 @@ def run(options: Options) -> int:
     serial = check_serial(options.serial)
     job = load_job(options.recipe, options.bench)
     unit = _unit(options, job)
-    scenario = _scenario(options, job)
+    scenario = _scenario(options)
     record = _create(options, job, serial, unit, scenario)
     reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
     title = f"{serial}  {job.recipe.recipe.name}"
@@ -103,14 +104,14 @@ def _unit(options: Options, job: Job) -> str | None:
     return choose_unit(options.unit, job.recipe.unit_under_test.model)
 
 
-def _scenario(options: Options, job: Job) -> Source | None:
+def _scenario(options: Options) -> Source | None:
     if options.scenario is None:
         return None
-    from station.assemble_virtual import load_scenario  # noqa: PLC0415 - as above
+    from station.assemble_virtual import parse_scenario  # noqa: PLC0415 - as above
 
-    load_scenario(options.scenario)
-    _ = job
-    return Source.read(options.scenario)
+    source = Source.read(options.scenario)
+    parse_scenario(source.content, str(source.path))
+    return source
 
 
 def _version() -> str:
@@ -149,10 +150,10 @@ def _create(options: Options, job: Job, serial: str, unit: str | None, scenario:
         "ring": None,
     }
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
-    files |= {f"profiles/{name}.yaml": Source.read(path).content for name, path in job.profile_paths.items()}
+    files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     record = Store(options.data).create(serial, manifest, files)
-    record.write_json("program.json", finite(dataclasses.asdict(job.program)))
+    record.write_json(PROGRAM, plain_program(job.program))
     return record
 
 

@@ -4,7 +4,7 @@ Opens the bench, asks the machine for real time, then scans until the controller
 no waiting call in the scan. SIGTERM asks the controller for a stop (unload first) and never ends the process at once;
 SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
 
-Spec: ring, report (paths), recipe, bench (paths), profiles ({name: path}), ports (ready line of an embedded bench or
+Spec: ring, report, recipe, bench, program (paths), profiles ({name: path}), ports (ready line of an embedded bench or
 null), spin_ns, desk (its process id).
 """
 
@@ -21,11 +21,13 @@ from typing import Any
 
 from controller.compiler import compile_program
 from controller.controller import Controller
+from controller.program import Program
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
-from recipes import RecipeError, load_bench, load_recipe
+from recipes import Problem, RecipeError, load_bench, load_recipe
 from station import realtime
 from station.assemble import wire_config
+from station.program_file import program_differences
 from station.ring import RingWriter, ScanState
 from station.scan_loop import Stop, run_real
 from station.scan_times import ScanTimes
@@ -47,7 +49,9 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
     bench_file = load_bench(spec["bench"])
     profiles = {name: Path(path) for name, path in spec["profiles"].items()}
     period_ns = recipe.sampling.period_ns
-    controller = Controller(compile_program(recipe, bench_file))
+    program = compile_program(recipe, bench_file)
+    refuse_another(program, Path(spec["program"]))
+    controller = Controller(program)
     bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"]))
     verified = bench.open()
     try:
@@ -73,6 +77,18 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         "notes": [event._asdict() for event in controller.events if event.kind == "note"],
         "stopped_by_signal": stop.wanted,
     }
+
+
+def refuse_another(program: Program, recorded: Path) -> None:
+    """Refuse a program that is not the one that was checked; RecipeError with the first places that differ."""
+    try:
+        found = program_differences(json.loads(recorded.read_bytes()), program)
+    except (OSError, ValueError) as error:
+        found = [f"it cannot be read: {error}"]
+    if found:
+        what = f"the program of the run is not the one that was checked ({'; '.join(found[:3])})"
+        hint = "Leave the run's folder alone while it starts, then run again."
+        raise RecipeError([Problem(str(recorded), 0, 0, "", what, "the same program", hint)])
 
 
 def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:

@@ -142,6 +142,13 @@ def test_lost_records_are_never_a_pass(copied: RunRecord) -> None:
     assert "3 records were lost" in " ".join(result["reasons"])
 
 
+def test_a_scan_process_lost_after_its_last_record_is_never_a_pass(copied: RunRecord) -> None:
+    result = again(copied, trouble="the scan process was lost (killed by SIGKILL)")
+    assert result["state"] == "complete"
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert sum("the scan process was lost" in reason for reason in result["reasons"]) == 1
+
+
 def test_a_result_that_reads_back_differently_decides_nothing(
     copied: RunRecord,
     monkeypatch: pytest.MonkeyPatch,

@@ -81,8 +81,13 @@ def run(options: Options) -> int:
             raise
         result = conclusion.result
         log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
-        _illustrate(job, record, conclusion)
-        log.info("report written", path=str(record.folder / "report.html"))
+        try:
+            _illustrate(job, record, conclusion)
+        except Exception as error:
+            log.exception("no report", kind=type(error).__name__)
+            sys.stderr.write(f"warning: plot and report are incomplete, the result is stored: {error}\n")
+        else:
+            log.info("report written", path=str(record.folder / "report.html"))
     if options.json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
     else:

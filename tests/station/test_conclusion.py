@@ -176,6 +176,22 @@ def test_too_many_missed_periods_invalidate_the_measurement(
     assert "scan periods were missed" in " ".join(result["reasons"])
 
 
+def test_a_disk_that_is_full_for_the_report_does_not_hide_the_result(tmp_path: Path) -> None:
+    full = (
+        "import sys, station.cli as cli, station.command_run as run\n"
+        "def no_room(*_, **__): raise OSError(28, 'No space left on device')\n"
+        "run.png = no_room\n"
+        "cli.main()\n"
+    )
+    words = ["run", str(RECIPE), "--virtual-time", "--json", "--serial", "F", "--data", str(tmp_path)]
+    done = subprocess.run([sys.executable, "-c", full, *words], cwd=ROOT, text=True, capture_output=True, check=False)
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["verdict"] == "PASS"
+    assert "warning" in done.stderr
+    assert "No space left on device" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_show_reads_the_record_back(copied: RunRecord) -> None:
     data = str(copied.folder.parent)
     assert json.loads(command("show", "last", "--data", data, "--json").stdout)["verdict"] == "PASS"

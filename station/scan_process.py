@@ -16,6 +16,7 @@ import os
 import signal
 import sys
 import traceback
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from drivers.wire_bench import WireBench
 from recipes import Problem, RecipeError, load_bench, load_recipe
 from station import realtime
 from station.assemble import wire_config
+from station.bench_lock import BenchBusyError, alone_on
 from station.program_file import program_differences
 from station.ring import RingWriter, ScanState
 from station.scan_loop import Stop, run_real
@@ -41,6 +43,7 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
     """Open the bench and run the scan to its end; return the report.
 
     Raises:
+        BenchBusyError: another process has the bench; nothing was sent to it.
         DriverError: the bench cannot be opened; nothing has moved.
         RecipeError: recipe, bench or a profile has changed since it was checked.
 
@@ -53,8 +56,11 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
     refuse_another(program, Path(spec["program"]))
     controller = Controller(program)
     bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"]))
-    verified = bench.open()
-    try:
+    with ExitStack() as ending:
+        if spec["ports"] is None:
+            ending.enter_context(alone_on(bench_file))
+        verified = bench.open()
+        ending.callback(bench.close)
         grants = realtime.request_all()
         fifo = any(grant.name == "fifo" and grant.granted for grant in grants)
         schedule = RealTimeSchedule(period_ns, spin_ns=spec["spin_ns"] if fifo else 0)
@@ -64,8 +70,6 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         times = ScanTimes()
         last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop, times=times)
         counters = bench.counters()
-    finally:
-        bench.close()
     return {
         "state": "finished",
         "scans": last + 1,
@@ -124,7 +128,7 @@ def main() -> int:
     code, state = 0, ScanState.FINISHED
     try:
         report = scan(spec, ring, stop)
-    except (DriverError, RecipeError) as error:
+    except (DriverError, RecipeError, BenchBusyError) as error:
         code, state = EXIT_REFUSED, ScanState.REFUSED
         report = {"state": "refused", "error": str(error)}
     except Exception as error:  # noqa: BLE001 - the last report of a process whose record must still be told why

@@ -7,7 +7,7 @@ problems = check(recipe, bench)                     # empty when this bench can 
 
 from recipes.bench_schema import Bench, Calibration
 from recipes.cross_check import check
-from recipes.loader import load_document
+from recipes.loader import load_document, parse_document
 from recipes.metric_units import METRIC_UNITS
 from recipes.problems import Problem, RecipeError
 from recipes.recipe_schema import Decision, MetricWanted, Recipe
@@ -22,6 +22,7 @@ from recipes.shipped import (
     shipped_benches,
     shipped_recipes,
 )
+from recipes.yaml_source import read_bytes
 
 __all__ = [
     "METRIC_UNITS",
@@ -40,7 +41,9 @@ __all__ = [
     "load_document",
     "load_recipe",
     "parse_bench",
+    "parse_document",
     "parse_recipe",
+    "read_bytes",
     "shipped_benches",
     "shipped_recipes",
 ]

@@ -18,7 +18,7 @@ from recipes.option_names import options_at
 from recipes.problems import Problem, RecipeError, nearest
 from recipes.section import FROM_DOCUMENT
 from recipes.translation import problem_of
-from recipes.yaml_source import OptionPath, Source, read_source
+from recipes.yaml_source import OptionPath, Source, parse_source, read_source
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Context = Mapping[str, Any] | Callable[[Any], Mapping[str, Any]]
@@ -30,6 +30,11 @@ Rule = Callable[[Source], Iterable[Problem]]
 def load_document(path: str | Path, model: type[ModelT], context: Context | None = None) -> ModelT:
     """Load a YAML document as a model. Raises RecipeError with all problems of the document, sorted by line."""
     return load_source(read_source(path), model, context)
+
+
+def parse_document(raw: bytes, path: str, model: type[ModelT], context: Context | None = None) -> ModelT:
+    """Load a document from the bytes of a file that was already read. Raises RecipeError."""
+    return load_source(parse_source(raw, path), model, context)
 
 
 def load_source(

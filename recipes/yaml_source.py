@@ -102,10 +102,15 @@ def dotted(option: OptionPath) -> str:
 
 def read_source(path: str | Path) -> Source:
     """Read a document from a file. Raises RecipeError when it cannot be opened or is no YAML."""
+    return parse_source(read_bytes(path), str(path))
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """Read a document's bytes, no more than one past the largest allowed. Raises RecipeError when it cannot be read."""
     shown = str(path)
     try:
         with Path(path).open("rb") as file:
-            raw = file.read(LARGEST_FILE + 1)
+            return file.read(LARGEST_FILE + 1)
     except FileNotFoundError:
         raise _whole_file(shown, "no such file", "the path of an existing file", "Check the path.") from None
     except IsADirectoryError:
@@ -114,7 +119,6 @@ def read_source(path: str | Path) -> Source:
         reason = getattr(error, "strerror", None) or str(error)
         message = f"a file that cannot be read ({reason})"
         raise _whole_file(excerpt(shown)[1:-1], message, "a readable file", "Check its path and rights.") from None
-    return parse_source(raw, shown)
 
 
 def parse_source(raw: bytes, path: str) -> Source:

@@ -25,7 +25,7 @@ from drivers.virtual.config import (
 )
 from drivers.virtual.scenario import Scenario
 from drivers.virtual.units import default_unit, find_unit
-from recipes import Bench, load_document
+from recipes import Bench, load_document, parse_document
 from recipes.bench_schema import AngleSensor as AngleSensorFile
 from recipes.bench_schema import ModbusDevice
 from recipes.bench_schema import TorqueSensor as TorqueSensorFile
@@ -43,6 +43,11 @@ def choose_unit(asked: str | None, model: str) -> str:
 def load_scenario(path: Path) -> Scenario:
     """Load a scenario file; RecipeError with every problem and its place."""
     return load_document(path, Scenario)
+
+
+def parse_scenario(raw: bytes, path: str) -> Scenario:
+    """Load a scenario from the bytes of its file; RecipeError with every problem and its place."""
+    return parse_document(raw, path, Scenario)
 
 
 def _plain(path: Path) -> Mapping[str, Any]:

@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import tempfile
+import traceback
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +17,12 @@ from station.errors import BenchFaultError, StationError
 
 EXIT_BAD_INPUT = 2
 EXIT_BENCH = 4
+EXIT_PROGRAM_ERROR = 70
+"""The program itself failed (EX_SOFTWARE of sysexits.h): none of the codes that say something about a unit."""
+
+EXIT_NOBODY_READS = 141
+"""As of a process that SIGPIPE ended: the reader of standard output went away, and no code may be taken for a PASS."""
+
 DEFAULT_DATA = Path("runs")
 
 app = typer.Typer(
@@ -85,7 +94,8 @@ def run(
     """Run a recipe: measure a unit, judge it, store the record.
 
     Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
-    Exit code: 0 PASS, 1 FAIL, 2 bad input, 3 NOT DECIDABLE, 4 bench fault or stopped.
+    Exit code: 0 PASS, 1 FAIL, 2 bad input, 3 NOT DECIDABLE, 4 bench fault or stopped,
+    70 the program failed.
     """
     from station import command_run
 
@@ -276,6 +286,26 @@ def _refuse(error: Exception) -> None:
     sys.exit(code)
 
 
+def _program_error(error: Exception) -> str:
+    """Return one plain line on an error that nobody expected; its traceback goes to a file."""
+    what = f"the program failed: {type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
+    try:
+        handle, name = tempfile.mkstemp(prefix="lostmotion-error-", suffix=".txt")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(f"{' '.join(sys.argv)}\n\n{''.join(traceback.format_exception(error))}")
+    except OSError as refused:
+        where = f"its traceback could not be stored ({refused.strerror})"
+    else:
+        where = f"please report it with {name}"
+    return f"{what}; nothing is said about the unit. {where}"
+
+
+def _nobody_reads() -> None:
+    """Leave quietly: what is still buffered goes nowhere, instead of raising once more when the interpreter ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
+    sys.exit(EXIT_NOBODY_READS)
+
+
 def main() -> None:
     """Run the command line; errors that a person can mend are plain text on standard error, without a traceback."""
     from station.plain_text import never_crash
@@ -289,14 +319,18 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         sys.stderr.write("interrupted before anything moved\n")
         sys.exit(EXIT_BENCH)
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # typer makes 1 of it, which is FAIL
+            _nobody_reads()
+        raise
     except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)
-    except Exception as error:
+        _nobody_reads()
+    except Exception as error:  # noqa: BLE001 - whatever it is, its exit code must not be one of a verdict
         # The command line's own refusals show themselves; their class is not part of typer's interface.
-        if not (hasattr(error, "format_message") or isinstance(error, _bad_input())):
-            raise
-        _refuse(error)
+        if hasattr(error, "format_message") or isinstance(error, _bad_input()):
+            _refuse(error)
+        sys.stderr.write(f"{_program_error(error)}\n")
+        sys.exit(EXIT_PROGRAM_ERROR)
 
 
 if __name__ == "__main__":

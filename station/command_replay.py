@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 import sys
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from controller.controller import Controller
 from controller.program import Program
-from recipes import load_recipe
 from station.conclusion import finite
 from station.errors import StationError
+from station.program_file import PROGRAM, program_differences
 from station.record_check import Table, table_of
 from station.record_store import RunRecord, Store
 from station.recovery import recover
@@ -61,8 +60,8 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
 
 def _other(name: str, job: Job) -> Job:
     """Return another recipe on the run's bench, unchecked: limits below the recorded load are what is asked about."""
-    path = recipe_path(name)
-    return Job(load_recipe(path), job.bench, Source.read(path), job.bench_source)
+    source = Source.read(recipe_path(name))
+    return Job(source.recipe(), job.bench, source, job.bench_source)
 
 
 def _report(run: RunRecord, job: Job, controller: Controller, found: Replayed) -> dict[str, Any]:
@@ -80,24 +79,9 @@ def _report(run: RunRecord, job: Job, controller: Controller, found: Replayed) -
 
 def _program_differences(run: RunRecord, program: Program) -> list[str]:
     """Return where the recorded recipe now becomes another program than it became then."""
-    if not run.has("program.json"):
+    if not run.has(PROGRAM):
         return []
-    now = json.loads(json.dumps(finite(asdict(program))))
-    return list(_walk("program", run.read_json("program.json"), now))
-
-
-def _walk(path: str, before: Any, now: Any) -> list[str]:
-    if isinstance(before, dict) and isinstance(now, dict):
-        keys = dict.fromkeys((*before, *now))
-        return [text for key in keys for text in _walk(f"{path}.{key}", before.get(key), now.get(key))]
-    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
-        pairs = enumerate(zip(before, now, strict=True))
-        return [text for index, (a, b) in pairs for text in _walk(f"{path}[{index}]", a, b)]
-    return [] if before == now else [f"{path}: recorded {_short(before)}, now {_short(now)}"]
-
-
-def _short(value: Any) -> str:
-    return f"{len(value)} entries" if isinstance(value, list) else str(value)
+    return program_differences(run.read_json(PROGRAM), program)
 
 
 def _event_differences(run: RunRecord, controller: Controller) -> list[str]:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from station.conclusion import Conclusion, Ending, conclude, finite
+from station.conclusion import Conclusion, Ending, conclude
 from station.errors import BenchFaultError, RecordError, StationError
 from station.evaluation import method_of
 from station.headline import first_cause, headline, virtual_badges
@@ -19,6 +19,7 @@ from station.history import conditions_of, history_of
 from station.live import LiveReader
 from station.log import open_log
 from station.loop_plot import loop_figure, png
+from station.program_file import PROGRAM, plain_program
 from station.progress import Progress
 from station.record_check import read_table
 from station.record_store import RunRecord, Store, check_serial, now_text
@@ -64,7 +65,7 @@ def run(options: Options) -> int:
         check_serial(options.serial)
     job = load_job(options.recipe, options.bench)
     unit = _unit(options, job)
-    scenario = _scenario(options, job)
+    scenario = _scenario(options)
     serial = _serial(options, job)
     notes = recipe_notes(Store(options.data), job)
     record = _create(options, job, serial, unit, scenario, notes=notes)
@@ -94,8 +95,13 @@ def run(options: Options) -> int:
             raise
         result = conclusion.result
         log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
-        _illustrate(job, record, conclusion)
-        log.info("report written", path=str(record.folder / "report.html"))
+        try:
+            _illustrate(job, record, conclusion)
+        except Exception as error:
+            log.exception("no report", kind=type(error).__name__)
+            sys.stderr.write(f"warning: plot and report are incomplete, the result is stored: {error}\n")
+        else:
+            log.info("report written", path=str(record.folder / "report.html"))
     if options.json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
     else:
@@ -140,14 +146,14 @@ def _unit(options: Options, job: Job) -> str | None:
     return choose_unit(options.unit, job.recipe.unit_under_test.model)
 
 
-def _scenario(options: Options, job: Job) -> Source | None:
+def _scenario(options: Options) -> Source | None:
     if options.scenario is None:
         return None
-    from station.assemble_virtual import load_scenario  # noqa: PLC0415 - as above
+    from station.assemble_virtual import parse_scenario  # noqa: PLC0415 - as above
 
-    load_scenario(options.scenario)
-    _ = job
-    return Source.read(options.scenario)
+    source = Source.read(options.scenario)
+    parse_scenario(source.content, str(source.path))
+    return source
 
 
 def _version() -> str:
@@ -196,10 +202,10 @@ def _create(
         "ring": None,
     }
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
-    files |= {f"profiles/{name}.yaml": Source.read(path).content for name, path in job.profile_paths.items()}
+    files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     record = Store(options.data).create(serial, manifest, files)
-    record.write_json("program.json", finite(dataclasses.asdict(job.program)))
+    record.write_json(PROGRAM, plain_program(job.program))
     return record
 
 

@@ -73,8 +73,11 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     if ending.lost:
         broken.append(f"{ending.lost} records were lost because they were not taken from the ring in time")
+    # The last record may say complete although the process that wrote it was lost before it could say so.
+    unsure = [ending.trouble] if ending.trouble and state == "complete" else []
     sampling = job.recipe.sampling
-    objections = broken + timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
+    late = timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
+    objections = broken + unsure + late
     trace, found, reasons = None, None, _early_reasons(state, events, ending)
     if len(table) and not broken:
         trace, found, trouble = _evaluate(table, job, record, objections)
@@ -122,7 +125,7 @@ def _end_state(table: Table) -> str:
 
 
 def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> list[str]:
-    reasons = [ending.trouble] if ending.trouble else []
+    reasons = [ending.trouble] if ending.trouble and state != "complete" else []
     if ending.refused:
         return reasons
     if state == "fault":

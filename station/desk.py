@@ -21,6 +21,7 @@ from station import children
 from station.conclusion import Ending
 from station.durable import Appender
 from station.errors import BenchFaultError
+from station.program_file import PROGRAM
 from station.record_store import RunRecord
 from station.request import Job
 from station.ring import RingReader, ScanState, create
@@ -121,6 +122,7 @@ class Desk:
             "ring": str(ring),
             "report": str(report),
             "recipe": str(folder / "recipe.yaml"),
+            "program": str(folder / PROGRAM),
             "bench": str(folder / "bench.yaml"),
             "profiles": self._profiles(),
             "ports": ports,

@@ -3,19 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO, cast
 
 import structlog
+
+
+class _Lines:
+    """A log file that a full disk cuts short: what cannot be logged must not end a run, nor hide its result."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+
+    def write(self, text: str) -> None:
+        """Write a part of a line, or nothing."""
+        with suppress(OSError):
+            self._file.write(text)
+
+    def flush(self) -> None:
+        """Flush, if that goes."""
+        with suppress(OSError):
+            self._file.flush()
+
+    def close(self) -> None:
+        """Close the file, if need be without what was not written."""
+        with suppress(OSError):
+            self._file.close()
 
 
 @contextmanager
 def open_log(path: Path) -> Iterator[Any]:
     """Open a log file and yield its logger; one JSON object per line, time in UTC."""
-    with path.open("a", encoding="utf-8", buffering=1) as file:
+    lines = _Lines(path.open("a", encoding="utf-8", buffering=1))
+    try:
         yield structlog.wrap_logger(
-            structlog.WriteLogger(file),
+            structlog.WriteLogger(cast("TextIO", lines)),
             processors=[
                 structlog.processors.add_log_level,
                 structlog.processors.TimeStamper(fmt="iso", utc=True),
@@ -23,3 +46,5 @@ def open_log(path: Path) -> Iterator[Any]:
                 structlog.processors.JSONRenderer(ensure_ascii=False),
             ],
         )
+    finally:
+        lines.close()

@@ -25,6 +25,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from types import NoneType, UnionType
 from typing import Any
 
 from station.durable import as_json, sync_folder, write_durable
@@ -38,6 +39,16 @@ FORMAT_VERSION = 1
 RECORDING = "recording"
 INTERRUPTED = "interrupted"
 LONGEST_SERIAL = 128
+ENTRIES: dict[str, type | UnionType] = {
+    "serial": str,
+    "attempt": int,
+    "state": str,
+    "recipe": dict,
+    "verdict": str | NoneType,
+    "started": str,
+    "desk": dict,
+}
+"""Entries of run.json that every run has from its start, and their types."""
 
 
 def process_birth(pid: int) -> str:
@@ -83,10 +94,16 @@ class RunRecord:
         return self.folder / SAMPLES
 
     def manifest(self) -> dict[str, Any]:
-        """Return run.json; RecordError when it cannot be read."""
+        """Return run.json; RecordError when it cannot be read or an entry that every run has is missing."""
         found = self.read_json(MANIFEST)
         if not isinstance(found, dict):
-            raise RecordError(f"{self.folder / MANIFEST}: is not a run's manifest")
+            raise RecordError(f"{self.folder / MANIFEST}: is damaged: it is not a run's manifest")
+        wrong = [key for key, kind in ENTRIES.items() if not isinstance(found.get(key), kind)]
+        recipe = found.get("recipe")
+        if isinstance(recipe, dict):
+            wrong += [f"recipe.{key}" for key in ("name", "revision", "sha256") if key not in recipe]
+        if wrong:
+            raise RecordError(f"{self.folder / MANIFEST}: is damaged: missing or wrong: {', '.join(wrong)}")
         return found
 
     def update(self, **changes: Any) -> None:
@@ -132,7 +149,7 @@ class RunRecord:
     def state(self) -> str:
         """State of the run; a recording whose desk is gone is `interrupted`."""
         manifest = self.manifest()
-        desk = manifest.get("desk", {})
+        desk = manifest["desk"]
         if manifest["state"] == RECORDING and process_birth(desk.get("pid", 0)) != desk.get("birth"):
             return INTERRUPTED
         return str(manifest["state"])
@@ -154,7 +171,7 @@ class Store:
         try:
             self.data.mkdir(parents=True, exist_ok=True)
             with self._locked():
-                attempt = 1 + max((run["attempt"] for run in self._runs_of(serial)), default=0)
+                attempt = self._next_attempt(serial)
                 record = self._new_folder(serial)
                 head = {"id": record.id, "serial": serial, "attempt": attempt, "state": RECORDING}
                 desk = {"pid": os.getpid(), "birth": process_birth(os.getpid())}
@@ -186,13 +203,21 @@ class Store:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
 
-    def _runs_of(self, serial: str) -> Iterator[dict[str, Any]]:
+    def _next_attempt(self, serial: str) -> int:
+        """Return the number of the next attempt; a damaged run counts, for it may have been one of this serial."""
+        highest, damaged = 0, 0
         for folder in self.data.glob(f"*-{_folder_name(serial)}"):
             record = RunRecord(folder)
-            if record.has(MANIFEST):
+            if not record.has(MANIFEST):
+                continue
+            try:
                 manifest = record.manifest()
-                if manifest["serial"] == serial:
-                    yield manifest
+            except RecordError:
+                damaged += 1
+                continue
+            if manifest["serial"] == serial:
+                highest = max(highest, manifest["attempt"])
+        return 1 + highest + damaged
 
     def runs(self) -> list[RunRecord]:
         """All runs, oldest first."""

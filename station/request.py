@@ -10,6 +10,7 @@ from pathlib import Path
 import drivers
 from controller.compiler import compile_program
 from controller.program import Program
+from drivers.profile import DriveProfile, ModbusProfile
 from recipes import (
     Bench,
     Problem,
@@ -18,8 +19,10 @@ from recipes import (
     check,
     default_bench,
     find_bench,
-    load_bench,
-    load_recipe,
+    parse_bench,
+    parse_document,
+    parse_recipe,
+    read_bytes,
     shipped_recipes,
 )
 
@@ -28,18 +31,23 @@ DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
 
 @dataclass(frozen=True)
 class Source:
-    """A file as it was read: the record keeps these bytes."""
+    """A file as it was read once: these bytes are parsed, checked, and kept in the record."""
 
     path: Path
     content: bytes
 
     @classmethod
     def read(cls, path: Path) -> Source:
-        """Read a file that the loader has accepted; RecipeError when it is gone."""
-        try:
-            return cls(path, path.read_bytes())
-        except OSError as error:
-            raise RecipeError([Problem(str(path), 0, 0, "", f"cannot be read: {error.strerror}", "")]) from error
+        """Read a file; RecipeError when it cannot be read."""
+        return cls(path, read_bytes(path))
+
+    def recipe(self) -> Recipe:
+        """Return the recipe in these bytes; RecipeError with all of its problems."""
+        return parse_recipe(self.content, str(self.path))
+
+    def bench(self) -> Bench:
+        """Return the bench in these bytes; RecipeError with all of its problems."""
+        return parse_bench(self.content, str(self.path))
 
     @property
     def sha256(self) -> str:
@@ -73,6 +81,21 @@ class Job:
         """Files of the device profiles; RecipeError with every one that is not there."""
         return {name: find_profile(name, self.bench_source.path) for name in self.profile_names}
 
+    @cached_property
+    def profile_sources(self) -> dict[str, Source]:
+        """The device profiles, each read once and in order; RecipeError with the problems of all of them."""
+        sources = {name: Source.read(path) for name, path in self.profile_paths.items()}
+        problems: list[Problem] = []
+        for name, source in sources.items():
+            model = DriveProfile if name == self.bench.drive.profile else ModbusProfile
+            try:
+                parse_document(source.content, str(source.path), model)
+            except RecipeError as error:
+                problems += error.problems
+        if problems:
+            raise RecipeError(problems)
+        return sources
+
 
 def find_profile(name: str, bench_path: Path) -> Path:
     """Return a profile's file: from `profiles/` beside the bench file, from beside it, or the shipped one."""
@@ -92,8 +115,15 @@ def recipe_path(name_or_path: str) -> Path:
     return path if path.exists() else shipped_recipes().get(name_or_path, path)
 
 
+def _bench_file(name: str | None, recipe: Recipe | None) -> Path:
+    """Return the file of the bench that was named, or of the one that this recipe runs on."""
+    if name is None and recipe is not None:
+        return default_bench(recipe)[0]
+    return find_bench(name or "")
+
+
 def load_job(recipe_name: str, bench_name: str | None) -> Job:
-    """Load recipe and bench and check one against the other.
+    """Load recipe, bench and profiles and check them against each other; every file is read exactly once.
 
     Raises:
         RecipeError: with all problems of both files, or all that speaks against the pair.
@@ -104,15 +134,14 @@ def load_job(recipe_name: str, bench_name: str | None) -> Job:
     bench: Bench | None = None
     recipe_file = recipe_path(recipe_name)
     try:
-        recipe = load_recipe(recipe_file)
+        recipe_source = Source.read(recipe_file)
+        recipe = recipe_source.recipe()
     except RecipeError as error:
         problems += error.problems
     try:
-        if bench_name is not None:
-            bench_file = find_bench(bench_name)
-            bench = load_bench(bench_file)
-        elif recipe is not None:
-            bench_file, bench = default_bench(recipe)
+        if bench_name is not None or recipe is not None:
+            bench_source = Source.read(_bench_file(bench_name, recipe))
+            bench = bench_source.bench()
     except RecipeError as error:
         problems += error.problems
     if recipe is None or bench is None or problems:
@@ -120,6 +149,6 @@ def load_job(recipe_name: str, bench_name: str | None) -> Job:
     found = check(recipe, bench, recipe_file)
     if found:
         raise RecipeError(found)
-    job = Job(recipe, bench, Source.read(recipe_file), Source.read(bench_file))
-    _ = job.profile_paths
+    job = Job(recipe, bench, recipe_source, bench_source)
+    _ = job.profile_sources
     return job

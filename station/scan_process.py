@@ -4,7 +4,7 @@ Opens the bench, asks the machine for real time, then scans until the controller
 no waiting call in the scan. SIGTERM asks the controller for a stop (unload first) and never ends the process at once;
 SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
 
-Spec: ring, report (paths), recipe, bench (paths), profiles ({name: path}), ports (ready line of an embedded bench or
+Spec: ring, report, recipe, bench, program (paths), profiles ({name: path}), ports (ready line of an embedded bench or
 null), spin_ns, desk (its process id).
 """
 
@@ -16,16 +16,20 @@ import os
 import signal
 import sys
 import traceback
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from controller.compiler import compile_program
 from controller.controller import Controller
+from controller.program import Program
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
-from recipes import RecipeError, load_bench, load_recipe
+from recipes import Problem, RecipeError, load_bench, load_recipe
 from station import realtime
 from station.assemble import wire_config
+from station.bench_lock import BenchBusyError, alone_on
+from station.program_file import program_differences
 from station.ring import RingWriter, ScanState
 from station.scan_loop import Stop, run_real
 from station.scan_times import ScanTimes
@@ -39,6 +43,7 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
     """Open the bench and run the scan to its end; return the report.
 
     Raises:
+        BenchBusyError: another process has the bench; nothing was sent to it.
         DriverError: the bench cannot be opened; nothing has moved.
         RecipeError: recipe, bench or a profile has changed since it was checked.
 
@@ -47,10 +52,15 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
     bench_file = load_bench(spec["bench"])
     profiles = {name: Path(path) for name, path in spec["profiles"].items()}
     period_ns = recipe.sampling.period_ns
-    controller = Controller(compile_program(recipe, bench_file))
+    program = compile_program(recipe, bench_file)
+    refuse_another(program, Path(spec["program"]))
+    controller = Controller(program)
     bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"]))
-    verified = bench.open()
-    try:
+    with ExitStack() as ending:
+        if spec["ports"] is None:
+            ending.enter_context(alone_on(bench_file))
+        verified = bench.open()
+        ending.callback(bench.close)
         grants = realtime.request_all()
         fifo = any(grant.name == "fifo" and grant.granted for grant in grants)
         schedule = RealTimeSchedule(period_ns, spin_ns=spec["spin_ns"] if fifo else 0)
@@ -60,8 +70,6 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         times = ScanTimes()
         last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop, times=times)
         counters = bench.counters()
-    finally:
-        bench.close()
     return {
         "state": "finished",
         "scans": last + 1,
@@ -73,6 +81,18 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         "notes": [event._asdict() for event in controller.events if event.kind == "note"],
         "stopped_by_signal": stop.wanted,
     }
+
+
+def refuse_another(program: Program, recorded: Path) -> None:
+    """Refuse a program that is not the one that was checked; RecipeError with the first places that differ."""
+    try:
+        found = program_differences(json.loads(recorded.read_bytes()), program)
+    except (OSError, ValueError) as error:
+        found = [f"it cannot be read: {error}"]
+    if found:
+        what = f"the program of the run is not the one that was checked ({'; '.join(found[:3])})"
+        hint = "Leave the run's folder alone while it starts, then run again."
+        raise RecipeError([Problem(str(recorded), 0, 0, "", what, "the same program", hint)])
 
 
 def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
@@ -108,7 +128,7 @@ def main() -> int:
     code, state = 0, ScanState.FINISHED
     try:
         report = scan(spec, ring, stop)
-    except (DriverError, RecipeError) as error:
+    except (DriverError, RecipeError, BenchBusyError) as error:
         code, state = EXIT_REFUSED, ScanState.REFUSED
         report = {"state": "refused", "error": str(error)}
     except Exception as error:  # noqa: BLE001 - the last report of a process whose record must still be told why

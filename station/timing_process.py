@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import resource
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from drivers.wire_bench import WireBench
 from recipes import Recipe, RecipeError, load_bench, load_recipe
 from station import realtime
 from station.assemble import wire_config
+from station.bench_lock import BenchBusyError, alone_on
 from station.ring import RingWriter, ScanState
 from station.scan_loop import Stop, run_real
 from station.scan_times import ScanTimes
@@ -64,8 +66,11 @@ def measure(spec: dict[str, Any], ring: RingWriter) -> dict[str, Any]:
     profiles = {name: Path(path) for name, path in spec["profiles"].items()}
     controller = Idle(Controller(compile_program(recipe, bench_file)), spec["periods"])
     bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"]))
-    bench.open()
-    try:
+    with ExitStack() as ending:
+        if spec["ports"] is None:
+            ending.enter_context(alone_on(bench_file))
+        bench.open()
+        ending.callback(bench.close)
         grants = realtime.request_all()
         fifo = any(grant.name == "fifo" and grant.granted for grant in grants)
         schedule = RealTimeSchedule(period_ns, spin_ns=spec["spin_ns"] if fifo else 0)
@@ -76,8 +81,6 @@ def measure(spec: dict[str, Any], ring: RingWriter) -> dict[str, Any]:
         last = run_real(bench, controller, ring.append, lambda: NO_COMMAND, schedule=schedule, stop=stop, times=times)
         after_kb = resident_kb()
         counters = bench.counters()
-    finally:
-        bench.close()
     usage = resource.getrusage(resource.RUSAGE_SELF)
     return {
         "state": "finished",
@@ -103,7 +106,7 @@ def main() -> int:
     code = 0
     try:
         report = measure(spec, ring)
-    except (DriverError, RecipeError) as error:
+    except (DriverError, RecipeError, BenchBusyError) as error:
         code, report = EXIT_REFUSED, {"state": "refused", "error": str(error)}
     Path(spec["report"]).write_text(json.dumps(report, ensure_ascii=False), encoding="utf-8")
     ring.set_state(ScanState.FINISHED)

@@ -60,7 +60,9 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
 
     """
     faults = None if scenario is None else load_scenario(scenario)
-    bench = VirtualTimeBench(virtual_config(job.bench, job.profile_paths, unit), job.recipe.sampling.period_ns, faults)
+    # The profiles that were checked and are in the record, not files that may have changed since.
+    profiles = {name: record.folder / "profiles" / f"{name}.yaml" for name in job.profile_names}
+    bench = VirtualTimeBench(virtual_config(job.bench, profiles, unit), job.recipe.sampling.period_ns, faults)
     controller = Controller(job.program)
     operator = _Operator()
     file = Appender(record.samples)

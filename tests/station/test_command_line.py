@@ -72,6 +72,56 @@ def test_bad_input_is_named_without_a_traceback(args: tuple[str, ...], named: st
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_crash_is_no_verdict(tmp_path: Path) -> None:
+    crash = (
+        "import sys, station.cli as cli, station.command_show as show\n"
+        "def broken(*_, **__): raise ZeroDivisionError('by\\nnought')\n"
+        "show.list_runs = broken\n"
+        "sys.argv = ['lostmotion', 'list']\n"
+        "cli.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", crash],
+        cwd=ROOT,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 70
+    assert done.stderr.count("\n") == 1
+    assert "ZeroDivisionError: by nought" in done.stderr
+    (told,) = tmp_path.iterdir()
+    assert str(told) in done.stderr
+    assert "Traceback" in told.read_text()
+
+
+def test_a_reader_that_goes_away_is_no_pass(tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-m", "station", "check", RECIPE, "--json"],
+        cwd=ROOT,
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        check=False,
+    )
+    os.close(writer)
+    assert done.returncode == 141
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("damage", ["{}", '{"serial": "S", "state": "complete"}', "null"])
+@pytest.mark.parametrize("asked", [("list",), ("show", "last"), ("show", "S"), ("analyze", "last")])
+def test_a_damaged_run_is_told_not_thrown(asked: tuple[str, ...], damage: str, tmp_path: Path) -> None:
+    folder = tmp_path / "20990101T000000.000Z-S"
+    folder.mkdir()
+    (folder / "run.json").write_text(damage)
+    done = command(*asked, "--data", str(tmp_path))
+    assert done.returncode == (0 if asked == ("list",) else 2)
+    assert "damaged" in done.stdout + done.stderr
+
+
 def test_check_tells_duration_and_peak_torque() -> None:
     found = json.loads(command("check", RECIPE, "--json").stdout)
     assert found["peak_torque_nm"] == pytest.approx(453.2)

@@ -143,6 +143,13 @@ def test_lost_records_are_never_a_pass(copied: RunRecord) -> None:
     assert "3 records were lost" in " ".join(result["reasons"])
 
 
+def test_a_scan_process_lost_after_its_last_record_is_never_a_pass(copied: RunRecord) -> None:
+    result = again(copied, trouble="the scan process was lost (killed by SIGKILL)")
+    assert result["state"] == "complete"
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert sum("the scan process was lost" in reason for reason in result["reasons"]) == 1
+
+
 def test_a_result_that_reads_back_differently_decides_nothing(
     copied: RunRecord,
     monkeypatch: pytest.MonkeyPatch,
@@ -168,6 +175,22 @@ def test_too_many_missed_periods_invalidate_the_measurement(
     result = again(copied)
     assert result["verdict"] == "NOT DECIDABLE"
     assert "scan periods were missed" in " ".join(result["reasons"])
+
+
+def test_a_disk_that_is_full_for_the_report_does_not_hide_the_result(tmp_path: Path) -> None:
+    full = (
+        "import sys, station.cli as cli, station.command_run as run\n"
+        "def no_room(*_, **__): raise OSError(28, 'No space left on device')\n"
+        "run.png = no_room\n"
+        "cli.main()\n"
+    )
+    words = ["run", str(RECIPE), "--virtual-time", "--json", "--serial", "F", "--data", str(tmp_path)]
+    done = subprocess.run([sys.executable, "-c", full, *words], cwd=ROOT, text=True, capture_output=True, check=False)
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["verdict"] == "PASS"
+    assert "warning" in done.stderr
+    assert "No space left on device" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_show_reads_the_record_back(copied: RunRecord) -> None:

@@ -121,6 +121,18 @@ def test_a_damaged_manifest_is_told_not_thrown(tmp_path: Path) -> None:
         run.manifest()
 
 
+@pytest.mark.parametrize("damage", ['{"serial": "SN1"}', "[]", "{", '{"serial": "SN1", "attempt": "x", "state": 1}'])
+def test_a_damaged_run_does_not_keep_its_serial_from_being_measured(tmp_path: Path, damage: str) -> None:
+    store = Store(tmp_path)
+    first, damaged = new_run(store), new_run(store)
+    (damaged.folder / "run.json").write_text(damage)
+    assert new_run(store).manifest()["attempt"] == 3
+    assert first.manifest()["attempt"] == 1
+    for look in (damaged.manifest, damaged.state):
+        with pytest.raises(RecordError, match="is damaged"):
+            look()
+
+
 def test_an_unwritable_place_is_told(tmp_path: Path) -> None:
     place = tmp_path / "file"
     place.write_text("")

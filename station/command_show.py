@@ -60,6 +60,11 @@ def stored_result(run: RunRecord) -> dict[str, Any]:
         "interrupted": "the run was interrupted before it was evaluated; its samples are kept",
     }
     trouble = manifest.get("trouble")
+    if run.scanning():
+        reasons["interrupted"] = (
+            f"still running (pid {run.scanning()}) without its desk. Take it over: 'lostmotion resume'"
+        )
+        reasons["recording"] = f"still running (pid {run.scanning()})"
     return {
         "run": run.id,
         "serial": manifest["serial"],
@@ -87,6 +92,7 @@ def row(run: RunRecord) -> dict[str, Any]:
             "revision": manifest["recipe"]["revision"],
             "started": manifest["started"],
             "state": run.state(),
+            "scanning": run.scanning() or None,
             "verdict": manifest["verdict"],
             "records": run.records(),
         }
@@ -95,9 +101,13 @@ def row(run: RunRecord) -> dict[str, Any]:
         return {"run": run.id, **damaged, "state": "damaged", "records": run.records(), "error": str(error)}
 
 
+def _state_shown(one: dict[str, Any]) -> str:
+    return f"still running (pid {one['scanning']})" if one.get("scanning") else str(one["state"])
+
+
 def table_width(rows: list[dict[str, Any]]) -> int:
     """Return the width in characters that the list needs."""
-    widest = max(len(f"{one['run']}{one['serial']}{one['recipe']}{one['state']}") for one in rows)
+    widest = max(len(f"{one['run']}{one['serial']}{one['recipe']}{_state_shown(one)}") for one in rows)
     return widest + 60
 
 
@@ -123,7 +133,7 @@ def list_runs(data: Path, *, as_json: bool) -> int:
             one["serial"] or "",
             str(one["attempt"] or ""),
             f"{one['recipe']} r{one['revision']}",
-            Text(one["state"], style=STATE_STYLES.get(one["state"], "bold red")),
+            Text(_state_shown(one), style=STATE_STYLES.get(one["state"], "bold red")),
             Text(verdict, style=" ".join(style)),
             str(one["records"]),
         )

@@ -43,7 +43,8 @@ def resume_run(name: str, data: Path, *, as_json: bool) -> int:
     """
     run: RunRecord = Store(data).find(name)
     operator = Operator()
-    before = {number: signal.signal(number, operator.interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, operator.interrupt) for number in signals}
     try:
         resume(run, operator.attend)
         recover(run)

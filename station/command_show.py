@@ -103,6 +103,11 @@ def _without_result(run: RunRecord, manifest: dict[str, Any], state: str) -> dic
         "interrupted": "the run was interrupted before it was evaluated; its samples are kept",
     }
     trouble = manifest.get("trouble")
+    if run.scanning():
+        reasons["interrupted"] = (
+            f"still running (pid {run.scanning()}) without its desk. Take it over: 'lostmotion resume'"
+        )
+        reasons["recording"] = f"still running (pid {run.scanning()})"
     return {
         "run": run.id,
         "serial": manifest["serial"],
@@ -134,6 +139,7 @@ def row(run: RunRecord) -> dict[str, Any]:
             "revision": manifest["recipe"]["revision"],
             "started": manifest["started"],
             "state": "altered" if altered else run.state(),
+            "scanning": run.scanning() or None,
             "verdict": None if altered else manifest["verdict"],
             "records": run.records(),
         }
@@ -143,9 +149,13 @@ def row(run: RunRecord) -> dict[str, Any]:
         return {"run": run.id, **damaged, "state": "damaged", "records": run.records(), "error": str(error)}
 
 
+def _state_shown(one: dict[str, Any]) -> str:
+    return f"still running (pid {one['scanning']})" if one.get("scanning") else str(one["state"])
+
+
 def table_width(rows: list[dict[str, Any]]) -> int:
     """Return the width in characters that the list needs."""
-    widest = max(len(f"{one['run']}{one['serial']}{one['recipe']}{one['state']}") for one in rows)
+    widest = max(len(f"{one['run']}{one['serial']}{one['recipe']}{_state_shown(one)}") for one in rows)
     return widest + 60
 
 
@@ -179,7 +189,7 @@ def list_runs(data: Path, *, as_json: bool) -> int:
             one["serial"] or "",
             str(one["attempt"] or ""),
             f"{one['recipe']} r{one['revision']}",
-            Text(one["state"], style=STATE_STYLES.get(one["state"], "bold red")),
+            Text(_state_shown(one), style=STATE_STYLES.get(one["state"], "bold red")),
             Text(verdict, style=" ".join(style)),
             str(one["records"]),
         )

@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis import AnalysisError, Result, Trace
 from controller.image import State
+from station.desk_watch import DESK_SILENT
 from station.durable import read_from_disk
 from station.errors import RecordError, StationError
 from station.evaluation import calibration_of, evaluate_trace, trace_of
@@ -132,7 +133,9 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
         causes = [alarm for alarm in alarms_in(events) if alarm["first"]]
         reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
     elif state == "stopped":
-        reasons.append("the operator stopped the run; the torque was brought to zero and the lock opened")
+        silent = any(note["text"] == DESK_SILENT for note in ending.notes)
+        who = "the desk was gone and the scan process" if silent else "the operator"
+        reasons.append(f"{who} stopped the run; the torque was brought to zero and the lock opened")
     elif state == INTERRUPTED and not reasons:
         reasons.append("the run has no end: its scan process stopped in the middle")
     return reasons

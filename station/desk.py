@@ -1,7 +1,8 @@
 """The desk of a real-time run: starts the processes, brings the records to disk, passes the operator's wishes on.
 
-Ctrl-C once asks for a stop: the torque is brought to zero before the lock opens. Twice is a quick stop. Whatever ends
-the run, no process and no ring file stays behind, and every record that was written is in the run's folder.
+Ctrl-C once asks for a stop: the torque is brought to zero before the lock opens. Twice is a quick stop. A terminal
+that is closed counts as Ctrl-C, and a screen that cannot be written to any more ends nothing. Whatever ends the
+run, no process and no ring file stays behind, and every record that was written is in the run's folder.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from controller.image import Command
 from station import children
@@ -41,15 +42,27 @@ EMBEDDED_SPIN_NS = REAL_SPIN_NS if (os.cpu_count() or 1) > 1 else 0
 """Spinning takes a tenth of a processor at 1 ms and makes p99 of the lateness ten times smaller (docs/determinism.md);
 beside an embedded bench on a single processor there is none to spare."""
 
+Told = TypeVar("Told")
 Show = Callable[[bytes], None]
 Say = Callable[[str], None]
+
+
+def _if_possible(tell: Callable[[Told], None]) -> Callable[[Told], None]:
+    """Return `tell` for a screen that may be gone: the run and its record do not depend on it."""
+
+    def told(what: Told) -> None:
+        with suppress(OSError):
+            tell(what)
+
+    return told
 
 
 class Desk:
     """One real-time run of a job."""
 
     def __init__(self, job: Job, record: RunRecord, show: Show, say: Say) -> None:
-        self._job, self._record, self._show, self._say = job, record, show, say
+        self._job, self._record = job, record
+        self._show, self._say = _if_possible(show), _if_possible(say)
         self._interrupts = 0
         self._sent = 0
         self._newest = b""
@@ -64,7 +77,9 @@ class Desk:
 
         """
         with ExitStack() as cleanup:
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+                    continue  # nohup: the run is to outlive its terminal
                 before = signal.signal(number, self._interrupt)
                 cleanup.callback(signal.signal, number, before)
             ports, life_line = None, None
@@ -151,6 +166,7 @@ class Desk:
         armed = False
         while process.poll() is None:
             time.sleep(LOOK_EVERY_S)
+            ring.beat()
             ring.drain(self._keep(file))
             now = time.monotonic()
             if not armed and ring.state is ScanState.RUNNING and ring.written >= 1:

@@ -22,7 +22,7 @@ import json
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from types import NoneType, UnionType
@@ -35,6 +35,7 @@ from station.scan_record import RECORD_BYTES, describe
 MANIFEST = "run.json"
 SAMPLES = "samples.bin"
 RESULT = "result.json"
+SCAN_REPORT = "scan-report.json"
 FORMAT_VERSION = 1
 RECORDING = "recording"
 INTERRUPTED = "interrupted"
@@ -145,6 +146,16 @@ class RunRecord:
             return str(self.manifest()["serial"])
         except (RecordError, KeyError):
             return None
+
+    def scanning(self) -> int:
+        """Process id of the scan process while it lives, else 0."""
+        if not self.has(SCAN_REPORT):
+            return 0
+        with suppress(RecordError, TypeError, ValueError, KeyError):
+            said = self.read_json(SCAN_REPORT)
+            pid = int(said["pid"])
+            return pid if said["birth"] and process_birth(pid) == said["birth"] else 0
+        return 0
 
     def state(self) -> str:
         """State of the run; a recording whose desk is gone is `interrupted`."""

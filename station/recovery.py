@@ -1,6 +1,6 @@
 """Runs whose desk died: what their scan process still wrote is in the ring, and belongs to the record.
 
-The scan process goes on without its desk: it finishes the run, or unloads and stops when the ring is full. Afterwards
+Without its desk the scan process unloads and stops after 2 s, unless it has a new desk by then. Afterwards
 any command that looks at the runs brings the rest of the ring to disk and concludes the run: it gets the state that it
 came to, and its verdict when it came to its end. While the scan process is still at work, `resume` is its new desk.
 """
@@ -118,8 +118,10 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
 
     try:
         synced = time.monotonic()
+        ring.beat()  # before anything else: the scan waits 2 s for a new desk, then it unloads and stops
         while attend is not None and _alive(ring):
             time.sleep(LOOK_EVERY_S)
+            ring.beat()
             ring.drain(keep)
             attend(ring)
             if time.monotonic() - synced > SYNC_EVERY_S:

@@ -9,6 +9,7 @@ magic, version, layout     scan     refuse a ring of another program or another 
 state, pid                 scan     `ScanState` and process id (the desk sets `DIED` afterwards)
 written, lost              scan     records appended; records that found the ring full
 read                       desk     records taken
+desk beats                 desk     looks at the ring so far: a desk that is there counts on
 commands written           desk     commands put into the mailbox's slots
 commands taken             scan     commands seen by a scan, one per scan
 =========================  =======  ==========================================================
@@ -32,7 +33,7 @@ from station.errors import StationError
 from station.scan_record import BODY_BYTES, BODY_STRUCT, CHECK_STRUCT, MAX_WORK_NS, RECORD_BYTES
 
 MAGIC = 0x4C4D52494E473031
-VERSION = 1
+VERSION = 2
 HEADER_BYTES = 4096
 DEFAULT_CAPACITY = 60_000
 """Records: one minute at 1 ms, the longest stall of the desk that loses nothing."""
@@ -44,7 +45,7 @@ FILE_PREFIX = "lostmotion-ring-"
 # Words of the header, each 8 bytes and written by one process only.
 W_MAGIC, W_VERSION, W_RECORD_BYTES, W_CAPACITY = 0, 1, 2, 3
 W_STATE, W_PID, W_WRITTEN, W_LOST = 8, 9, 10, 11
-W_READ = 16
+W_READ, W_DESK_BEATS = 16, 17
 W_COMMANDS_WRITTEN, W_COMMANDS_TAKEN = 24, 32
 W_SLOTS = 40
 
@@ -133,6 +134,7 @@ class RingWriter(_Mapped):
         super().__init__(path)
         self.sequence: int = 0
         self.lost: int = 0
+        self.last_scan: int = -1
         self._taken: int = self._words[W_COMMANDS_TAKEN]
         self._words[W_PID] = os.getpid()
 
@@ -140,6 +142,12 @@ class RingWriter(_Mapped):
     def commands_given(self) -> int:
         """Commands that the desk has given so far, seen by a scan or not."""
         return int(self._words[W_COMMANDS_WRITTEN])
+
+    @property
+    def desk_beats(self) -> int:
+        """Looks of the desk so far."""
+        beats: int = self._words[W_DESK_BEATS]
+        return beats
 
     def set_state(self, state: ScanState) -> None:
         """Tell the desk where the scan process is."""
@@ -149,6 +157,7 @@ class RingWriter(_Mapped):
         """Append one record; return False when the ring was full and the record was lost."""
         sequence = self.sequence
         self.sequence = sequence + 1
+        self.last_scan = scan
         words = self._words
         written = words[W_WRITTEN]
         if written - words[W_READ] >= self.capacity:
@@ -182,6 +191,10 @@ class RingReader(_Mapped):
     def state(self) -> ScanState:
         """State of the scan process."""
         return ScanState(self._words[W_STATE])
+
+    def beat(self) -> None:
+        """Say that the desk is there; called at every look."""
+        self._words[W_DESK_BEATS] += 1
 
     def mark_died(self) -> None:
         """Note that the scan process ended without saying so."""

@@ -29,7 +29,9 @@ from recipes import Problem, RecipeError, load_bench, load_recipe
 from station import realtime
 from station.assemble import wire_config
 from station.bench_lock import BenchBusyError, alone_on
+from station.desk_watch import DeskWatch
 from station.program_file import program_differences
+from station.record_store import process_birth
 from station.ring import RingWriter, ScanState
 from station.scan_loop import Stop, run_real
 from station.scan_times import ScanTimes
@@ -65,10 +67,11 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         fifo = any(grant.name == "fifo" and grant.granted for grant in grants)
         schedule = RealTimeSchedule(period_ns, spin_ns=spec["spin_ns"] if fifo else 0)
         armed = {"realtime": realtime.as_json(grants), "verified": verified}
-        _tell(spec, {"state": "running", **armed})
+        _tell(spec, {"state": "running", "pid": os.getpid(), "birth": process_birth(os.getpid()), **armed})
         ring.set_state(ScanState.RUNNING)
         times = ScanTimes()
-        last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop, times=times)
+        desk = DeskWatch(ring, stop, period_ns)
+        last = run_real(bench, controller, ring.append, desk.take_command, schedule=schedule, stop=stop, times=times)
         counters = bench.counters()
     return {
         "state": "finished",
@@ -78,7 +81,7 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         **armed,
         "counters": counters,
         "times": times.to_dict(),
-        "notes": [event._asdict() for event in controller.events if event.kind == "note"],
+        "notes": [event._asdict() for event in controller.events if event.kind == "note"] + desk.notes(),
         "stopped_by_signal": stop.wanted,
     }
 
@@ -104,7 +107,7 @@ def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
 
 
 def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:
-    """End a scan that nobody has started and nobody can start any more; one that was started goes on without a desk."""
+    """End a scan that nobody has started and nobody can start any more; one that was started is for `DeskWatch`."""
 
     def desk_died(*_: object) -> None:
         if os.getppid() != desk and ring.commands_given == 0:

@@ -44,6 +44,7 @@ class Killed:
     verdict: str | None
     replay: dict[str, Any]
     replay_code: int
+    notes: list[str]
 
     def problems(self) -> list[str]:
         """Return what must not be; empty when the run survived as it should."""
@@ -55,7 +56,7 @@ class Killed:
         if self.replay_code != 0 or self.replay["identical_scans"] != self.written:
             found.append(f"replay: {self.replay}")
         # A machine that stood still for 20 ms trips the run, killed or not: that is for `lostmotion timing` to say.
-        if self.state not in ("complete", "interrupted") and self.cause != "missed_periods":
+        if self.state not in ("complete", "interrupted", "stopped") and self.cause != "missed_periods":
             found.append(f"state {self.state}, {self.cause or 'no alarm'}")
         if self.verdict == "PASS" and self.state != "complete":
             found.append("a run that was not finished passed")
@@ -132,7 +133,10 @@ def kill(who: str, after_s: float, data: Path, *, resume: bool = False) -> Kille
     result = folder / "result.json"
     alarms = json.loads(result.read_bytes())["alarms"] if result.exists() else []
     cause = alarms[0]["id"] if alarms else ""
-    return Killed(folder, written, on_disk, manifest["state"], cause, manifest["verdict"], replay, code)
+    events = folder / "events.jsonl"
+    rows = [json.loads(line) for line in events.read_text("utf-8").splitlines()] if events.exists() else []
+    notes = [row["text"] for row in rows if row["kind"] == "note"]
+    return Killed(folder, written, on_disk, manifest["state"], cause, manifest["verdict"], replay, code, notes)
 
 
 def main() -> int:

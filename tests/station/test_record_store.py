@@ -11,6 +11,7 @@ import pytest
 from station_samples import IMAGE, ORDERS
 
 import station.ring
+from station.command_show import stored_result
 from station.durable import Appender, read_from_disk, write_durable
 from station.errors import RecordError, StationError
 from station.record_store import RunRecord, Store, check_serial, process_birth
@@ -97,6 +98,16 @@ def test_a_recording_whose_desk_is_gone_is_interrupted(tmp_path: Path) -> None:
     assert run.state() == "interrupted"
     run.update(desk={"pid": os.getpid(), "birth": process_birth(os.getpid())})
     assert run.state() == "recording"
+
+
+def test_a_scan_process_is_told_while_it_lives(tmp_path: Path) -> None:
+    run = new_run(Store(tmp_path))
+    assert run.scanning() == 0
+    run.write_json("scan-report.json", {"state": "running", "pid": os.getpid(), "birth": process_birth(os.getpid())})
+    assert run.scanning() == os.getpid()
+    assert f"still running (pid {os.getpid()})" in stored_result(run)["reasons"][0]
+    run.write_json("scan-report.json", {"state": "running", "pid": os.getpid(), "birth": "another's"})
+    assert run.scanning() == 0
 
 
 def test_a_failed_write_leaves_the_old_file_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,11 +6,12 @@ STAMP := $(VENV)/installed
 RUN_DATA ?= runs
 KILLS ?= 100
 
-.PHONY: help setup run test check format docs golden bench kill-tests test-socketcan clean
+.PHONY: help setup run test model-check check format docs golden bench kill-tests test-socketcan clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
 	@echo "make test    set everything up and run the tests"
+	@echo "make model-check  every state that the controller can reach, and every safety row made wrong once"
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code"
@@ -33,6 +34,9 @@ run: $(STAMP)
 test: $(STAMP)
 	$(BIN)/python -m pytest -m "not wires" -n 2
 	$(BIN)/python -m pytest -m wires
+
+model-check: $(STAMP)
+	$(BIN)/python tests/model_check --mutants
 
 check: $(STAMP)
 	$(BIN)/ruff check .

@@ -89,6 +89,13 @@ class FaultReaction:
         context.hold = False
         self._act(reaction, image)
 
+    def another_cause(self) -> None:
+        """Ask for a new acknowledgement: nobody has seen this cause yet, and no way back goes on without that."""
+        self.acknowledged = False
+        if self._context.phase == self.DRIVE_RESET:
+            self._context.disable_drive()
+            self._context.phase = self.SETTLED
+
     def escalate(self, reaction: Reaction, image: Image) -> None:
         """Take up a stronger reaction; a weaker or equal one changes nothing."""
         if reaction > self.reaction:
@@ -102,10 +109,10 @@ class FaultReaction:
         context.measured.mode_expected = 0
         if reaction == Reaction.UNLOAD and image.drive_state == DriveState.OPERATION_ENABLED:
             context.phase = self.UNLOADING
+            context.drive_command = DriveCommand.ENABLE_OPERATION  # homing may have been under way
             if context.drive_mode != DriveMode.CYCLIC_SYNC_TORQUE:
                 context.drive_mode = DriveMode.CYCLIC_SYNC_TORQUE
-                context.drive_torque_nm = image.drive_torque_nm
-                context.drive_velocity_rad_s = 0.0
+                context.take_over_torque(image)
             context.control_from_input = not context.program.has_torque_out
             measured = context.measured
             here_nm = context.program.control.slope * measured.torque_in_nm

@@ -90,6 +90,15 @@ class Context:
         self.measured.drive_enabled_expected = False
         self.measured.mode_expected = 0
 
+    def take_over_torque(self, image: Image) -> None:
+        """Torque set-point from what the drive shows, so that a change of mode does not move the shaft.
+
+        The drive's word is not trusted beyond the limit, nor at all while the lock is open.
+        """
+        limit_nm = self.program.control.torque_limit_nm if self.brake_on else 0.0
+        self.drive_torque_nm = min(limit_nm, max(-limit_nm, image.drive_torque_nm))
+        self.drive_velocity_rad_s = 0.0
+
     def take_references(self, image: Image) -> None:
         """Count angles of both shafts from where they stand now."""
         self.angle_in_zero_rad = image.angle_in_rad

@@ -82,6 +82,8 @@ class Controller:
         state = sequence.state
         strongest = self._watch.look(image, context.measured, state)
         if state == State.FAULT:
+            if self._watch.latched & ~self._logged:
+                self._fault.another_cause()
             self._log_alarms(scan)
             self._fault.escalate(Reaction(strongest), image)
             self._command_in_fault(image.command)

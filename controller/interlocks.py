@@ -331,6 +331,5 @@ class Watch:
         return best
 
     def forget(self) -> None:
-        """After a reset by a person: counts and latches start anew; a condition still present comes back at once."""
-        self._counts = [0] * 64
-        self._counting = self.active = self.latched = 0
+        """After a reset by a person the latches start anew; what is counting goes on, so that nothing gains time."""
+        self.active = self.latched = 0

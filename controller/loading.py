@@ -54,10 +54,15 @@ class Loading:
         else:
             context.control_from_input = not context.program.has_torque_out
         self._target_nm = self._controlled_target(segment)
+        if context.measured.drive_enabled_expected and (
+            segment.dwell_scans or context.drive_mode == self._mode(segment)
+        ):
+            self._take_over()
+            return
+        # what comes next begins where the drive then is, never where an older ramp once was
+        self._regulating = (DriveMode.NONE, False)
         if not context.measured.drive_enabled_expected:
             context.phase = self.ENABLE
-        elif segment.dwell_scans or context.drive_mode == self._mode(segment):
-            self._take_over()
         else:
             context.phase = self.MODE
             context.measured.mode_expected = 0
@@ -132,9 +137,7 @@ class Loading:
         wanted = self._mode(segment)
         if context.drive_mode != wanted:
             context.drive_mode = wanted
-            context.drive_velocity_rad_s = 0.0
-            # the torque that holds the shaft now, so that the change of mode does not move it
-            context.drive_torque_nm = image.drive_torque_nm
+            context.take_over_torque(image)
         if image.drive_mode == wanted:
             self._waited = 0
             self._take_over()

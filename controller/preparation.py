@@ -61,7 +61,7 @@ class Home:
 
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._waited = 0
+        self._forget()
 
     def enter(self, image: Image) -> None:
         """Begin with the zeroes; the drive is off."""
@@ -69,6 +69,9 @@ class Home:
         context.take_references(image)
         context.disable_drive()
         context.phase = self.TARE
+        self._forget()
+
+    def _forget(self) -> None:
         self._waited = 0
         self._counter = -1
         self._n = 0

@@ -68,7 +68,8 @@ class TorqueRamp:
         drive_rate = min(control.slew_nm_s, max(-control.slew_nm_s, drive_rate))
         limit_nm = control.torque_limit_nm
         self.drive_nm = min(limit_nm, max(-limit_nm, self.drive_nm + drive_rate * period_s))
-        return abs(target_nm - self.reference_nm) <= 1e-9 and abs(error_nm) <= control.tolerance_nm
+        there = abs(target_nm - controlled_nm) <= control.tolerance_nm
+        return there and abs(target_nm - self.reference_nm) <= 1e-9
 
     def relax(self) -> bool:
         """Take the drive's torque towards zero at the largest slew, whatever the unit does; True once it is zero."""
@@ -81,7 +82,7 @@ class TorqueRamp:
 class SpeedRamp:
     """Velocity of a ramp at constant speed until a torque; speeds of the loaded shaft in rad/s."""
 
-    __slots__ = ("_creep", "_period_s", "_stiffness", "velocity_rad_s")
+    __slots__ = ("_period_s", "_stiffness", "velocity_rad_s")
 
     CREEP_SHARE = 0.05
     """Share of the speed that is kept near the target, so that the torque is reached and not approached for ever."""

@@ -314,3 +314,72 @@ def test_a_hold_up_is_named_as_such_and_not_as_silent_devices():
     run.bench.frozen = {}
     run.until_finished()
     assert (run.controller.state, run.alarms()) == (S.COMPLETE, [])
+
+
+def test_another_cause_after_the_acknowledgement_wants_its_own():
+    run = mid_ramp()
+    run.bench.frozen = {"estop_released": 0}
+    run.until_finished()
+    run.bench.frozen = {}
+    run.command(Command.ACKNOWLEDGE)
+    run.bench.frozen = {"guard_closed": 0}
+    run.go()
+    run.bench.frozen = {}
+    run.command(Command.RESET)
+    run.go(300)
+    assert run.controller.state == S.FAULT, "nobody has acknowledged the guard"
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+
+
+def test_unload_during_homing_ends_the_homing():
+    run = Timeline(short_program())
+    run.until(lambda orders: orders.drive_command == DriveCommand.START_HOMING)
+    run.bench.frozen = {"brake_age_scans": AGE_NEVER}
+    orders = run.go()
+    assert (orders.state, orders.drive_command) == (S.FAULT, DriveCommand.ENABLE_OPERATION)
+
+
+def test_a_drive_that_shows_a_wild_torque_does_not_get_it_as_set_point():
+    program = short_program(speed_rad_s=0.2)
+    run = Timeline(program)
+    run.until_state(S.RAMP_NEG)
+    run.go(100)
+    run.bench.frozen = {"drive_torque_nm": 80.0, "brake_age_scans": AGE_NEVER}
+    orders = run.go()
+    assert orders.state == S.FAULT
+    assert abs(orders.drive_target_torque_nm) <= program.control.torque_limit_nm
+
+
+def test_the_way_back_starts_its_torque_from_zero():
+    program = short_program()
+    run = Timeline(program)
+    run.until_state(S.RAMP_NEG)
+    run.until(lambda orders: orders.controlled_torque_nm < 400.0)
+    run.bench.frozen = {"estop_released": 0, "torque_out_nm": 25.0}
+    run.until_finished()
+    stored = run.bench.write
+    run.bench.write = lambda orders: (stored(orders), keep(run, orders))[0]
+    run.bench.frozen = {}
+    run.bench.image = run.bench.image._replace(torque_out_nm=25.0)
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+    unload = [orders.drive_target_torque_nm for orders in run.orders if orders.state == S.UNLOAD]
+    slew_nm = program.control.slew_nm_s * program.period_s
+    assert max(abs(b - a) for a, b in itertools.pairwise([0.0, *unload])) <= slew_nm * 1.001
+
+
+def test_a_reset_does_not_give_a_counting_condition_new_time():
+    run = mid_ramp()
+    run.bench.frozen = {"estop_released": 0}
+    run.until_finished()
+    run.bench.frozen = {}
+    run.command(Command.ACKNOWLEDGE)
+    run.bench.frozen = {"drive_velocity_rad_s": 6.3}
+    run.go()
+    run.command(Command.RESET)
+    orders = run.go()
+    assert orders.state == S.FAULT
+    assert "overspeed" in run.alarms()

@@ -8,7 +8,7 @@ MODULES = (
     "virtio", "virtio_ring", "virtio_pci_legacy_dev", "virtio_pci_modern_dev", "virtio_pci",
     "fscache", "netfs", "9pnet", "9pnet_virtio", "9p", "overlay", "can", "can-raw", "can-dev", "vcan",
 )  # fmt: skip
-"""In the order in which they depend on each other: PCI devices, the shared root, the overlay, the CAN bus."""
+"""Roughly in the order in which they depend on each other: PCI devices, the shared root, the overlay, the CAN bus."""
 
 INIT = """#!/bin/busybox sh
 say() { /bin/busybox echo "guest: $*"; }
@@ -16,7 +16,8 @@ for name in proc sys dev root top; do /bin/busybox mkdir -p /$name; done
 /bin/busybox mount -t proc none /proc
 /bin/busybox mount -t sysfs none /sys
 /bin/busybox mount -t devtmpfs none /dev
-for module in $(/bin/busybox cat /modules/order); do
+# Twice: which of a pair needs the other differs between kernels.
+for module in $(/bin/busybox cat /modules/order /modules/order); do
   /bin/busybox insmod /modules/$module.ko 2>/dev/null
 done
 /bin/busybox mount -t tmpfs none /top
@@ -61,7 +62,7 @@ def initramfs(packages: Path, job: str) -> bytes:
     found = {path.stem: path for path in packages.glob("lib/modules/**/*.ko")}
     there = [name for name in MODULES if name in found]
     files = {f"modules/{name}.ko": found[name].read_bytes() for name in there}
-    files["modules/order"] = " ".join(there).encode()
+    files["modules/order"] = (" ".join(there) + "\n").encode()
     files["bin/busybox"] = (packages / "bin" / "busybox").read_bytes()
     files["job"] = job.encode()
     files["init"] = INIT.encode()

@@ -1,0 +1,296 @@
+"""Walks through all that the controller can do against a bench that may do anything: breadth first, no repetition."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import small_bench
+from bench_model import READY
+from mutants import Mutant
+from safety_rules import CONDITIONS, LOADED, RULES, BrokenRuleError, Monitor, check_step, require
+from small_bench import START, STRONG, BenchState, Choice, advance, choices
+from snapshots import Freezer, Snapshot
+
+from controller.aftermath import Release
+from controller.controller import Controller
+from controller.faults import FAULT_BY_ID
+from controller.image import Command, Image, Orders, Reaction, State
+from controller.interlocks import Measured, Watch
+from controller.program import Program
+from controller.states import Sequence
+from controller.unloading import Unloading
+
+S = State
+ENDS = (S.IDLE, S.COMPLETE, S.STOPPED, S.FAULT)
+WATCHED_ALARMS = sum(1 << FAULT_BY_ID[name].number for name in STRONG)
+LONGEST_RUN = 400
+SETTLED_AFTER = 12
+WAYS_BACK: tuple[tuple[str, ...], ...] = (
+    # commands by what the bench shows: 0 in order, 1 torque stays in the unit, 3 emergency stop, 4 brake link lost
+    ("0.RESET",),
+    ("1.RESET",),
+    ("0.ACKNOWLEDGE", "0.RESET"),
+    ("1.ACKNOWLEDGE", "1.RESET"),
+    ("3.ACKNOWLEDGE", "3.RESET"),
+    ("4.ACKNOWLEDGE", "4.RESET"),
+    ("1.ACKNOWLEDGE", "4.NONE", "0.RESET"),
+)
+STUBBORN = ("0.NONE", "1.NONE", "2.NONE", "drive lags", "mode lags", "brake lags", "no homing", "samples late")
+
+
+class Node(NamedTuple):
+    """One state of everything: controller, devices, and what the rules remember."""
+
+    controller: Snapshot
+    bench: BenchState
+    monitor: Monitor
+
+
+@dataclass
+class Explored:
+    """What a walk has seen."""
+
+    states: int = 0
+    steps: int = 0
+    places: int = 0
+    probes: int = 0
+    longest_scans: int = 0
+    complete: bool = False
+    seconds: float = 0.0
+    visited: set[State] = field(default_factory=set)
+    probed: dict[str, set[State]] = field(default_factory=dict)
+
+
+@contextmanager
+def coarse_time() -> Iterator[None]:
+    """Proofs of a few scans instead of fifty, so that the space stays small; the code that counts them is the same."""
+    before = (Release.PROVE_SCANS, Unloading.RELAX_SCANS)
+    Release.PROVE_SCANS, Unloading.RELAX_SCANS = 2, 1
+    try:
+        yield
+    finally:
+        Release.PROVE_SCANS, Unloading.RELAX_SCANS = before
+
+
+class Explorer:
+    """Breadth-first search over one program."""
+
+    def __init__(self, *, by_speed: bool = False) -> None:
+        self.controller = Controller(small_bench.small_program(by_speed=by_speed))
+        self.freezer = Freezer(self.controller, WATCHED_ALARMS)
+        self.choices = choices()
+        self.by_name = {choice.name: choice for choice in self.choices}
+        self.stubborn = [choice for choice in self.choices if choice.name in STUBBORN]
+        self.found = Explored()
+        self._counter = 0
+        self._places: set[Any] = set()
+        self._ids: dict[Any, int] = {}
+        self._edges: list[tuple[int, ...]] = []
+        self._running: list[bool] = []
+        self._came_from: list[tuple[int, str]] = []
+
+    def step(self, node: Node, choice: Choice) -> tuple[Node, Image, Orders]:
+        """One scan from a node; raises `BrokenRuleError`."""
+        self.freezer.put_back(node.controller)
+        self._counter += 1
+        bench, image = advance(node.bench, choice, self._counter % 3 if "sample_counter" not in choice.shown else 7)
+        if choice.shown.get("sample_counter") is None:
+            image = image._replace(sample_counter=self.controller._last_counter % 3 + 1)
+        orders = self._decide(image)
+        monitor = check_step(node.bench, node.monitor, image, orders)
+        return Node(self.freezer.take(), bench._replace(orders=orders), monitor), image, orders
+
+    def _decide(self, image: Image) -> Orders:
+        controller = self.controller
+        try:
+            return controller.step(image, controller._last_scan + 1 + image.missed_periods)
+        except Exception as error:
+            raise BrokenRuleError(RULES[0], f"{type(error).__name__}: {error}") from error
+
+    def key(self, node: Node) -> tuple[Any, ...]:
+        """What makes two nodes the same."""
+        bench, monitor = node.bench, node.monitor
+        seen = (bench.drive, bench.mode, bench.torque_out_nm, bench.brake_on, bench.orders.state)
+        return (seen, monitor._replace(alarms=monitor.alarms & WATCHED_ALARMS), self.freezer.key(node.controller))
+
+    def first(self) -> Node:
+        """The bench switched on."""
+        return Node(self.freezer.take(), START, Monitor())
+
+    def nominal(self) -> list[Node]:
+        """The nodes of an undisturbed run, from idle to complete."""
+        node, nodes = self.first(), []
+        for scan in range(LONGEST_RUN):
+            nodes.append(node)
+            node, _, orders = self.step(node, Choice("start", command=Command.START) if not scan else Choice("nominal"))
+            if orders.state == S.COMPLETE:
+                return [*nodes, node]
+        raise BrokenRuleError(RULES[11], "the undisturbed run does not end")
+
+    def explore(self, most_states: int, most_s: float = 1e9) -> Explored:
+        """Visit every state that can be reached, or as many as allowed; `BrokenRuleError` at the first breach."""
+        begin = time.perf_counter()
+        found = self.found
+        _check_trips()
+        queue: deque[tuple[int, Node]] = deque()
+        _check_agreement(self.controller.program)
+        for number, node in enumerate(self.nominal()):
+            self._take_in(node, queue, (number - 1, "nominal"))
+            if number % 3 == 0:
+                self._ways_back(node)
+        while queue and len(self._ids) < most_states and time.perf_counter() - begin < most_s:
+            number, node = queue.popleft()
+            self._edges[number] = tuple(self._follow(number, node, choice, queue) for choice in self.choices)
+            found.steps += len(self.choices)
+        found.complete = not queue
+        found.states, found.places = len(self._ids), len(self._places)
+        found.longest_scans = self._longest_way()
+        found.seconds = time.perf_counter() - begin
+        return found
+
+    def _follow(self, number: int, node: Node, choice: Choice, queue: deque[tuple[int, Node]]) -> int:
+        try:
+            return self._take_in(self.step(node, choice)[0], queue, (number, choice.name))
+        except BrokenRuleError as error:
+            error.add_note("timeline: " + ", ".join(self._way_to(number, choice.name)))
+            raise
+
+    def _way_to(self, number: int, last: str) -> list[str]:
+        """Names of the choices that lead from the start to a breach."""
+        names = [last]
+        while number >= 0:
+            number, name = self._came_from[number]
+            names.append(name)
+        return names[::-1]
+
+    def _take_in(self, node: Node, queue: deque[tuple[int, Node]], came_from: tuple[int, str]) -> int:
+        key = self.key(node)
+        number = self._ids.get(key)
+        if number is not None:
+            return number
+        number = self._ids[key] = len(self._edges)
+        state = State(node.bench.orders.state)
+        self._edges.append(())
+        self._came_from.append(came_from)
+        self._running.append(state not in ENDS)
+        self.found.visited.add(state)
+        queue.append((number, node))
+        orders, bench = node.bench.orders, node.bench
+        place = (state, orders.phase, orders.segment, orders.drive_command, bench.drive, bench.brake_on)
+        if place not in self._places:
+            self._places.add(place)
+            self._probe(node, state)
+            self._persist(node)
+        return number
+
+    def _ways_back(self, node: Node) -> None:
+        """A fault with torque left in the unit, and operators who do not do what they should."""
+        for way in WAYS_BACK:
+            at = self.step(node, self.by_name["drive drops, torque stays"])[0]
+            for _ in range(SETTLED_AFTER):
+                at = self.step(at, self.by_name["1.NONE"])[0]
+            for name in way:
+                at = self.step(at, self.by_name[name])[0]
+            for _ in range(SETTLED_AFTER):
+                at = self.step(at, self.by_name[way[-1].replace("RESET", "NONE")])[0]
+            self.found.steps += 2 * SETTLED_AFTER + len(way) + 1
+
+    def _persist(self, node: Node) -> None:
+        """Let one device misbehave in the same way for ever: the run, or the reaction to its fault, still ends."""
+        for choice in self.stubborn:
+            at, seen = node, set()
+            for _ in range(LONGEST_RUN):
+                self.found.steps += 1
+                at = self.step(at, choice)[0]
+                key = self.key(at)
+                state = at.bench.orders.state
+                if state in (S.IDLE, S.COMPLETE, S.STOPPED) or (state == S.FAULT and self.controller.finished):
+                    break
+                require(11, f"{choice.name} for ever, in {State(state).name}", holds=key not in seen)
+                seen.add(key)
+
+    def _probe(self, node: Node, state: State) -> None:
+        """Put on every condition that must be seen here, and look for its reaction in time."""
+        for name, condition in CONDITIONS.items():
+            if state not in condition.states:
+                continue
+            self.found.probes += 1
+            self.found.probed.setdefault(name, set()).add(state)
+            self._probe_one(node, name)
+
+    def _probe_one(self, node: Node, name: str) -> None:
+        condition, nominal = CONDITIONS[name], Choice(name, shown=CONDITIONS[name].shown)
+        began = State(node.bench.orders.state)
+        strongest = Reaction.NONE
+        for _ in range(condition.within_scans):
+            node, _, orders = self.step(node, nominal)
+            if orders.state in (S.FAULT, *condition.states):
+                strongest = max(strongest, Reaction(orders.reaction))
+            if orders.state not in condition.states:
+                break  # the run has gone on to where the condition means nothing
+        stays = orders.state in condition.states or orders.state == S.FAULT
+        holds = strongest >= condition.reaction or not stays
+        require(10, f"{name} in {began.name}: reaction {strongest.name} in {condition.within_scans} scans", holds=holds)
+
+    def _longest_way(self) -> int:
+        """Scans that a run can last at most; `BrokenRuleError` when it can go round for ever."""
+        order: list[int] = []
+        incoming = [0] * len(self._edges)
+        for number, following in enumerate(self._edges):
+            if self._running[number]:
+                for after in set(following):
+                    incoming[after] += self._running[after]
+        ready = [n for n, running in enumerate(self._running) if running and not incoming[n]]
+        length = [0] * len(self._edges)
+        while ready:
+            number = ready.pop()
+            order.append(number)
+            for after in set(self._edges[number]):
+                if self._running[after]:
+                    length[after] = max(length[after], length[number] + 1)
+                    incoming[after] -= 1
+                    if not incoming[after]:
+                        ready.append(after)
+        require(11, "a run can go round for ever", holds=len(order) == sum(self._running))
+        return max(length)
+
+
+def _check_trips() -> None:
+    for state in State:
+        if state == S.FAULT:
+            continue
+        sequence = Sequence()
+        sequence.state = state
+        try:
+            sequence.fire("trip")
+        except Exception as error:
+            raise BrokenRuleError(RULES[12], f"{state.name}: {error}") from error
+        require(12, f"{state.name} -> {sequence.state.name}", holds=sequence.state == S.FAULT)
+
+
+def _check_agreement(program: Program) -> None:
+    """The one interlock that a small ramp is too short for: the two torque channels contradict each other."""
+    for state in LOADED:
+        watch, measured = Watch(program), Measured()
+        measured.agreement_live, measured.torque_out_nm = True, 2.0 * program.limits.torque_agreement_nm
+        measured.torque_out_nm = min(measured.torque_out_nm, program.limits.torque_out_trip_nm)
+        for _ in range(FAULT_BY_ID["torque_channels_disagree"].debounce_scans):
+            watch.look(READY, measured, state)
+        strongest = watch.look(READY, measured, state)
+        require(10, f"torque_channels_disagree in {state.name}: {strongest}", holds=strongest >= Reaction.QUICK_STOP)
+
+
+def check_mutant(mutant: Mutant) -> bool:
+    """Return whether the check notices a mutant, by the undisturbed runs and what branches off near them."""
+    for by_speed, states in ((False, 600), (True, 300)):
+        try:
+            with coarse_time(), mutant.applied():
+                Explorer(by_speed=by_speed).explore(states)
+        except BrokenRuleError:
+            return True
+    return False

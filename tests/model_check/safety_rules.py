@@ -1,0 +1,259 @@
+"""What the controller must never do, written down a second time and independently of its tables.
+
+`CONDITIONS` says for every interlock how it shows, where it must be seen, how quickly, and how hard the bench must
+react at least. `check_step` holds one step against the rules; a `Monitor` remembers what a rule needs from the past.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from small_bench import PROOF_NM, RELEASE_NM, SLEW_NM, TORQUE_LIMIT_NM, ZERO_NM, BenchState
+
+from controller.aftermath import FaultReaction
+from controller.image import (
+    AGE_NEVER,
+    Command,
+    DriveCommand,
+    DriveMode,
+    DriveState,
+    Image,
+    Link,
+    NmtState,
+    Orders,
+    Reaction,
+    State,
+)
+
+S, R = State, Reaction
+RUNNING = (S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE)
+ALWAYS = (*RUNNING, S.FAULT)
+LOCKED = (S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD)
+LOADED = (S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG)
+ENABLING = (DriveCommand.ENABLE_OPERATION, DriveCommand.START_HOMING)
+TOWARDS_TORQUE = (DriveCommand.SWITCH_ON, *ENABLING)
+OFF = (
+    DriveState.SWITCH_ON_DISABLED,
+    DriveState.NOT_READY_TO_SWITCH_ON,
+    DriveState.READY_TO_SWITCH_ON,
+    DriveState.FAULT,
+)
+PROVE_SCANS = 2
+EPSILON = 1e-9
+
+
+class Condition(NamedTuple):
+    """A dangerous condition: how it shows in the image, where it must be seen, in how many scans, with what effect."""
+
+    shown: dict[str, float]
+    states: tuple[State, ...]
+    within_scans: int
+    reaction: Reaction
+
+
+CONDITIONS: dict[str, Condition] = {
+    "estop": Condition({"estop_released": 0}, ALWAYS, 1, R.POWER_OFF),
+    "guard_open": Condition({"guard_closed": 0}, ALWAYS, 1, R.QUICK_STOP),
+    "operator_quick_stop": Condition({"command": Command.QUICK_STOP}, RUNNING, 1, R.QUICK_STOP),
+    "can_lost": Condition({"links_lost": Link.CAN}, ALWAYS, 1, R.POWER_OFF),
+    "drive_heartbeat_lost": Condition({"drive_heartbeat_age_scans": 101}, ALWAYS, 1, R.POWER_OFF),
+    "drive_data_stale": Condition({"drive_age_scans": 11}, ALWAYS, 1, R.POWER_OFF),
+    "drive_data_stale (stopped)": Condition({"drive_nmt_state": NmtState.STOPPED}, ALWAYS, 1, R.POWER_OFF),
+    "amplifier_lost": Condition({"links_lost": Link.AMPLIFIER}, ALWAYS, 1, R.QUICK_STOP),
+    "sample_stale": Condition({"sample_age_scans": AGE_NEVER}, ALWAYS, 1, R.QUICK_STOP),
+    "sample_late": Condition({"sample_age_scans": 6}, LOADED, 1, R.HOLD),
+    "sample_frozen": Condition({"sample_counter": 7}, RUNNING, 22, R.QUICK_STOP),
+    "brake_link_lost": Condition({"brake_age_scans": AGE_NEVER}, ALWAYS, 1, R.UNLOAD),
+    "brake_link_lost (link)": Condition({"links_lost": Link.BRAKE}, ALWAYS, 1, R.UNLOAD),
+    "remote_io_lost": Condition({"io_age_scans": AGE_NEVER}, ALWAYS, 1, R.QUICK_STOP),
+    "remote_io_lost (link)": Condition({"links_lost": Link.REMOTE_IO}, ALWAYS, 1, R.QUICK_STOP),
+    "drive_fault": Condition({"drive_state": DriveState.FAULT}, ALWAYS, 1, R.POWER_OFF),
+    "drive_emergency": Condition({"drive_emcy_code": 0x8130}, ALWAYS, 1, R.QUICK_STOP),
+    "drive_dropped_out": Condition({"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF),
+    "drive_mode_refused": Condition({"drive_mode": -1}, (S.LOCK, *LOADED), 3, R.QUICK_STOP),
+    "drive_internal_limit": Condition({"drive_internal_limit": 1}, (S.LOCK, *LOADED), 2, R.UNLOAD),
+    "torque_out_trip": Condition({"torque_out_nm": -4.5}, ALWAYS, 1, R.QUICK_STOP),
+    "torque_in_trip": Condition({"torque_in_nm": 4.5}, ALWAYS, 1, R.QUICK_STOP),
+    "torque_out_alarm": Condition({"torque_out_nm": -3.5}, LOADED, 3, R.HOLD),
+    "overspeed": Condition({"drive_velocity_rad_s": -1.6}, ALWAYS, 3, R.QUICK_STOP),
+    "over_travel": Condition({"angle_in_rad": -1.1}, ALWAYS, 1, R.QUICK_STOP),
+    "lock_slip": Condition({"angle_out_rad": 0.3}, LOADED, 3, R.UNLOAD),
+    "brake_current_lost": Condition({"brake_current_a": 1.0}, LOADED, 3, R.UNLOAD),
+    "brake_current_lost (off)": Condition({"brake_on": 0}, LOADED, 3, R.UNLOAD),
+    "housing_temperature": Condition({"housing_temp_c": 61.0}, RUNNING, 11, R.UNLOAD),
+    "missed_periods": Condition({"missed_periods": 3}, RUNNING, 1, R.UNLOAD),
+    "sensor_not_a_number": Condition({"torque_out_nm": math.nan}, ALWAYS, 1, R.QUICK_STOP),
+    "sensor_not_a_number (in)": Condition({"torque_in_nm": math.inf}, ALWAYS, 1, R.QUICK_STOP),
+    "sensor_saturated": Condition({"sample_status": 2}, RUNNING, 3, R.QUICK_STOP),
+    "brake_stays_closed": Condition({"brake_on": 1, "brake_current_a": 6.0}, (S.HOME,), 1, R.POWER_OFF),
+}
+"""Brake and drive conditions are asked for where what they contradict has been established in every case."""
+
+ALLOWED: dict[State, tuple[State, ...]] = {
+    S.IDLE: (S.HOME, S.STOPPED, S.FAULT),
+    S.HOME: (S.LOCK, S.RELEASE, S.FAULT),
+    S.LOCK: (S.CALIBRATE, S.RAMP_POS, S.UNLOAD, S.FAULT),
+    S.CALIBRATE: (S.RAMP_POS, S.UNLOAD, S.FAULT),
+    S.RAMP_POS: (S.REVERSE, S.UNLOAD, S.FAULT),
+    S.REVERSE: (S.RAMP_POS, S.RAMP_NEG, S.UNLOAD, S.FAULT),
+    S.RAMP_NEG: (S.REVERSE, S.UNLOAD, S.FAULT),
+    S.UNLOAD: (S.RELEASE, S.FAULT),
+    S.RELEASE: (S.COMPLETE, S.STOPPED, S.FAULT),
+    S.COMPLETE: (S.IDLE,),
+    S.STOPPED: (S.IDLE,),
+    S.FAULT: (S.UNLOAD,),
+}
+"""States that may follow a state."""
+
+RULES: tuple[str, ...] = (
+    "no step raises",
+    "states follow each other as designed",
+    "no order enables the drive in fault but the controlled unload",
+    "a quick stop or power off leaves no torque and no enabling order",
+    "the lock opens only with the drive off and the torque proven low",
+    "set-points stay within limits",
+    "set-points stay within their slew",
+    "no torque without a closed and proven lock, and a tare",
+    "nothing is enabled without a start, nor after the end",
+    "an unacknowledged fault never clears, nor one whose cause is there",
+    "every condition is seen in time and has its reaction",
+    "every state reaches its end, whatever the devices do",
+    "a trip leads to fault from every state",
+)
+
+
+class Monitor(NamedTuple):
+    """What the rules need to know of the past."""
+
+    started: bool = False
+    acknowledged: bool = False
+    alarms: int = 0  # seen in this fault
+    reset_asked: bool = False
+    tared: bool = False
+    proof_up: bool = False
+    proof_down: bool = False
+    low_scans: int = 0
+
+
+class BrokenRuleError(AssertionError):
+    """A rule of `RULES` does not hold."""
+
+    def __init__(self, rule: str, found: str) -> None:
+        super().__init__(f"{rule}: {found}")
+        self.rule = rule
+
+
+def require(rule: int, found: str, *, holds: bool) -> None:
+    """Raise `BrokenRuleError` for rule number `rule` unless it holds."""
+    if not holds:
+        raise BrokenRuleError(RULES[rule], found)
+
+
+def _cause_present(image: Image) -> bool:
+    return not image.estop_released or not image.guard_closed or bool(image.links_lost)
+
+
+def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Orders) -> Monitor:
+    """Hold one step against the rules and return what is to be remembered; `before.orders` are the last scan's."""
+    was, now, last = before.orders, State(orders.state), State(before.orders.state)
+    require(1, f"{last.name} -> {now.name}", holds=now == last or now in ALLOWED[last])
+    _check_fault(image, orders)
+    _check_set_points(was, image, orders)
+    low = abs(image.torque_out_nm - ZERO_NM) <= RELEASE_NM and image.sample_age_scans <= 5
+    low_scans = min(monitor.low_scans + 1, 2 * PROVE_SCANS) if low and last == S.RELEASE else 0
+    if was.brake_on and not orders.brake_on:
+        off = image.drive_state in OFF
+        holds = last == S.RELEASE and off and low_scans >= PROVE_SCANS
+        require(4, f"in {last.name}, drive {image.drive_state}, low for {low_scans} scans", holds=holds)
+    resting = now in (S.IDLE, S.COMPLETE, S.STOPPED)
+    idle = orders.drive_command == DriveCommand.DISABLE_VOLTAGE and not orders.brake_on
+    require(8, f"{now.name} with drive command {orders.drive_command}", holds=idle or not resting)
+    monitor = _remember(monitor, last, now, image, orders)
+    _check_lock(monitor, now, orders, closed=image.brake_on or was.brake_on)
+    return monitor._replace(low_scans=low_scans if now == S.RELEASE else 0)
+
+
+def _check_fault(image: Image, orders: Orders) -> None:
+    if orders.state != S.FAULT:
+        require(1, "a fault number without a fault", holds=not orders.fault)
+        return
+    enabling = orders.drive_command in TOWARDS_TORQUE
+    unload = orders.reaction == R.UNLOAD and orders.phase == FaultReaction.UNLOADING
+    plain = orders.drive_command == DriveCommand.ENABLE_OPERATION
+    running = image.drive_state == DriveState.OPERATION_ENABLED
+    require(2, f"drive command {orders.drive_command} in phase {orders.phase}, drive state {image.drive_state}",
+            holds=not enabling or (unload and plain and running))  # fmt: skip
+    if orders.reaction >= R.QUICK_STOP:
+        still = not orders.drive_target_torque_nm and not orders.drive_target_velocity_rad_s
+        require(3, f"reaction {orders.reaction}: {orders}", holds=still and not enabling)
+    require(1, "a fault without its number", holds=bool(orders.fault))
+
+
+def _check_set_points(was: Orders, image: Image, orders: Orders) -> None:
+    torque_nm, speed = orders.drive_target_torque_nm, orders.drive_target_velocity_rad_s
+    within = abs(torque_nm) <= TORQUE_LIMIT_NM and abs(speed) <= 1.0
+    require(5, f"torque {torque_nm} N·m, speed {speed} rad/s", holds=within)
+    acts = orders.drive_command in ENABLING and was.drive_command in ENABLING
+    if not acts or image.drive_state != DriveState.OPERATION_ENABLED:
+        return
+    if orders.drive_mode == was.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE:
+        step_nm = abs(torque_nm - was.drive_target_torque_nm)
+        require(6, f"torque steps by {step_nm} N·m", holds=step_nm <= SLEW_NM + EPSILON)
+    if orders.drive_mode == was.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
+        step = abs(speed - was.drive_target_velocity_rad_s)
+        # a dwell stops the shaft at once: from what was left at the turning point
+        require(6, f"speed steps by {step} rad/s", holds=step <= 1.0 + EPSILON)
+
+
+def _check_lock(monitor: Monitor, now: State, orders: Orders, *, closed: int) -> None:
+    moving = orders.drive_target_torque_nm or orders.drive_target_velocity_rad_s
+    if now in LOADED:
+        require(7, f"{now.name} without the proof of the lock", holds=monitor.proof_up and monitor.proof_down)
+    if now in LOCKED and monitor.tared:
+        require(
+            7, f"{now.name} with a zero of {orders.torque_out_tare_nm} N·m", holds=orders.torque_out_tare_nm == ZERO_NM
+        )
+    if moving and orders.drive_command in ENABLING:
+        state = f"{orders.drive_target_torque_nm} N·m in {now.name}, brake order {orders.brake_on}"
+        require(7, state, holds=bool(orders.brake_on))
+    if now == S.LOCK and moving:
+        require(7, "the lock has not been seen closed", holds=bool(closed))
+        require(7, f"{orders.drive_target_torque_nm} N·m before the proof",
+                holds=abs(orders.drive_target_torque_nm) <= TORQUE_LIMIT_NM)  # fmt: skip
+
+
+def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:
+    if image.command == Command.START and last == S.IDLE:
+        monitor = monitor._replace(started=True)
+    elif image.command == Command.STOP:
+        monitor = monitor._replace(started=False)
+    if now == S.HOME and last == S.IDLE:
+        require(8, "home without a start", holds=monitor.started)
+        monitor = Monitor()
+    if now == S.LOCK and last == S.HOME:
+        monitor = monitor._replace(tared=True)
+    if last == S.LOCK and image.brake_on:
+        monitor = monitor._replace(
+            proof_up=monitor.proof_up or image.torque_out_nm >= 0.75 * PROOF_NM,
+            proof_down=monitor.proof_down or image.torque_out_nm <= -0.75 * PROOF_NM,
+        )
+    return _remember_fault(monitor, last, now, image, orders)
+
+
+def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:
+    if last != S.FAULT:
+        return Monitor(alarms=orders.alarms) if now == S.FAULT else monitor
+    if now == S.FAULT and orders.alarms & ~monitor.alarms:
+        # another fault on top wants its own acknowledgement
+        monitor = monitor._replace(acknowledged=False, reset_asked=False, alarms=orders.alarms)
+    if image.command == Command.ACKNOWLEDGE:
+        monitor = monitor._replace(acknowledged=True)
+    if image.command == Command.RESET and monitor.acknowledged:
+        monitor = monitor._replace(reset_asked=True)
+    if now == S.FAULT:
+        return monitor
+    require(9, "no acknowledgement", holds=monitor.acknowledged)
+    require(9, "no reset asked for", holds=monitor.reset_asked)
+    require(9, "the cause is still present", holds=not _cause_present(image))
+    return Monitor()

@@ -1,0 +1,44 @@
+"""The fast part of `make model-check`: the neighbourhood of every run, and the mutants that it has to notice."""
+
+from __future__ import annotations
+
+import pytest
+from exploration import ENDS, Explorer, check_mutant, coarse_time
+from mutants import debounce_rows, guards, interlock_rows, live_states, trip_rows
+from safety_rules import ALLOWED, CONDITIONS
+
+from controller.image import State
+from controller.interlocks import INTERLOCKS
+from controller.states import TRANSITIONS
+
+MUTANTS = {m.name: m for make in (trip_rows, interlock_rows, debounce_rows, guards) for m in make()}
+BLIND = live_states()
+
+
+@pytest.mark.parametrize("by_speed", [False, True], ids=["torque", "speed"])
+def test_no_rule_is_broken_near_any_run(by_speed):
+    with coarse_time():
+        found = Explorer(by_speed=by_speed).explore(2000)
+    assert found.visited == set(State)
+    assert found.longest_scans < 200
+    for name, condition in CONDITIONS.items():
+        assert found.probed[name] == set(condition.states), name
+
+
+def test_the_rules_know_every_interlock_and_every_transition():
+    named = {name.split(" ")[0] for name in CONDITIONS}
+    assert {row.fault for row in INTERLOCKS} - {"torque_channels_disagree"} == named
+    for row in TRANSITIONS:
+        if row.trigger != "trip":
+            assert row.dest in ALLOWED[row.source]
+    assert State.FAULT in ENDS
+
+
+@pytest.mark.parametrize("name", sorted(MUTANTS))
+def test_a_mutant_is_noticed(name):
+    assert check_mutant(MUTANTS[name])
+
+
+@pytest.mark.parametrize("number", range(0, len(BLIND), 12))
+def test_an_interlock_that_does_not_see_in_one_state_is_noticed(number):
+    assert check_mutant(BLIND[number]), BLIND[number].name

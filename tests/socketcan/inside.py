@@ -26,6 +26,10 @@ SLOW = {
 }
 """An emulated processor is slow: the recipe of the golden runs with time limits that only a lost device exceeds."""
 
+ATTEMPTS = 3
+SLOWNESS = ("sample_frozen", "sample_stale", "missed_periods", "drive_data_stale", "devices_not_ready")
+"""What a host that is busy with other things does to an emulated machine; such a run is made again."""
+
 SLOW_BENCH = {
     "embedded: true ": "embedded: false",
     "interface: socketcand": "interface: socketcan",
@@ -114,6 +118,11 @@ def main() -> int:
             say("candump: skipped, it is not installed (Debian: apt-get install can-utils)")
         started = time.monotonic()
         result = main_job(folder)
+        for _ in range(ATTEMPTS - 1):
+            if result["state"] == "complete" or result["alarms"][0]["id"] not in SLOWNESS:
+                break
+            say(f"again: the emulated processor stood still ({result['alarms'][0]['id']})")
+            result = main_job(folder)
         if candump is not None:
             candump.terminate()
             candump.wait()

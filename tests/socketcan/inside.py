@@ -27,7 +27,8 @@ SLOW = {
 """An emulated processor is slow: the recipe of the golden runs with time limits that only a lost device exceeds."""
 
 ATTEMPTS = 3
-SLOWNESS = ("sample_frozen", "sample_stale", "missed_periods", "drive_data_stale", "devices_not_ready")
+NOT_OPENED = "the bench was not opened in time"
+SLOWNESS = ("sample_frozen", "sample_stale", "missed_periods", "drive_data_stale", "devices_not_ready", NOT_OPENED)
 """What a host that is busy with other things does to an emulated machine; such a run is made again."""
 
 SLOW_BENCH = {
@@ -93,6 +94,13 @@ def main_job(folder: Path) -> dict[str, Any]:
     return result
 
 
+def _cause(result: dict[str, Any]) -> str:
+    """Return what ended a run early: its first alarm, NOT_OPENED without one; '' for a run that came to its end."""
+    if result["state"] == "complete":
+        return ""
+    return str(result["alarms"][0]["id"]) if result["alarms"] else NOT_OPENED
+
+
 def frames(dump: Path) -> dict[str, int]:
     """Return how often each identifier stands in candump's log."""
     counts: dict[str, int] = {}
@@ -119,9 +127,10 @@ def main() -> int:
         started = time.monotonic()
         result = main_job(folder)
         for _ in range(ATTEMPTS - 1):
-            if result["state"] == "complete" or result["alarms"][0]["id"] not in SLOWNESS:
+            cause = _cause(result)
+            if cause not in SLOWNESS:
                 break
-            say(f"again: the emulated processor stood still ({result['alarms'][0]['id']})")
+            say(f"again, the emulated processor was too slow: {cause}, {result['reasons'][:1]}")
             result = main_job(folder)
         if candump is not None:
             candump.terminate()

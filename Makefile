@@ -17,6 +17,7 @@ help:
 	@echo "make docs    write the reference pages that are tables of the code"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
+	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
 	@echo "make bench   performance figures, as ratios measured in one run"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -55,6 +56,9 @@ kill-tests: $(STAMP)
 
 golden: $(STAMP)
 	$(BIN)/python tests/golden/regenerate.py
+
+test-socketcan: $(STAMP)
+	$(BIN)/python tests/socketcan/boot.py
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -192,8 +192,12 @@ def _sensor_saturated(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
 def _torque_channels_disagree(_i: Image, m: Measured, li: Limits, p: Program) -> bool:
     if not m.agreement_live:
         return False
-    ideal_nm, out_nm = abs(m.torque_in_nm) * p.ratio, abs(m.torque_out_nm)
+    ideal_nm, out_nm = m.torque_in_nm * p.ratio, m.torque_out_nm
     margin_nm, factor = li.torque_agreement_nm, li.torque_agreement_ratio
+    if ideal_nm * out_nm < 0.0:
+        # friction lets them differ in sign near zero only
+        return abs(out_nm) + abs(ideal_nm) / factor > margin_nm
+    ideal_nm, out_nm = abs(ideal_nm), abs(out_nm)
     return out_nm > ideal_nm * factor + margin_nm or out_nm < ideal_nm / factor - margin_nm
 
 
@@ -244,7 +248,7 @@ INTERLOCKS: tuple[Interlock, ...] = (
     Interlock("missed_periods", _RUNNING, _missed_periods),
     Interlock("sensor_not_a_number", _ALWAYS, _sensor_not_a_number),
     Interlock("sensor_saturated", _RUNNING, _sensor_saturated),
-    Interlock("torque_channels_disagree", _LOADED, _torque_channels_disagree),
+    Interlock("torque_channels_disagree", _LOCKED, _torque_channels_disagree),
     Interlock("brake_stays_closed", frozenset({S.HOME}), _brake_stays_closed),
     Interlock("sample_late", _LOADED, _sample_late),
 )

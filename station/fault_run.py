@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -116,12 +117,24 @@ class Bench:
 
     def finish(self) -> FaultRun:
         """Run to the end, and a little further."""
-        self.until(lambda _: self.controller.finished and not self._operator)
+        most = round(LONGEST_RUN_S / self.run.period_s)
+        for _ in range(most):
+            self.go()
+            if self.controller.finished and not self._operator:
+                break
         self.run.finished = self.controller.finished
         for _ in range(AFTER_END_SCANS):
             self.go()
         self.run.unseen = [f"{fault.target} {fault.verb}" for fault in self.bench.faults.unseen()]
         return self.run
+
+    def branch(self, scenario: Scenario) -> Bench:
+        """Return a copy that goes on from here with the faults of a scenario; its record begins anew."""
+        run, self.run = self.run, FaultRun(self.run.period_s)
+        twin = copy.deepcopy(self)
+        self.run = run
+        twin.faults.inject(scenario.faults)
+        return twin
 
     def _next_command(self) -> int:
         command, self._command = self._command, Command.NONE
@@ -145,5 +158,3 @@ _COMMANDS = {command.name.lower(): command for command in Command}
 def run_scenario(job: Job, unit: str, scenario: Scenario) -> FaultRun:
     """Run a scenario in virtual time."""
     return Bench(job, virtual_config(job.bench, job.profile_paths, unit), scenario).finish()
-
-

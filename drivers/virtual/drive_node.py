@@ -181,7 +181,7 @@ class DriveNode:
         machine = self.axis.machine
         torque = min(max(machine.motor.torque_permille, -0x8000), 0x7FFF)
         shown = self.faults.status(machine.statusword, int(machine.mode_display), torque)[place]
-        return min(max(shown, -0x8000), 0x7FFF) if place == 2 else shown  # noqa: PLR2004 - the place of the torque
+        return min(max(shown, -0x8000), 0x7FFF) if place == 2 else shown
 
     def _writer(self, row: Value) -> Callable[[int], None]:
         machine, write = self.axis.machine, row.write

@@ -8,7 +8,7 @@ effect, so that none does nothing silently.
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from drivers.virtual import cia402_tables as tables
@@ -61,6 +61,10 @@ class FaultInjector:
         self._dice = random.Random(1)  # noqa: S311 - the same frames are lost in every run
         self._controller: tuple[str, int, int] | None = None  # state, scan of its entry, scan now
         self._missed = 0
+
+    def inject(self, faults: Iterable[Fault]) -> None:
+        """Add faults to those that wait for their moment."""
+        self._waiting += faults
 
     # --- when
 
@@ -151,7 +155,9 @@ class FaultInjector:
             self._stuck("drive.mode", mode) if ("drive.mode", "refuse") not in self.active else 0,
             torque if (scale := self.active.get(("drive.torque", "scale"))) is None else round(torque * _value(scale)),
         )
-        for target, before, after in zip(("drive.statusword", "drive.mode", "drive.torque"), (word, mode, torque), shown, strict=True):
+        for target, before, after in zip(
+            ("drive.statusword", "drive.mode", "drive.torque"), (word, mode, torque), shown, strict=True
+        ):
             if before != after:
                 self.seen(target)
                 self.seen("drive.internal_limit" if target == "drive.statusword" else target)
@@ -206,47 +212,59 @@ class FaultInjector:
 
     def _start(self, fault: Fault, now_ns: int) -> bool:
         """Start a fault and return whether that alone is its effect."""
-        value, plant, axis = _value(fault), self._plant, self._axis
+        value, axis = _value(fault), self._axis
         domain, _, part = fault.target.partition(".")
+        alone = True
         match domain, fault.verb:
-            case "modbus", "off":
-                self.wires.cut.add(part)
-            case "lock", _:
-                self._kept["lock", "slip"] = float(plant.params[P.BRAKE_HOLDS])
-                plant.params[P.BRAKE_HOLDS] = value
-                return True
-            case "brake", _:
-                plant.control[C.BRAKE_CURRENT_A] *= value
-                plant.brake_share = value
-                return plant.brake_current_a > 0.0
-            case "coupling", _:
-                plant.table[:] = 0.0
-                plant.params[P.DAHL_FORCE_NM] = NO_FORCE_NM
-                return True
-            case "io", "trip":
-                self.wires.estop_released = False
-                axis.machine.set_safe_torque_off(active=True, now_ns=now_ns)
-            case "io", "open":
-                self.wires.guard_closed = False
+            case "lock" | "brake" | "coupling", _:
+                alone = self._start_mechanics(domain, value)
             case "io", _:
-                self.wires.housing_offset_k = value
+                self._start_contact(fault.verb, value, now_ns)
             case "sensor", verb:
-                return self._disturb(CHANNELS.index(part), verb, value)
+                alone = self._disturb(CHANNELS.index(part), verb, value)
             case "scan", _:
                 self._missed = round(value)
-            case "drive", "raise" if part == "emcy":
-                axis.machine.raise_fault(round(value), now_ns)
             case "drive", "drop":
                 axis.machine.set_safe_torque_off(active=True, now_ns=now_ns)
-            case "can", "reset":
-                axis.machine.network_stopped(now_ns)
+            case "drive", "raise" if part == "emcy":
+                axis.machine.raise_fault(round(value), now_ns)
+            case _:
+                alone = False
+                if part == "node":
+                    axis.machine.network_stopped(now_ns)
+                if domain == "modbus" and fault.verb == "off":
+                    self.wires.cut.add(part)
         axis.apply()
-        return domain in ("io", "scan") or fault.verb == "drop" or (part == "emcy" and fault.verb == "raise")
+        return alone
+
+    def _start_contact(self, verb: str, value: float, now_ns: int) -> None:
+        if verb == "trip":
+            self.wires.estop_released = False
+            self._axis.machine.set_safe_torque_off(active=True, now_ns=now_ns)
+        elif verb == "open":
+            self.wires.guard_closed = False
+        else:
+            self.wires.housing_offset_k = value
+
+    def _start_mechanics(self, domain: str, value: float) -> bool:
+        plant = self._plant
+        if domain == "lock":
+            self._kept["lock", "slip"] = float(plant.params[P.BRAKE_HOLDS])
+            plant.params[P.BRAKE_HOLDS] = value
+        elif domain == "brake":
+            plant.control[C.BRAKE_CURRENT_A] *= value
+            plant.brake_share = value
+            return plant.brake_current_a > 0.0
+        else:
+            plant.table[:] = 0.0
+            plant.params[P.DAHL_FORCE_NM] = NO_FORCE_NM
+        return True
 
     def _end(self, fault: Fault, now_ns: int) -> None:
         plant, wires = self._plant, self.wires
         domain, _, part = fault.target.partition(".")
-        self._kept.pop((fault.target, fault.verb), None) if domain != "lock" else None
+        if domain != "lock":
+            self._kept.pop((fault.target, fault.verb), None)
         match domain, fault.verb:
             case "modbus", "off":
                 wires.cut.discard(part)

@@ -23,8 +23,8 @@ from drivers.virtual import cia402_tables as tables
 from drivers.virtual.cia402_tables import PowerState
 from drivers.virtual.config import BenchConfig
 from drivers.virtual.drive_axis import DriveAxis
-from drivers.virtual.plant import Plant, Sample
 from drivers.virtual.fault_injector import LOST, FaultInjector
+from drivers.virtual.plant import Plant, Sample
 from drivers.virtual.scenario import Scenario
 
 CONTROLWORDS: dict[int, int] = {
@@ -191,9 +191,7 @@ class VirtualTimeBench:
     def _send_status(self, scan: int) -> None:
         """Send TPDO 1, which faults may lose or delay; a frame that comes late brings an old status."""
         machine, faults = self.axis.machine, self.faults
-        word, mode, torque = faults.status(
-            machine.statusword, int(machine.mode_display), machine.motor.torque_permille
-        )
+        word, mode, torque = faults.status(machine.statusword, int(machine.mode_display), machine.motor.torque_permille)
         state = DRIVE_STATES[tables.state_of(word)] if word != machine.statusword else DRIVE_STATES[machine.state]
         status = (state, word, mode, torque, machine.error_register)
         delay_ns = faults.frame("can.drive.tpdo1")

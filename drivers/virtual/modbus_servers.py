@@ -114,9 +114,7 @@ class Device:
 class ModbusServer:
     """One device on its own port. `before` runs ahead of every request; `trouble` tells verb and value of its fault."""
 
-    def __init__(
-        self, device: Device, before: Callable[[], None], trouble: Callable[[], tuple[str, float]]
-    ) -> None:
+    def __init__(self, device: Device, before: Callable[[], None], trouble: Callable[[], tuple[str, float]]) -> None:
         self.device = device
         self.before = before
         self.trouble = trouble

@@ -128,7 +128,8 @@ class Expect(Strict):
     """Something that must happen; exactly one kind per entry.
 
     `event` (fault id) within scans of the first fault's action; `order` (drive command) within scans of the first
-    alarm; `torque_below_nm` within seconds of the first alarm, and from then on; `final_state`; `latched`: nothing leaves the state fault by itself.
+    alarm; `torque_below_nm` within seconds of the first alarm, and from then on; `final_state`; `latched`: nothing
+    leaves the state fault by itself.
     """
 
     event: str | None = None

@@ -22,10 +22,10 @@ from drivers.virtual.cia402_tables import HEARTBEAT_LOST
 from drivers.virtual.config import ServerConfig, Socketcand
 from drivers.virtual.drive_node import DriveNode
 from drivers.virtual.errors import VirtualBenchError
+from drivers.virtual.fault_injector import Acted
 from drivers.virtual.modbus_servers import Device, ModbusServer
 from drivers.virtual.plant import Plant, warm_up
 from drivers.virtual.python_can_port import PythonCanPort
-from drivers.virtual.fault_injector import Acted
 from drivers.virtual.scenario import Scenario
 from drivers.virtual.socketcand_server import SocketcandServer
 

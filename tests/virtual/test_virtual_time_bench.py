@@ -21,8 +21,8 @@ from controller.image import (
 )
 from drivers.virtual.config import BenchConfig
 from drivers.virtual.errors import VirtualBenchError
-from drivers.virtual.inprocess import CONTROLWORDS, VirtualTimeBench
 from drivers.virtual.fault_vocabulary import FAULTS
+from drivers.virtual.inprocess import CONTROLWORDS, VirtualTimeBench
 from drivers.virtual.scenario import Scenario
 from drivers.virtual.units import DEFAULT_UNITS, SPREAD, UNITS, default_unit, find_unit, parameters
 

@@ -4,8 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
+KILLS ?= 100
 
-.PHONY: help setup run test model-check check format docs bench clean
+.PHONY: help setup run test model-check check format docs golden bench kill-tests test-socketcan clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -14,6 +15,8 @@ help:
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code"
+	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
+	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
 	@echo "make bench   performance figures, as ratios measured in one run"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -46,6 +49,12 @@ format: $(STAMP)
 
 docs: $(STAMP)
 	$(BIN)/python -m docs.generate
+
+kill-tests: $(STAMP)
+	$(BIN)/python tests/end_to_end/kills.py $(KILLS)
+
+golden: $(STAMP)
+	$(BIN)/python tests/golden/regenerate.py
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -1,4 +1,8 @@
-"""What the trace says: a torque-angle trace in, metrics with limits and a verdict out. Knows no machine."""
+"""What the trace says: a torque-angle trace in, metrics with limits and a verdict out. Knows no machine.
+
+Beside this stand `analysis.models` (models of a reducer), `analysis.line` (statistics of a production line) and
+`analysis.studies`; what they need is loaded with them.
+"""
 
 from analysis.branches import Branch
 from analysis.errors import AnalysisError

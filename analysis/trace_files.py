@@ -1,4 +1,4 @@
-"""Traces measured elsewhere: CSV and Parquet files with a header of known column names.
+"""Traces measured elsewhere: CSV, Parquet and NI TDMS files with known column names.
 
 Columns: t_s, torque_in_nm, torque_out_nm, angle_in_rad or angle_in_arcmin, angle_out_rad or angle_out_arcmin,
 temperature_c, segment. The unit is read from the name. Other columns are left alone. `segment` (or `branch`) names what
@@ -40,11 +40,12 @@ SEGMENT_COLUMNS = ("segment", "branch")
 BRANCH_NAMES = {"forward": 1, "return": -1}
 """Branch names of published loops, and the direction of torque."""
 
+TDMS_MAGIC = b"TDSm"
 PARQUET_MAGIC = b"PAR1"
 
 
 def read_trace(path: Path | str) -> Trace:
-    """Read a CSV or Parquet file (told apart by content) to a trace.
+    """Read a CSV, Parquet or TDMS file (told apart by content) to a trace.
 
     Raises AnalysisError for anything that is wrong with the file: not there, empty, not a table, no known column, two
     columns for one channel, a value that is no number (with row and column), a segment name that is not known. Rows
@@ -89,6 +90,10 @@ def _read_table(file: Path) -> Any:
     try:
         with file.open("rb") as stream:
             start = stream.read(4)
+        if start == TDMS_MAGIC:
+            from analysis.tdms_files import read_tdms_table  # noqa: PLC0415 - half a second for one kind of file
+
+            return read_tdms_table(file, frozenset([*COLUMNS, *SEGMENT_COLUMNS]))
         if start == PARQUET_MAGIC:
             return pa_parquet.read_table(file)
         return pa_csv.read_csv(
@@ -100,8 +105,8 @@ def _read_table(file: Path) -> Any:
     except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
         reason = " ".join(str(error).split())
         raise AnalysisError(
-            f"{file}: cannot be read as CSV or Parquet: {reason}; needed is a table with a header row, commas between "
-            "columns and points in numbers"
+            f"{file}: cannot be read as CSV, Parquet or TDMS: {reason}; needed is a table with a header row, "
+            "commas between columns and points in numbers"
         ) from error
 
 

@@ -25,15 +25,18 @@ _LOADING_STATES = frozenset({State.CALIBRATE, State.RAMP_POS, State.REVERSE, Sta
 
 
 class Controller:
-    """Runs a program. `events` collects what happened; whoever calls `step` takes them out."""
+    """Runs a program. `events` collects what happened; whoever calls `step` takes them out.
 
-    def __init__(self, program: Program) -> None:
+    `watch` may be given to look over the interlocks' shoulder; it must decide as `Watch(program)` does.
+    """
+
+    def __init__(self, program: Program, watch: Watch | None = None) -> None:
         self.program = program
         self.events: list[Event] = []
         self.first_out = 0
         self._context = Context(program)
         self._sequence = Sequence()
-        self._watch = Watch(program)
+        self._watch = Watch(program) if watch is None else watch
         self._readiness = Readiness(self._context)
         self._home = Home(self._context)
         self._close_lock = CloseLock(self._context)

@@ -88,10 +88,19 @@ def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:
 
 def start_scan(spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
     """Start the scan process; its standard error goes to `log`. It holds the virtual bench's life line too."""
+    return _start_scanning("station.scan_process", spec, log, life_line)
+
+
+def start_measuring(spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
+    """Start the process that measures the machine instead of a unit (see `timing_process`)."""
+    return _start_scanning("station.timing_process", spec, log, life_line)
+
+
+def _start_scanning(module: str, spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
     handles = () if life_line is None else (life_line.writer,)
     with log.open("wb") as errors:
         return _run_module(
-            "station.scan_process",
+            module,
             spec,
             stdin=subprocess.DEVNULL,
             stdout=errors,

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from station.cli_faults import faults_app
 from station.errors import BenchFaultError, StationError
 
 EXIT_BAD_INPUT = 2
@@ -24,6 +25,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+app.add_typer(faults_app, name="faults")
 
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
 BenchOption = Annotated[
@@ -135,45 +138,93 @@ def virtual_bench(
     raise typer.Exit(command_virtual_bench.virtual_bench(bench, can, modbus, unit, scenario))
 
 
-faults_app = typer.Typer(help="Break the virtual bench on purpose, and judge what comes of it.", no_args_is_help=True)
-app.add_typer(faults_app, name="faults")
-
-
-@faults_app.command("list")
-def faults_list(as_json: JsonOption = False) -> None:
-    """List what can be injected: target, verb, value."""
-    from station import command_faults
-
-    raise typer.Exit(command_faults.list_faults(as_json=as_json))
-
-
-@faults_app.command("run")
-def faults_run(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file.")],
-    recipe: Annotated[
-        str | None, typer.Option("--recipe", metavar="RECIPE", help="Recipe. Default: the scenario's, or a short one.")
+@app.command()
+def export(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    file_format: Annotated[
+        str,
+        typer.Option("--format", metavar="FORMAT", help="parquet, csv, mat or tdms."),
+    ] = "parquet",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="File or folder to write. Default: RUN.FORMAT in this folder."),
     ] = None,
-    unit: UnitOption = None,
+    data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Run a scenario in virtual time and judge its expect and never clauses. Exit code: 0 holds, 1 not, 2 bad input."""
-    from station import command_faults
+    """Write every scan of a run as Parquet, CSV, MATLAB or TDMS, with units and metadata."""
+    from station import command_export
 
-    raise typer.Exit(command_faults.run(scenario, recipe, unit, as_json=as_json))
+    raise typer.Exit(command_export.export(name, data, file_format, out, as_json=as_json))
 
 
-@faults_app.command("matrix")
-def faults_matrix(
-    only: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Rows whose name holds NAME.")] = None,
-    html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with traces.")] = None,
-    page: Annotated[Path | None, typer.Option("--page", metavar="FILE", help="Write the figures as Markdown.")] = None,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+@app.command()
+def resume(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Inject every fault in every state in which it can act, in virtual time. Exit code: 0 within bounds, 1 not."""
-    from station import command_faults
+    """Take over a run whose desk died, to its end and its verdict. Exit code as run.
 
-    raise typer.Exit(command_faults.matrix(only or [], html, page, workers, as_json=as_json))
+    Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
+    """
+    from station import command_resume
+
+    raise typer.Exit(command_resume.resume_run(name, data, as_json=as_json))
+
+
+@app.command()
+def replay(
+    name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="OTHER", help="What if: interlocks and limits of another recipe."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Step the controller through a record and compare every order, byte for byte.
+
+    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record.
+    """
+    from station import command_replay
+
+    raise typer.Exit(command_replay.replay_run(name, data, recipe, as_json=as_json))
+
+
+@app.command()
+def timing(
+    seconds: Annotated[float, typer.Option("--seconds", metavar="N", min=0.1, help="How long to measure.")] = 10.0,
+    bench: BenchOption = None,
+    recipe: Annotated[
+        str | None,
+        typer.Option(
+            "--recipe", metavar="RECIPE", help="Recipe whose period and bench are meant. Default: a shipped one."
+        ),
+    ] = None,
+    period_us: Annotated[
+        int | None,
+        typer.Option("--period-us", metavar="N", min=100, max=100_000, help="Measure at another scan period [µs]."),
+    ] = None,
+    spin_us: Annotated[
+        int | None,
+        typer.Option("--spin-us", metavar="N", min=0, max=1000, help="Spin this long before each deadline [µs]."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure what this machine can do: the whole scan without a unit under test. Nothing moves.
+
+    Exit code: 0, or 1 when more than 0.1 % of the periods were missed; 2 bad input.
+    """
+    from station import command_timing
+    from station.timing_run import Asked
+
+    asked = Asked(
+        seconds,
+        None if period_us is None else period_us * 1000,
+        None if spin_us is None else spin_us * 1000,
+    )
+    raise typer.Exit(command_timing.timing(recipe, bench, asked, as_json=as_json))
 
 
 def _bad_input() -> tuple[type[Exception], ...]:

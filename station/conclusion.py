@@ -45,6 +45,7 @@ class Ending:
     trouble: str = ""
     refused: bool = False
     counters: dict[str, int] = field(default_factory=dict)
+    times: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     run = record.manifest()
     period_ns = int(run["period_ns"])
     timing = timing_block(table, period_ns, run["clock"], ending.realtime) | {"wires": ending.counters}
+    proof = timing | ending.times
     events = events_of(table, period_ns, ending.notes)
     state = "fault" if ending.refused else _end_state(table)
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
@@ -106,7 +108,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
             record.write_json("calibration.json", calibration)
     lines = [json.dumps(event, ensure_ascii=False) + "\n" for event in events]
     record.write_bytes("events.jsonl", "".join(lines).encode())
-    record.write_json("timing.json", timing)
+    record.write_json("timing.json", proof)
     result = _store(record, result)
     record.update(state=state, ended=now_text(), verdict=result["verdict"], records=len(table), ring=None)
     return Conclusion(result, trace, found if state == "complete" else None)

@@ -7,6 +7,7 @@ the run, no process and no ring file stays behind, and every record that was wri
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -34,9 +35,10 @@ ARM_TIMEOUT_S = 60.0
 LAST_WORDS_S = 0.6
 """Time for the virtual drive to notice a dead controller and to say so before it is switched off."""
 
-EMBEDDED_SPIN_NS = 0
 REAL_SPIN_NS = 100_000
-"""Spinning takes a tenth of a processor; beside an embedded bench there is none to spare."""
+EMBEDDED_SPIN_NS = REAL_SPIN_NS if (os.cpu_count() or 1) > 1 else 0
+"""Spinning takes a tenth of a processor at 1 ms and makes p99 of the lateness ten times smaller (docs/determinism.md);
+beside an embedded bench on a single processor there is none to spare."""
 
 Show = Callable[[bytes], None]
 Say = Callable[[str], None]
@@ -122,6 +124,7 @@ class Desk:
             "bench": str(folder / "bench.yaml"),
             "profiles": self._profiles(),
             "ports": ports,
+            "desk": os.getpid(),
             "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
         }
         path = folder / "scan-spec.json"
@@ -212,4 +215,5 @@ class Desk:
             notes=said.get("notes", []),
             trouble=trouble,
             counters=said.get("counters", {}),
+            times=said.get("times", {}),
         )

@@ -136,6 +136,11 @@ class RingWriter(_Mapped):
         self._taken: int = self._words[W_COMMANDS_TAKEN]
         self._words[W_PID] = os.getpid()
 
+    @property
+    def commands_given(self) -> int:
+        """Commands that the desk has given so far, seen by a scan or not."""
+        return int(self._words[W_COMMANDS_WRITTEN])
+
     def set_state(self, state: ScanState) -> None:
         """Tell the desk where the scan process is."""
         self._words[W_STATE] = int(state)

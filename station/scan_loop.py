@@ -10,7 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from controller.image import Command, Image, Orders
+from controller.image import Command, Image, Orders, State
+from station.scan_times import ScanTimes
 from station.schedule import RealTimeSchedule
 
 START_AT = 50
@@ -76,13 +77,14 @@ def run_real(
     *,
     schedule: RealTimeSchedule,
     stop: Stop,
+    times: ScanTimes,
 ) -> int:
     """Run scans at their deadlines until the controller has finished; return the number of the last period.
 
-    A lost record asks for a stop: what nobody records must not go on under torque.
+    `times` counts what every scan took. A lost record asks for a stop: what nobody records must not go on under torque.
     """
     now_ns: Callable[[], int] = time.monotonic_ns
-    read, step, write, wait = bench.read, controller.step, bench.write, schedule.wait
+    read, step, write, wait, count = bench.read, controller.step, bench.write, schedule.wait, times.add
     scan = -1
     schedule.start()
     while not controller.finished:
@@ -94,10 +96,16 @@ def run_real(
             stop.given = True
             command = int(Command.STOP)
         image = read(scan, missed, command)
+        was_read = now_ns()
         orders = step(image, scan)
+        stepped = now_ns()
         write(orders, scan)
-        if not append(scan, schedule.lateness_ns, now_ns() - woken, image, orders):
+        written = now_ns()
+        if not append(scan, schedule.lateness_ns, written - woken, image, orders):
             stop.wanted = True
+        if stop.given and orders.state == State.IDLE:
+            break  # nothing was started, so there is nothing to bring to an end
+        count(scan, missed, schedule.lateness_ns, (woken, was_read, stepped, written, now_ns()))
     return scan
 
 

@@ -5,12 +5,14 @@ no waiting call in the scan. SIGTERM asks the controller for a stop (unload firs
 SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
 
 Spec: ring, report (paths), recipe, bench (paths), profiles ({name: path}), ports (ready line of an embedded bench or
-null), spin_ns.
+null), spin_ns, desk (its process id).
 """
 
 from __future__ import annotations
 
+import ctypes
 import json
+import os
 import signal
 import sys
 import traceback
@@ -26,9 +28,11 @@ from station import realtime
 from station.assemble import wire_config
 from station.ring import RingWriter, ScanState
 from station.scan_loop import Stop, run_real
+from station.scan_times import ScanTimes
 from station.schedule import RealTimeSchedule
 
 EXIT_REFUSED = 2
+PR_SET_PDEATHSIG = 1
 
 
 def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
@@ -53,7 +57,8 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         armed = {"realtime": realtime.as_json(grants), "verified": verified}
         _tell(spec, {"state": "running", **armed})
         ring.set_state(ScanState.RUNNING)
-        last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop)
+        times = ScanTimes()
+        last = run_real(bench, controller, ring.append, ring.take_command, schedule=schedule, stop=stop, times=times)
         counters = bench.counters()
     finally:
         bench.close()
@@ -64,6 +69,7 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         "lost": ring.lost,
         **armed,
         "counters": counters,
+        "times": times.to_dict(),
         "notes": [event._asdict() for event in controller.events if event.kind == "note"],
         "stopped_by_signal": stop.wanted,
     }
@@ -77,6 +83,18 @@ def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
     beside.replace(path)
 
 
+def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:
+    """End a scan that nobody has started and nobody can start any more; one that was started goes on without a desk."""
+
+    def desk_died(*_: object) -> None:
+        if os.getppid() != desk and ring.commands_given == 0:
+            stop.ask()
+
+    signal.signal(signal.SIGUSR1, desk_died)
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGUSR1), 0, 0, 0)
+    desk_died()  # it may have died before it was watched
+
+
 def main() -> int:
     """Run a spec; 0 when the scan came to its end, 2 when the bench was refused, 1 when the program failed."""
     # The unit library takes numpy when it finds it: 80 MB that would be locked into memory, and a second thread.
@@ -86,6 +104,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, stop.ask)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ring = RingWriter(Path(spec["ring"]))
+    _watch_desk(int(spec["desk"]), ring, stop)
     code, state = 0, ScanState.FINISHED
     try:
         report = scan(spec, ring, stop)

@@ -88,7 +88,7 @@ def test_parquet(tmp_path: Path) -> None:
         ("branch,torque_out_nm\nforward,1\nbackwards,1\n", "row 2, column branch: found 'backwards'"),
         ("segment,torque_out_nm\nmeasure 2 1,1\n", "found 'measure 2 1'; allowed are forward, return"),
         (b"t_s,torque_out_nm\n0,\xff\xfe\n", "cannot be read|row 1, column torque_out_nm"),
-        (b"PAR1 and nothing else", "cannot be read as CSV or Parquet"),
+        (b"PAR1 and nothing else", "cannot be read as CSV, Parquet or TDMS"),
     ],
 )
 def test_faults_are_named(tmp_path: Path, content: bytes | str, said: str) -> None:

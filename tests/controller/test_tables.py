@@ -6,7 +6,7 @@ import pytest
 from programs import ROWS
 from transitions import MachineError
 
-from controller.compiler import BUDGETS
+from controller.budgets import BUDGETS
 from controller.faults import FAULT_BY_ID
 from controller.image import (
     IMAGE_FIELDS,

@@ -112,3 +112,10 @@ def test_a_cell_of_the_matrix_keeps_its_bounds():
     assert cell.wrong == ()
     assert (cell.alarm, cell.reaction, cell.order_scans, cell.final_state) == ("guard_open", "quick_stop", 0, "fault")
     assert len(cell.trace_nm) > 50
+
+
+def test_the_documentation_has_every_cell_of_the_matrix():
+    page = (ROOT / "docs" / "fault-matrix.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:3] for line in page.splitlines() if line.startswith("| `")]
+    written = [(name.strip(" `"), state.strip()) for name, state in rows]
+    assert written == [(ROWS[row].name, state) for row, state in cells()], "run 'lostmotion faults matrix --page ...'"

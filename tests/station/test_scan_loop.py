@@ -8,6 +8,7 @@ from station_samples import IMAGE, ORDERS
 from controller.image import Command, Image, Orders
 from station import realtime
 from station.scan_loop import START_AT, Stop, run_real, run_virtual, start_once
+from station.scan_times import ScanTimes
 from station.schedule import RealTimeSchedule
 
 
@@ -52,20 +53,24 @@ def test_virtual_time_runs_every_scan_and_starts_once() -> None:
 
 def test_real_time_numbers_periods_over_the_missed_ones() -> None:
     line = Line(30)
-    last = run_real(line, line, line.append, lambda: 0, schedule=RealTimeSchedule(200_000), stop=Stop())
+    last = run_real(
+        line, line, line.append, lambda: 0, schedule=RealTimeSchedule(200_000), stop=Stop(), times=ScanTimes()
+    )
     assert last == line.recorded[-1] == 29 + sum(missed for _, missed, _ in line.seen)
 
 
 def test_a_stop_signal_becomes_one_stop_command() -> None:
     line, stop = Line(1000), Stop()
     stop.ask(15, None)
-    run_real(line, line, line.append, lambda: 0, schedule=RealTimeSchedule(200_000), stop=stop)
+    run_real(line, line, line.append, lambda: 0, schedule=RealTimeSchedule(200_000), stop=stop, times=ScanTimes())
     assert [command for _, _, command in line.seen] == [Command.STOP]
 
 
 def test_a_lost_record_stops_the_run() -> None:
     line = Line(1000)
-    run_real(line, line, lambda *_: False, lambda: 0, schedule=RealTimeSchedule(200_000), stop=Stop())
+    run_real(
+        line, line, lambda *_: False, lambda: 0, schedule=RealTimeSchedule(200_000), stop=Stop(), times=ScanTimes()
+    )
     assert [command for _, _, command in line.seen] == [0, Command.STOP]
 
 
@@ -78,5 +83,5 @@ def test_every_request_is_answered_with_a_reason(tmp_path: Path) -> None:
         os._exit(0)
     os.waitpid(child, 0)
     names = [line.split(":") for line in answers.read_text().splitlines()]
-    assert [name for name, _ in names] == ["timer_slack", "prefault", "mlock", "gc_off", "fifo"]
+    assert [name for name, _ in names] == ["affinity", "timer_slack", "prefault", "mlock", "gc_off", "fifo"]
     assert all(detail == "True" for _, detail in names)

@@ -1,0 +1,49 @@
+"""Figures of documents and data sheets in the units of this package.
+
+The background documents give stiffness in N·m/rad, angles at the input shaft, and encoders by their lines.
+"""
+
+from __future__ import annotations
+
+import math
+
+from analysis.errors import AnalysisError
+from analysis.units import RAD_PER_ARCMIN
+
+ARCMIN_PER_TURN = 360.0 * 60.0
+ARCSEC_PER_ARCMIN = 60.0
+ARCMIN_PER_DEGREE = 60.0
+
+
+def nm_per_arcmin(stiffness_nm_per_rad: float) -> float:
+    """Stiffness in N·m/arcmin from N·m/rad."""
+    return stiffness_nm_per_rad * RAD_PER_ARCMIN
+
+
+def nm_per_rad(stiffness_nm_per_arcmin: float) -> float:
+    """Stiffness in N·m/rad from N·m/arcmin."""
+    return stiffness_nm_per_arcmin / RAD_PER_ARCMIN
+
+
+def angle_at_output(angle_at_input: float, ratio: float) -> float:
+    """Angle at the output for one at the input, in the same unit; AnalysisError unless the ratio is above zero."""
+    return angle_at_input / _above_zero(ratio, "ratio")
+
+
+def stiffness_at_output(stiffness_at_input: float, ratio: float) -> float:
+    """Stiffness seen at the output of a spring at the input: i² times, in the same unit."""
+    return stiffness_at_input * _above_zero(ratio, "ratio") ** 2
+
+
+def encoder_step_arcmin(lines: float, interpolation: float = 1.0) -> float:
+    """Angle of one count [arcmin] of an encoder with so many lines per turn, each divided by the interpolation.
+
+    ×4 is what a quadrature counter gives. Raises AnalysisError for lines or interpolation that are not above zero.
+    """
+    return ARCMIN_PER_TURN / (_above_zero(lines, "lines") * _above_zero(interpolation, "interpolation"))
+
+
+def _above_zero(value: float, what: str) -> float:
+    if not (math.isfinite(value) and value > 0.0):
+        raise AnalysisError(f"{what}: found {value}; needed is a number above zero")
+    return value

@@ -1,0 +1,122 @@
+"""Capability of a process against its limits: Cp and Cpk from the spread within, Pp and Ppk from the whole spread.
+
+With one limit only the side that exists counts: Cp and Pp are not defined then, Cpk and Ppk are. Source: ISO 22514-2;
+confidence of Cp by chi-square, of Cpk after A. Bissell (1990).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from analysis.errors import AnalysisError
+from analysis.line.samples import checked_level, checked_row
+from analysis.units import FloatArray
+
+MOVING_RANGE = 2.0 / math.sqrt(math.pi)
+"""d₂ for two values (1.128): mean moving range over it estimates the standard deviation within."""
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Indices of one spread: both sides (None with one limit), and the nearer side."""
+
+    both: float | None
+    nearest: float
+
+
+@dataclass(frozen=True)
+class Capability:
+    """What a sample says about a process.
+
+    within: Cp and Cpk with the standard deviation within subgroups; overall: Pp and Ppk with that of all values.
+    cpk_low and cpk_high: confidence interval of Cpk. outside_fraction: expected beyond the limits, if normal.
+    """
+
+    within: Indices
+    overall: Indices
+    cpk_low: float
+    cpk_high: float
+    mean: float
+    sd_within: float
+    sd_overall: float
+    outside_fraction: float
+    lower: float | None
+    upper: float | None
+    values: int
+
+
+def indices(mean: float, sd: float, lower: float | None, upper: float | None) -> Indices:
+    """Capability indices of a normal process with known mean and standard deviation.
+
+    Raises AnalysisError without a limit, for limits in the wrong order, or a standard deviation that is not above zero.
+    """
+    if lower is None and upper is None:
+        raise AnalysisError("capability: no limit; give lower, upper or both")
+    if lower is not None and upper is not None and not lower < upper:
+        raise AnalysisError(f"capability: limits {lower:g} and {upper:g}; the lower one must be the smaller one")
+    if not all(math.isfinite(limit) for limit in (lower, upper) if limit is not None):
+        raise AnalysisError(f"capability: limits {lower} and {upper}; leave a limit out that does not exist")
+    if not (sd > 0.0 and math.isfinite(sd) and math.isfinite(mean)):
+        raise AnalysisError(f"capability: mean {mean:g}, standard deviation {sd:g}; needed is a spread above zero")
+    sides = [] if lower is None else [(mean - lower) / (3.0 * sd)]
+    if upper is not None:
+        sides.append((upper - mean) / (3.0 * sd))
+    both = None if lower is None or upper is None else (upper - lower) / (6.0 * sd)
+    return Indices(both, min(sides))
+
+
+def capability(
+    values: Sequence[float] | FloatArray,
+    lower: float | None = None,
+    upper: float | None = None,
+    subgroup: int = 1,
+    level: float = 0.95,
+) -> Capability:
+    """Estimate capability from values in the order of production.
+
+    subgroup: values made together; 1 takes the moving range of neighbours, more pools the variances within (a last
+    subgroup that is not full counts in the whole spread only). Raises AnalysisError for fewer than 3 values or 2 whole
+    subgroups, values that are not finite, no spread, or limits as `indices` says.
+    """
+    row = checked_row(values, "capability", 3)
+    checked_level(level)
+    sd_within, freedom = _within(row, subgroup)
+    mean, sd_overall = float(row.mean()), float(row.std(ddof=1))
+    within = indices(mean, sd_within, lower, upper)
+    overall = indices(mean, sd_overall, lower, upper)
+    normal = stats.norm(mean, sd_overall)
+    outside = (0.0 if lower is None else float(normal.cdf(lower))) + (0.0 if upper is None else float(normal.sf(upper)))
+    z = float(stats.norm.ppf(0.5 + 0.5 * level))
+    half = z * math.sqrt(1.0 / (9.0 * row.size) + within.nearest**2 / (2.0 * freedom))
+    return Capability(
+        within=within,
+        overall=overall,
+        cpk_low=within.nearest - half,
+        cpk_high=within.nearest + half,
+        mean=mean,
+        sd_within=sd_within,
+        sd_overall=sd_overall,
+        outside_fraction=outside,
+        lower=lower,
+        upper=upper,
+        values=row.size,
+    )
+
+
+def _within(row: FloatArray, subgroup: int) -> tuple[float, float]:
+    """Standard deviation within subgroups and its degrees of freedom."""
+    if subgroup == 1:
+        # neighbouring moving ranges share a value: about 0.62 degrees of freedom each
+        return float(np.abs(np.diff(row)).mean()) / MOVING_RANGE, 0.62 * (row.size - 1)
+    groups = row.size // subgroup if subgroup > 1 else 0
+    if groups < 2:
+        raise AnalysisError(
+            f"capability: subgroups of {subgroup} in {row.size} values; needed are 2 whole subgroups or more"
+        )
+    whole = row[: groups * subgroup].reshape(groups, subgroup)
+    return math.sqrt(float(whole.var(axis=1, ddof=1).mean())), float(groups * (subgroup - 1))

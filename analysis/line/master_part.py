@@ -1,0 +1,135 @@
+"""Trend of a master part: the same reducer measured again and again tells whether the bench changes, not the product.
+
+Individuals chart after Shewhart (standard deviation MR/1.128 from the first measurements), two run rules, a straight
+line over time, and the distance from the value that was certified. The limits hold a steady bench with the probability
+of three standard deviations, and are wider while the baseline is short.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from analysis.errors import AnalysisError
+from analysis.line.capability import MOVING_RANGE
+from analysis.line.samples import checked_level, checked_row
+from analysis.units import BoolArray, FloatArray
+
+LEAST_BASELINE = 5
+"""Measurements that the control limits are made of, at least."""
+
+INSIDE_ONE_SIDE = 0.99865
+"""Probability below three standard deviations of a normal law."""
+
+SAME_SIDE = 8
+RISING_OR_FALLING = 7
+"""This many in a row by chance have a probability below half a percent."""
+
+
+class Signal(NamedTuple):
+    """A rule that was broken: name, number of the measurement at which (from 1), and what it means."""
+
+    rule: str
+    measurement: int
+    text: str
+
+
+@dataclass(frozen=True)
+class MasterPart:
+    """Where the bench stands.
+
+    centre, low_limit, high_limit of the chart; slope_per_day with its standard uncertainty and p value (of no trend);
+    bias against the reference value and its expanded uncertainty, None without one; signals, empty when all is well.
+    """
+
+    centre: float
+    low_limit: float
+    high_limit: float
+    slope_per_day: float
+    u_slope_per_day: float
+    p_no_trend: float
+    bias: float | None
+    u_bias_expanded: float | None
+    signals: tuple[Signal, ...]
+
+    @property
+    def in_control(self) -> bool:
+        """Whether no rule was broken."""
+        return not self.signals
+
+
+def master_part_trend(
+    days: Sequence[float] | FloatArray,
+    values: Sequence[float] | FloatArray,
+    baseline: int = 10,
+    reference: tuple[float, float] | None = None,
+    level: float = 0.99,
+) -> MasterPart:
+    """Judge measurements of a master part over time.
+
+    days: time of each, rising; baseline: how many of the first make the limits; reference: certified value and its
+    standard uncertainty. A trend counts when its p value is below 1 − level. Raises AnalysisError for fewer than 5 in
+    the baseline, lengths that differ, times that do not rise, or values that never change.
+    """
+    when, row = checked_row(days, "master part: days", 3), checked_row(values, "master part: values", 3)
+    checked_level(level)
+    if when.size != row.size:
+        raise AnalysisError(f"master part: {when.size} days for {row.size} values; needed is one of each")
+    if (np.diff(when) < 0.0).any() or when[-1] <= when[0]:
+        raise AnalysisError("master part: the days do not rise; sort the measurements by time")
+    if not LEAST_BASELINE <= baseline <= row.size:
+        raise AnalysisError(
+            f"master part: baseline of {baseline} in {row.size} values; needed are "
+            f"{LEAST_BASELINE} or more to begin with"
+        )
+    centre = float(row[:baseline].mean())
+    sd = float(np.abs(np.diff(row[:baseline])).mean()) / MOVING_RANGE
+    if not sd > 0.0:
+        raise AnalysisError("master part: the baseline never changes; are the values rounded too far?")
+    line = stats.linregress(when - when[0], row)
+    p = float(line.pvalue) if math.isfinite(float(line.pvalue)) else 0.0
+    reach = sd * math.sqrt(1.0 + 1.0 / baseline) * float(stats.t.ppf(INSIDE_ONE_SIDE, 0.62 * (baseline - 1)))
+    signals = _signals(row, centre, reach)
+    if p < 1.0 - level:
+        signals.append(Signal("trend", row.size, f"drifts by {line.slope:.3g} per day: look for what wears or creeps"))
+    bias = u_bias = None
+    if reference is not None:
+        certified, u_certified = reference
+        bias = float(row.mean()) - certified
+        u_bias = 2.0 * math.hypot(u_certified, float(row.std(ddof=1)) / math.sqrt(row.size))
+        if abs(bias) > u_bias:
+            signals.append(Signal("bias", row.size, f"off the certified value by {bias:.3g}, U is {u_bias:.3g}"))
+    return MasterPart(
+        centre=centre,
+        low_limit=centre - reach,
+        high_limit=centre + reach,
+        slope_per_day=float(line.slope),
+        u_slope_per_day=float(line.stderr),
+        p_no_trend=p,
+        bias=bias,
+        u_bias_expanded=u_bias,
+        signals=tuple(signals),
+    )
+
+
+def _signals(row: FloatArray, centre: float, reach: float) -> list[Signal]:
+    """Return the first place at which each rule is broken."""
+    rising, falling = np.diff(row, prepend=row[0]) > 0.0, np.diff(row, prepend=row[0]) < 0.0
+    rules: tuple[tuple[str, BoolArray, int, str], ...] = (
+        ("limit", np.abs(row - centre) > reach, 1, "outside the control limits: stop and find the cause"),
+        ("side", row > centre, SAME_SIDE, f"{SAME_SIDE} in a row above the centre: the level has moved"),
+        ("side", row < centre, SAME_SIDE, f"{SAME_SIDE} in a row below the centre: the level has moved"),
+        ("steps", rising, RISING_OR_FALLING - 1, f"{RISING_OR_FALLING} rising in a row"),
+        ("steps", falling, RISING_OR_FALLING - 1, f"{RISING_OR_FALLING} falling in a row"),
+    )
+    found = []
+    for name, hit, length, text in rules:
+        ends = np.flatnonzero(np.convolve(hit.astype(np.int64), np.ones(length, np.int64)) == length)
+        if ends.size:
+            found.append(Signal(name, int(ends[0]) + 1, text))
+    return found

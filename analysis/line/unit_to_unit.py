@@ -1,0 +1,91 @@
+"""Unit-to-unit statistics: how one metric differs between units, apart from how it repeats on one unit.
+
+One-way analysis of variance with units as random; units may have different numbers of measurements.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from analysis.errors import AnalysisError
+from analysis.line.samples import checked_level, checked_row
+from analysis.units import FloatArray
+
+UNUSUAL = 3.5
+"""Units whose modified z score (0.6745·distance from the median over the MAD) is beyond this are named (Iglewicz)."""
+
+
+@dataclass(frozen=True)
+class UnitToUnit:
+    """One metric over units.
+
+    mean, median and sd of the units' means, the confidence interval of that sd; sd_within (repeatability) and sd_units
+    (between units, repeatability removed), None when no unit was measured twice; least and most with their units;
+    unusual units by name.
+    """
+
+    units: int
+    measurements: int
+    mean: float
+    median: float
+    sd: float
+    sd_low: float
+    sd_high: float
+    sd_within: float | None
+    sd_units: float | None
+    least: tuple[str, float]
+    most: tuple[str, float]
+    unusual: tuple[str, ...]
+
+
+def unit_to_unit(by_unit: Mapping[str, Sequence[float] | FloatArray], level: float = 0.95) -> UnitToUnit:
+    """Compare units by one metric: values per serial number.
+
+    Raises AnalysisError for fewer than 3 units, or a unit without values or with one that is not finite.
+    """
+    checked_level(level)
+    if len(by_unit) < 3:
+        raise AnalysisError(f"unit to unit: found {len(by_unit)} units; needed are 3 or more")
+    rows = {serial: checked_row(values, f"unit to unit: {serial}", 1) for serial, values in by_unit.items()}
+    means = np.array([row.mean() for row in rows.values()])
+    sd = float(means.std(ddof=1))
+    freedom = means.size - 1
+    low, high = (sd * math.sqrt(freedom / stats.chi2.ppf(0.5 + sign * 0.5 * level, freedom)) for sign in (1, -1))
+    within, between = _components(list(rows.values()), means)
+    names = list(rows)
+    distance = np.abs(means - np.median(means))
+    scale = float(np.median(distance))
+    unusual = distance > UNUSUAL / 0.6745 * scale if scale > 0.0 else distance > 0.0
+    return UnitToUnit(
+        units=means.size,
+        measurements=sum(row.size for row in rows.values()),
+        mean=float(means.mean()),
+        median=float(np.median(means)),
+        sd=sd,
+        sd_low=float(low),
+        sd_high=float(high),
+        sd_within=within,
+        sd_units=between,
+        least=(names[int(np.argmin(means))], float(means.min())),
+        most=(names[int(np.argmax(means))], float(means.max())),
+        unusual=tuple(names[index] for index in np.flatnonzero(unusual)),
+    )
+
+
+def _components(rows: list[FloatArray], means: FloatArray) -> tuple[float | None, float | None]:
+    """Standard deviations within and between units by the mean squares."""
+    counts = np.array([row.size for row in rows])
+    total = int(counts.sum())
+    freedom = total - counts.size
+    if freedom < 1:
+        return None, None
+    within = sum(float(np.square(row - row.mean()).sum()) for row in rows) / freedom
+    grand = float((counts * means).sum()) / total
+    between = float((counts * np.square(means - grand)).sum()) / (counts.size - 1)
+    effective = (total - float(np.square(counts).sum()) / total) / (counts.size - 1)
+    return math.sqrt(within), math.sqrt(max(between - within, 0.0) / effective)

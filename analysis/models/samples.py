@@ -1,0 +1,129 @@
+"""Samples that a model is identified from: wind-up and output torque along the loop, thinned, and what they show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.errors import AnalysisError
+from analysis.runs import Run, found_runs
+from analysis.units import FloatArray
+
+MOST_POINTS = 4000
+"""Samples of a loop that are identified from, unless asked for otherwise."""
+
+LEAST_POINTS = 40
+"""Fewer samples do not show a loop."""
+
+UNUSED_ROLES = ("calibrate", "fatigue", "dwell", "unload", "other", "virgin")
+
+
+@dataclass(frozen=True)
+class LoopSamples:
+    """Wind-up [arcmin] and output torque [N·m] in order of time, with the direction (+1, −1) of each sample's branch.
+
+    The first sample continues the last one: whole cycles, from one reversal to the same one.
+    """
+
+    angle_arcmin: FloatArray
+    torque_nm: FloatArray
+    direction: FloatArray
+
+    @property
+    def peak_nm(self) -> float:
+        """Largest torque."""
+        return float(np.abs(self.torque_nm).max())
+
+    @property
+    def angle_range_arcmin(self) -> tuple[float, float]:
+        """Least and largest wind-up."""
+        return float(self.angle_arcmin.min()), float(self.angle_arcmin.max())
+
+
+@dataclass(frozen=True)
+class LoopShape:
+    """What a loop shows at a glance, for start values.
+
+    half_height_nm: half the height of the loop at mid angle; offset_arcmin: angle where the mean is at zero torque;
+    stiffness_nm_per_arcmin of the outer quarters; soft_zone_arcmin by which their straight lines miss the origin.
+    """
+
+    half_height_nm: float
+    offset_arcmin: float
+    stiffness_nm_per_arcmin: float
+    soft_zone_arcmin: float
+
+
+def loop_samples(
+    angle_arcmin: FloatArray,
+    torque_nm: FloatArray,
+    runs: Sequence[Run] | None = None,
+    most_points: int = MOST_POINTS,
+) -> LoopSamples:
+    """Take the measured branches of a loop, every n-th sample as measured.
+
+    Means of neighbours would round the corner after a reversal, which is where presliding shows. runs: from
+    `commanded_runs`; None finds the turning points on the torque. Raises AnalysisError for lengths that differ, values
+    that are not finite, no rising and falling branch, or fewer than 40 samples.
+    """
+    angle, torque = np.asarray(angle_arcmin, dtype=np.float64), np.asarray(torque_nm, dtype=np.float64)
+    if angle.ndim != 1 or angle.shape != torque.shape:
+        raise AnalysisError(
+            f"model: found {angle.size} angles and {torque.size} torques; needed is one of each per sample"
+        )
+    if not (np.isfinite(angle).all() and np.isfinite(torque).all()):
+        row = int(np.argmax(~(np.isfinite(angle) & np.isfinite(torque)))) + 1
+        raise AnalysisError(f"model: row {row} is not finite; repair or remove it")
+    if angle.size < LEAST_POINTS:
+        raise AnalysisError(f"model: found {angle.size} samples; needed are {LEAST_POINTS} or more of a whole loop")
+    measured = [run for run in (found_runs(torque) if runs is None else runs) if run.role not in UNUSED_ROLES]
+    if {run.direction for run in measured} != {-1, 1}:
+        raise AnalysisError(
+            f"model: found {len(measured)} measured branches; needed are a rising and a falling one; record a loop"
+        )
+    if len(measured) % 2:
+        measured = measured[:-1]
+    total = sum(piece.stop - piece.start for run in measured for piece in run.pieces)
+    stride = max(1, -(-total // most_points))
+    rows = np.concatenate([np.arange(piece.start, piece.stop, stride) for run in measured for piece in run.pieces])
+    directions = np.concatenate(
+        [
+            np.full(len(range(piece.start, piece.stop, stride)), run.direction)
+            for run in measured
+            for piece in run.pieces
+        ]
+    )
+    if rows.size < LEAST_POINTS:
+        raise AnalysisError(f"model: {rows.size} samples in the branches; needed are {LEAST_POINTS} or more")
+    samples = LoopSamples(angle[rows], torque[rows], directions.astype(np.float64))
+    if np.ptp(samples.angle_arcmin) <= 0.0 or np.ptp(samples.torque_nm) <= 0.0:
+        raise AnalysisError("model: angle or torque does not move; needed is a loop; check the channels")
+    return samples
+
+
+def loop_shape(loop: LoopSamples) -> LoopShape:
+    """Read start values off a loop."""
+    low, high = loop.angle_range_arcmin
+    angle = np.linspace(low + 0.05 * (high - low), high - 0.05 * (high - low), 200)
+    rising, falling = (_torque_at(loop, direction, angle) for direction in (1.0, -1.0))
+    mean = 0.5 * (rising + falling)
+    stiffness = max(
+        float(np.polyfit(angle[-50:], mean[-50:], 1)[0] + np.polyfit(angle[:50], mean[:50], 1)[0]) / 2, 1e-9
+    )
+    offset = float(angle[int(np.argmin(np.abs(mean)))])
+    missing = np.abs(angle - offset) - np.abs(mean) / stiffness
+    outer = np.concatenate([missing[:50], missing[-50:]])
+    return LoopShape(
+        half_height_nm=max(0.5 * float(np.median(rising - falling)), 1e-6 * loop.peak_nm),
+        offset_arcmin=offset,
+        stiffness_nm_per_arcmin=stiffness,
+        soft_zone_arcmin=max(float(np.median(outer)), 1e-3 * (high - low)),
+    )
+
+
+def _torque_at(loop: LoopSamples, direction: float, angle: FloatArray) -> FloatArray:
+    chosen = loop.direction == direction
+    order = np.argsort(loop.angle_arcmin[chosen], kind="stable")
+    return np.asarray(np.interp(angle, loop.angle_arcmin[chosen][order], loop.torque_nm[chosen][order]))

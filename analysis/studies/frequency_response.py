@@ -1,0 +1,142 @@
+"""Frequency response of a reducer from a torque chirp: H1 estimate, coherence, and a gate on it.
+
+H1 = S_xy / S_xx of wind-up over torque does not see noise of the angle; the coherence says how much of the angle the
+torque explains. Source: J. Bendat and A. Piersol, "Random Data", 9.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from analysis.errors import AnalysisError
+from analysis.units import BoolArray, FloatArray
+
+LEAST_COHERENCE = 0.9
+"""Lines below are not used."""
+
+LEAST_AVERAGES = 3
+"""With one segment the coherence is 1 whatever was measured."""
+
+SEGMENTS = 12
+"""Half overlapping segments that a record without a period is cut into."""
+
+SMOOTHED_LINES = 15
+"""Lines over which the noise is averaged."""
+
+LARGEST_JITTER = 0.01
+"""Share of a sample period by which sample times may stray."""
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Compliance H [arcmin/(N·m)] per line: frequency [Hz], coherence 0…1, relative standard uncertainty of |H|.
+
+    used: lines whose coherence passes the gate and that the torque excites; averages: independent segments.
+    """
+
+    frequency_hz: FloatArray
+    response: np.typing.NDArray[np.complex128]
+    coherence: FloatArray
+    u_relative: FloatArray
+    used: BoolArray
+    averages: float
+
+
+def frequency_response(
+    t_s: FloatArray,
+    torque_nm: FloatArray,
+    angle_arcmin: FloatArray,
+    band_hz: tuple[float, float],
+    *,
+    period_s: float | None = None,
+    least_coherence: float = LEAST_COHERENCE,
+) -> FrequencyResponse:
+    """Estimate wind-up over torque in a band, from equally spaced samples.
+
+    period_s: the chirp repeats with this period; then segments are whole periods without a window, the first one is
+    left out (it holds the transient), and there is no leakage. None cuts into 12 half overlapping segments under a Hann
+    window. Raises AnalysisError for lengths that differ, samples that are not equally spaced, fewer than 3 segments, a
+    band beyond half the sample rate, or no line that passes the gate.
+    """
+    t, x, y = (np.asarray(row, dtype=np.float64) for row in (t_s, torque_nm, angle_arcmin))
+    step = _checked_step(t, x, y)
+    low, high = band_hz
+    if not 0.0 < low < high <= 0.5 / step:
+        raise AnalysisError(
+            f"frequency response: band {low:g}…{high:g} Hz; needed is a rising band above 0, up to {0.5 / step:g} Hz"
+        )
+    length, overlap, window = _segments(t.size, step, period_s)
+    if period_s is not None:
+        x, y = x[length:], y[length:]
+    count = (x.size - overlap) // (length - overlap)
+    # Hann segments that overlap by half count for a little less than two thirds each (Welch)
+    averages = float(count) if period_s is not None else 1.0 + 0.62 * (count - 1)
+    if count < LEAST_AVERAGES:
+        raise AnalysisError(
+            f"frequency response: {count} segments of {length} samples; needed are {LEAST_AVERAGES} or more, or the "
+            "coherence says nothing; record longer, or more periods"
+        )
+    options = {"fs": 1.0 / step, "window": window, "nperseg": length, "noverlap": overlap, "detrend": "constant"}
+    frequency, s_xx = signal.welch(x, **options)
+    _, s_yy = signal.welch(y, **options)
+    _, s_xy = signal.csd(x, y, **options)
+    inside = (frequency >= low) & (frequency <= high)
+    if not inside.any() or float(s_xx[inside].max()) <= 0.0:
+        raise AnalysisError("frequency response: the torque does not move within the band; check the chirp")
+    frequency, s_xx, s_yy, s_xy = frequency[inside], s_xx[inside], s_yy[inside], s_xy[inside]
+    excited = s_xx > 1e-6 * float(s_xx.max())
+    response = np.divide(s_xy, s_xx, out=np.zeros_like(s_xy), where=excited)
+    coherence = np.divide(np.abs(s_xy) ** 2, s_xx * s_yy, out=np.zeros_like(s_xx), where=excited & (s_yy > 0.0))
+    coherence = np.clip(coherence, 0.0, 1.0)
+    # with few averages the coherence of one line scatters: noise is judged with its neighbours, or luck passes the gate
+    noise = _smooth(s_yy * (1.0 - coherence)) * averages / (averages - 1.0)
+    explained = np.abs(response) ** 2 * s_xx
+    used = excited & (coherence >= least_coherence) & (explained >= least_coherence * (explained + noise))
+    if not used.any():
+        raise AnalysisError(
+            f"frequency response: no line reaches a coherence of {least_coherence:g} (best {coherence.max():.3f}); "
+            "raise the amplitude of the chirp, or lower the gate"
+        )
+    u_relative = np.sqrt(noise / np.maximum(2.0 * averages * explained, 1e-300))
+    return FrequencyResponse(frequency, response, coherence, u_relative, used, averages)
+
+
+def _checked_step(t: FloatArray, x: FloatArray, y: FloatArray) -> float:
+    if not t.ndim == x.ndim == y.ndim == 1 or not t.size == x.size == y.size or t.size < 64:
+        raise AnalysisError(
+            f"frequency response: {t.size} times, {x.size} torques, {y.size} angles; needed are 64 or more of each"
+        )
+    for name, row in (("t_s", t), ("torque", x), ("angle", y)):
+        bad = ~(np.abs(row) <= 1e9)
+        if bad.any():
+            raise AnalysisError(f"frequency response: row {int(np.argmax(bad)) + 1} of {name} is not finite; repair it")
+    step = float(t[-1] - t[0]) / (t.size - 1)
+    if step <= 0.0 or float(np.abs(np.diff(t) - step).max()) > LARGEST_JITTER * step:
+        raise AnalysisError(
+            f"frequency response: the samples are not equally spaced (mean step {step:g} s); resample the record first"
+        )
+    return step
+
+
+def _smooth(power: FloatArray) -> FloatArray:
+    """Mean over neighbouring lines, fewer at the ends."""
+    window = np.ones(min(SMOOTHED_LINES, power.size))
+    total: FloatArray = np.convolve(power, window, "same") / np.convolve(np.ones_like(power), window, "same")
+    return total
+
+
+def _segments(size: int, step: float, period_s: float | None) -> tuple[int, int, str]:
+    """Samples per segment, samples that segments share, and the window."""
+    if period_s is None:
+        length = 2 * size // (SEGMENTS + 1)
+        return length, length // 2, "hann"
+    length = round(period_s / step)
+    if length < 16 or abs(length * step - period_s) > LARGEST_JITTER * step:
+        raise AnalysisError(
+            f"frequency response: a period of {period_s:g} s is {period_s / step:.4g} samples; needed are whole "
+            "samples, 16 or more; choose period and sample rate together"
+        )
+    return length, 0, "boxcar"

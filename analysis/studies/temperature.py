@@ -1,0 +1,97 @@
+"""A metric over temperature: slope per °C over runs, with its uncertainty, and the value at a reference temperature."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from analysis.errors import AnalysisError
+from analysis.line.samples import checked_level, checked_row
+from analysis.units import FloatArray
+
+LEAST_RUNS = 4
+LEAST_SPAN_C = 2.0
+"""Over less than this, the slope is the noise of the thermometer."""
+
+REFERENCE_C = 20.0
+"""Reference temperature of dimensional metrology (ISO 1)."""
+
+
+@dataclass(frozen=True)
+class TemperatureTrend:
+    """Straight line of a metric over temperature.
+
+    at_reference and its standard uncertainty at reference_c; slope_per_c with standard uncertainty and interval;
+    p_none: probability of such a slope if temperature did nothing; residual_sd of runs about the line; low_c, high_c:
+    temperatures that were measured.
+    """
+
+    slope_per_c: float
+    u_slope_per_c: float
+    slope_low: float
+    slope_high: float
+    p_none: float
+    at_reference: float
+    u_at_reference: float
+    reference_c: float
+    residual_sd: float
+    low_c: float
+    high_c: float
+    runs: int
+
+    def corrected(self, value: float, temperature_c: float) -> float:
+        """Value of a run at the reference temperature; AnalysisError more than the measured span outside of it."""
+        span = self.high_c - self.low_c
+        if not self.low_c - span <= temperature_c <= self.high_c + span:
+            raise AnalysisError(
+                f"temperature: {temperature_c:g} °C; the slope was measured from {self.low_c:g} to {self.high_c:g} °C; "
+                "measure runs near this temperature"
+            )
+        return value - self.slope_per_c * (temperature_c - self.reference_c)
+
+
+def temperature_trend(
+    temperature_c: Sequence[float] | FloatArray,
+    values: Sequence[float] | FloatArray,
+    reference_c: float = REFERENCE_C,
+    level: float = 0.95,
+) -> TemperatureTrend:
+    """Fit a metric of several runs over their temperatures [°C] by ordinary least squares.
+
+    Raises AnalysisError for fewer than 4 runs, lengths that differ, or temperatures within 2 °C.
+    """
+    checked_level(level)
+    x = checked_row(temperature_c, "temperature: °C", LEAST_RUNS)
+    y = checked_row(values, "temperature: values", LEAST_RUNS)
+    if x.size != y.size:
+        raise AnalysisError(f"temperature: {x.size} temperatures for {y.size} values; needed is one of each per run")
+    if float(np.ptp(x)) < LEAST_SPAN_C:
+        raise AnalysisError(
+            f"temperature: runs from {x.min():g} to {x.max():g} °C; needed are {LEAST_SPAN_C:g} °C or more between them"
+        )
+    centre = float(x.mean())
+    spread = float(np.square(x - centre).sum())
+    slope = float(((x - centre) * (y - y.mean())).sum()) / spread
+    residual = y - y.mean() - slope * (x - centre)
+    sd = math.sqrt(float(np.square(residual).sum()) / (x.size - 2))
+    u_slope = sd / math.sqrt(spread)
+    half = float(stats.t.ppf(0.5 + 0.5 * level, x.size - 2)) * u_slope
+    p = 2.0 * float(stats.t.sf(abs(slope) / u_slope, x.size - 2)) if u_slope > 0.0 else float(slope == 0.0)
+    return TemperatureTrend(
+        slope_per_c=slope,
+        u_slope_per_c=u_slope,
+        slope_low=slope - half,
+        slope_high=slope + half,
+        p_none=p,
+        at_reference=float(y.mean()) + slope * (reference_c - centre),
+        u_at_reference=math.hypot(sd / math.sqrt(x.size), u_slope * (reference_c - centre)),
+        reference_c=reference_c,
+        residual_sd=sd,
+        low_c=float(x.min()),
+        high_c=float(x.max()),
+        runs=x.size,
+    )

@@ -1,0 +1,46 @@
+"""How much faster than real time a run in virtual time is, on one core, and how fast a record replays.
+
+By processor time: what other programs take from a shared machine is not counted.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+from controller.controller import Controller
+from drivers.virtual.inprocess import VirtualTimeBench
+from station.assemble_virtual import virtual_config
+from station.durable import Appender
+from station.realtime import quiet_collector
+from station.replay import replay
+from station.request import load_job
+from station.scan_loop import run_virtual, start_once
+from station.virtual_recorder import VirtualRecorder
+
+RECIPE = "rv-40e-121-quick"
+
+
+def measure() -> tuple[float, float, int]:
+    """Return the virtual-time factor, replayed scans per second, and the number of scans."""
+    job = load_job(RECIPE, None)
+    period_ns = job.recipe.sampling.period_ns
+    bench = VirtualTimeBench(virtual_config(job.bench, job.profile_paths, "P1"), period_ns)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "samples.bin"
+        file = Appender(path)
+        recorder = VirtualRecorder(file)
+        with quiet_collector():
+            start = time.process_time()
+            scans = run_virtual(bench, Controller(job.program), recorder.append, start_once)
+            seconds = time.process_time() - start
+        recorder.flush()
+        file.close()
+        content = path.read_bytes()
+        start = time.process_time()
+        found = replay(content, Controller(job.program))
+        replayed_s = time.process_time() - start
+    if not found.same or found.identical != scans:
+        raise SystemExit(f"the run does not replay: {found}")
+    return scans * period_ns * 1e-9 / seconds, scans / replayed_s, scans

@@ -1,0 +1,135 @@
+"""How late a process wakes: cyclictest, a plain Python loop, the bare schedule of the scan, and the whole scan."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from station import realtime
+from station.scan_times import Counts
+from station.schedule import RealTimeSchedule
+
+ROOT = Path(__file__).parents[1]
+PERIOD_NS = 1_000_000
+LARGEST_US = 20_000
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """Wake-up lateness of one way to wait [µs]."""
+
+    name: str
+    p50: float
+    p99: float
+    p999: float
+    largest: float
+
+    def row(self, base: Lateness | None) -> str:
+        """Return it as a row, with p99 and p99.9 as multiples of those of `base`."""
+        figures = "".join(f"{value:9.1f}" for value in (self.p50, self.p99, self.p999, self.largest))
+        if base is None or base is self:
+            return f"  {self.name:34}{figures}"
+        ratios = (self.p99 / max(base.p99, 1.0), self.p999 / max(base.p999, 1.0))
+        return f"  {self.name:34}{figures}" + "".join(f"{ratio:9.2f}" for ratio in ratios)
+
+
+HEAD = f"  {'lateness in µs':34}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9}{'p99/c':>9}{'p99.9/c':>9}"
+
+
+def of_counts(name: str, counts: Counts) -> Lateness:
+    """Return the figures of a histogram of ours."""
+    found = [counts.percentile_us(percent) for percent in (50.0, 99.0, 99.9)]
+    return Lateness(name, found[0], found[1], found[2], counts.largest_ns / 1000.0)
+
+
+def cyclictest(seconds: float) -> Lateness | None:
+    """Return what cyclictest (rt-tests) sees at the scan's priority and period; None where it is missing or refused."""
+    program = shutil.which("cyclictest")
+    if program is None:
+        return None
+    command = [program, "-q", "-m", "-t1", f"-p{realtime.FIFO_PRIORITY}", f"-i{PERIOD_NS // 1000}", "--default-system"]
+    command += [f"-l{round(seconds * 1e9 / PERIOD_NS)}", f"-h{LARGEST_US}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=seconds + 60)  # noqa: S603
+    rows = [line.split() for line in done.stdout.splitlines() if line[:1].isdigit()]
+    counted = [(int(row[0]), int(row[1])) for row in rows if len(row) == 2]
+    total = sum(count for _, count in counted)
+    if not total:
+        return None
+    maxima = [line.split(":")[1] for line in done.stdout.splitlines() if line.startswith("# Max Latencies")]
+    largest = float(maxima[0]) if maxima else float(max(us for us, count in counted if count))
+    p50, p99, p999 = (_percentile(counted, total, percent) for percent in (50.0, 99.0, 99.9))
+    return Lateness("cyclictest", p50, p99, p999, largest)
+
+
+def _percentile(counted: list[tuple[int, int]], total: int, percent: float) -> float:
+    seen = 0
+    for us, count in counted:
+        seen += count
+        if seen * 100 >= percent * total:
+            return float(us)
+    return float(LARGEST_US)
+
+
+def in_child(kind: str, seconds: float) -> Lateness:
+    """Run a loop of ours in a process of its own: what it asks of the machine it asks for good."""
+    command = [sys.executable, "-m", "benchmarks.wakeups", kind, str(seconds)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)  # noqa: S603
+    return Lateness(**json.loads(done.stdout))
+
+
+def full_scan(seconds: float, *, period_us: int = 1000, spin_us: int | None = None) -> dict[str, Any]:
+    """Return the report of `lostmotion timing`: CAN, Modbus, controller and record against the virtual bench."""
+    command = [sys.executable, "-m", "station", "timing", "--json", "--seconds", str(seconds)]
+    command += ["--period-us", str(period_us)]
+    command += [] if spin_us is None else ["--spin-us", str(spin_us)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)  # noqa: S603
+    if not done.stdout:
+        raise SystemExit(f"lostmotion timing failed: {done.stderr}")
+    report: dict[str, Any] = json.loads(done.stdout)
+    return report
+
+
+def of_report(name: str, report: dict[str, Any]) -> Lateness:
+    """Return the lateness in a report of `lostmotion timing`."""
+    late = report["lateness_us"]
+    return Lateness(name, late["p50"], late["p99"], late["p999"], late["max"])
+
+
+def _plain(seconds: float) -> Counts:
+    """Sleep until the next deadline, as anyone would write it."""
+    counts = Counts()
+    deadline = time.monotonic_ns()
+    for _ in range(round(seconds * 1e9 / PERIOD_NS)):
+        deadline += PERIOD_NS
+        time.sleep(max(deadline - time.monotonic_ns(), 0) * 1e-9)
+        counts.add(max(time.monotonic_ns() - deadline, 0))
+    return counts
+
+
+def _schedule(seconds: float) -> Counts:
+    """Wait with the scan's own schedule and privileges, and do nothing."""
+    counts = Counts()
+    realtime.request_all()
+    schedule = RealTimeSchedule(PERIOD_NS)
+    schedule.start()
+    for _ in range(round(seconds * 1e9 / PERIOD_NS)):
+        schedule.wait()
+        counts.add(schedule.lateness_ns)
+    return counts
+
+
+LOOPS = {"plain": ("Python, time.sleep", _plain), "schedule": ("our schedule, no work", _schedule)}
+
+
+if __name__ == "__main__":
+    label, loop = LOOPS[sys.argv[1]]
+    json.dump(of_counts(label, loop(float(sys.argv[2]))).__dict__, sys.stdout)
+    sys.stdout.flush()
+    os._exit(0)

@@ -1,0 +1,58 @@
+"""`lostmotion resume`: the new desk of a run whose desk died while its scan goes on."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+
+from controller.image import Command
+from station.command_run import exit_code
+from station.command_show import stored_result
+from station.record_store import RunRecord, Store
+from station.recovery import recover, resume
+from station.result_view import result_console, show_result
+from station.ring import RingReader
+
+
+class Operator:
+    """Ctrl-C once: stop; again: quick stop."""
+
+    def __init__(self) -> None:
+        self._asked = 0
+        self._sent = 0
+
+    def interrupt(self, *_: object) -> None:
+        """Note one Ctrl-C."""
+        self._asked += 1
+
+    def attend(self, ring: RingReader) -> None:
+        """Pass what was asked on to the scan."""
+        if self._asked > self._sent:
+            ring.send(Command.STOP if self._sent == 0 else Command.QUICK_STOP)
+            self._sent += 1
+
+
+def resume_run(name: str, data: Path, *, as_json: bool) -> int:
+    """Take over a run, or conclude it when its scan has ended; return the exit code of its result.
+
+    Raises:
+        StationError: there is no such run.
+
+    """
+    run: RunRecord = Store(data).find(name)
+    operator = Operator()
+    before = {number: signal.signal(number, operator.interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        resume(run, operator.attend)
+        recover(run)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    result = stored_result(run)
+    if as_json:
+        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+    else:
+        show_result(result_console(), result)
+    return exit_code(result)

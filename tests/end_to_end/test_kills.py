@@ -1,0 +1,32 @@
+"""SIGKILL of the scan process and of the desk at odd moments; `make kill-tests` does it a hundred times each."""
+
+from __future__ import annotations
+
+import pytest
+from kills import kill
+
+pytestmark = pytest.mark.wires
+
+
+@pytest.mark.parametrize("after_s", [0.003, 0.8, 7.31])
+def test_a_killed_scan_process_loses_no_written_record(after_s, tmp_path):
+    left = kill("scan", after_s, tmp_path)
+    assert left.problems() == []
+    assert left.state == "interrupted" or left.cause == "missed_periods"
+
+
+def test_a_run_whose_desk_was_killed_is_finished_without_it(tmp_path):
+    left = kill("desk", 4.27, tmp_path)
+    assert left.problems() == []
+    assert left.state == "complete" or left.cause == "missed_periods"
+
+
+def test_a_new_desk_takes_over_a_run_that_goes_on(tmp_path):
+    left = kill("desk", 1.9, tmp_path, resume=True)
+    assert left.problems() == []
+    assert left.state == "complete" or left.cause == "missed_periods"
+
+
+def test_a_scan_that_nobody_can_start_any_more_ends(tmp_path):
+    left = kill("desk", 0.0, tmp_path)
+    assert left.problems() == []

@@ -1,0 +1,93 @@
+"""`lostmotion replay` on runs in virtual time: identical, what if, damaged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from station.scan_record import RECORD_BYTES
+
+GOLDEN_RECIPE = Path(__file__).parents[1] / "golden" / "golden.yaml"
+
+
+@pytest.fixture
+def stored(lostmotion):
+    """Run the short recipe of the golden runs and return its folder."""
+    return lostmotion("run", str(GOLDEN_RECIPE), "--virtual-time", "--json", "--serial", "R").record
+
+
+def test_stored_run_replays_identically_and_a_cut_one_up_to_the_cut(lostmotion, stored):
+    ran = lostmotion("replay", str(stored), "--json")
+    scans = (stored / "samples.bin").stat().st_size // RECORD_BYTES
+    assert ran.exit_code == 0
+    assert ran.json["identical_scans"] == scans
+    assert (ran.json["difference"], ran.json["events_differ"], ran.json["program_differs"]) == (None, [], [])
+    for name in ("events.jsonl", "result.json"):
+        (stored / name).unlink()
+    with (stored / "samples.bin").open("r+b") as file:
+        file.truncate(1000 * RECORD_BYTES + 17)
+    ran = lostmotion("replay", str(stored))
+    assert ran.exit_code == 0
+    assert "1000 scans replayed identically" in ran.out
+    assert "17 bytes" in ran.out
+
+
+def test_changed_transition_list_and_damaged_record_are_found(lostmotion, stored):
+    events = (stored / "events.jsonl").read_text(encoding="utf-8")
+    (stored / "events.jsonl").write_text(events.replace('"to": "lock"', '"to": "calibrate"'), encoding="utf-8")
+    ran = lostmotion("replay", str(stored))
+    assert ran.exit_code == 1
+    assert "transitions differ" in ran.out
+    content = bytearray((stored / "samples.bin").read_bytes())
+    content[500 * RECORD_BYTES + 100] ^= 1
+    (stored / "samples.bin").write_bytes(content)
+    ran = lostmotion("replay", str(stored))
+    assert ran.exit_code == 2
+    assert "record 500 fails its CRC" in ran.out
+
+
+def test_another_program_is_told_and_its_first_differing_scan_shown(lostmotion, stored):
+    recipe = (stored / "recipe.yaml").read_text(encoding="utf-8")
+    changed = recipe.replace("torque_out_alarm: 36 %", "torque_out_alarm: 32 %")
+    changed = changed.replace("unload: {torque_rate: 300", "unload: {torque_rate: 250")
+    (stored / "recipe.yaml").write_text(changed, encoding="utf-8")
+    ran = lostmotion("replay", str(stored))
+    assert ran.exit_code == 1
+    assert "program.limits.torque_out_alarm_nm: recorded" in ran.out
+    assert "first difference at scan" in ran.out
+    assert "* reference_torque_nm" in ran.out
+
+
+def test_what_if_lists_interlocks_and_metrics_that_would_have_changed(lostmotion, stored, tmp_path):
+    own = lostmotion("replay", str(stored), "--recipe", str(GOLDEN_RECIPE))
+    assert own.exit_code == 0
+    assert "nothing would have changed" in own.out
+    text = GOLDEN_RECIPE.read_text(encoding="utf-8")
+    for old, new in (
+        ("torque_out_alarm: 36 %", "torque_out_alarm: 20 %"),
+        ("torque_out_trip: 40 %", "torque_out_trip: 25 %"),
+        ("{id: torque_ratio_slope}", "{id: torque_ratio_slope, min: 200}"),
+        ("name: golden", "name: tighter"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    other = tmp_path / "tighter.yaml"
+    other.write_text(text, encoding="utf-8")
+    ran = lostmotion("replay", str(stored), "--recipe", str(other), "--json")
+    assert ran.exit_code == 1
+    found = ran.json["what_if"]
+    assert [(one["id"], one["change"]) for one in found["interlocks"]] == [
+        ("torque_out_alarm", "new"),
+        ("torque_out_trip", "new"),
+    ]
+    assert [one["diverges"] for one in found["interlocks"]] == [True, True]
+    assert found["verdict"] == {"recorded": "NOT DECIDABLE", "other": "FAIL"}
+    samples = json.loads((stored / "samples.json").read_text(encoding="utf-8"))
+    assert samples["record_bytes"] == RECORD_BYTES, "a what-if leaves the record alone"
+
+
+def test_unknown_run_and_recipe_are_bad_input(lostmotion, stored):
+    assert lostmotion("replay", "nothing-like-it").exit_code == 2
+    assert lostmotion("replay", str(stored), "--recipe", "no-such-recipe").exit_code == 2

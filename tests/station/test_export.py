@@ -1,0 +1,113 @@
+"""Each format read back by its own library: every value, unit and meaning, and the run that they belong to."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from nptdms import TdmsFile
+from scipy.io import loadmat
+from station_samples import IMAGE, ORDERS
+
+from analysis import read_trace
+from controller.image import IMAGE_FIELDS, ORDERS_FIELDS
+from station.export import FORMATS, Column, columns_of, sidecar
+from station.record_check import table_of
+from station.scan_record import HEADER_FIELDS, pack
+
+RUN = {"id": "20260101T000000.000Z-S1", "serial": "S1 ±°", "attempt": 2, "recipe": {"name": "r", "revision": 3}}
+SCANS = 50
+AWKWARD = (0.1, -0.0, 1e-300, 1 / 3, 123456789.123456789)
+
+
+def columns() -> list[Column]:
+    records = b"".join(
+        pack((n, n + n // 7, -5 * n, n), IMAGE._replace(torque_in_nm=AWKWARD[n % 5], command=n % 5), ORDERS)
+        for n in range(SCANS)
+    )
+    return columns_of(table_of(records), 1_000_000)
+
+
+Read = tuple[dict[str, np.ndarray], dict[str, str], dict[str, str], dict[str, Any]]
+
+
+def read_parquet(path: Path) -> Read:
+    table = pq.read_table(path)
+    fields = {field.name: field.metadata for field in table.schema}
+    values = {name: table[name].to_numpy() for name in table.column_names}
+    units = {name: data[b"unit"].decode() for name, data in fields.items()}
+    meanings = {name: data[b"meaning"].decode() for name, data in fields.items()}
+    return values, units, meanings, json.loads(table.schema.metadata[b"lostmotion"])
+
+
+def read_csv(path: Path) -> Read:
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    values = {name: np.array([float(row[index]) for row in rows]) for index, name in enumerate(header)}
+    beside = json.loads(sidecar(path).read_text(encoding="utf-8"))
+    units = {one["name"]: one["unit"] for one in beside["columns"]}
+    return values, units, {one["name"]: one["meaning"] for one in beside["columns"]}, beside["run"]
+
+
+def read_mat(path: Path) -> Read:
+    found = loadmat(path, simplify_cells=True)
+    text = {name: {key: str(value) if len(value) else "" for key, value in found[name].items()} for name in
+            ("unit", "meaning")}  # fmt: skip
+    return found["data"], text["unit"], text["meaning"], json.loads(found["run"])
+
+
+def read_tdms(path: Path) -> Read:
+    file = TdmsFile.read(path)
+    channels = [channel for group in file.groups() for channel in group.channels()]
+    values = {channel.name: channel[:] for channel in channels}
+    units = {channel.name: channel.properties["unit_string"] for channel in channels}
+    meanings = {channel.name: channel.properties["description"] for channel in channels}
+    assert file.properties["serial"] == RUN["serial"]
+    return values, units, meanings, json.loads(file.properties["lostmotion"])
+
+
+READERS: dict[str, Callable[[Path], Read]] = {
+    "parquet": read_parquet,
+    "csv": read_csv,
+    "mat": read_mat,
+    "tdms": read_tdms,
+}
+
+
+def test_every_format_has_a_reader_here() -> None:
+    assert set(READERS) == set(FORMATS)
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS))
+def test_round_trip_is_exact(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"run.{name}"
+    written = columns()
+    FORMATS[name](path, written, RUN)
+    values, units, meanings, run = READERS[name](path)
+    assert run == RUN
+    assert set(values) == {one.name for one in written}
+    for one in written:
+        assert np.array_equal(np.asarray(values[one.name], dtype=one.values.dtype), one.values), one.name
+        assert units[one.name] == one.unit
+        assert meanings[one.name] == one.meaning
+    assert np.signbit(values["torque_in_nm"]).tolist() == np.signbit([AWKWARD[n % 5] for n in range(SCANS)]).tolist()
+
+
+def test_no_field_of_the_record_is_left_out_and_no_two_share_a_name() -> None:
+    names = [one.name for one in columns()]
+    assert len(names) == len(set(names)) == 1 + len(HEADER_FIELDS) + len(IMAGE_FIELDS) + len(ORDERS_FIELDS)
+
+
+@pytest.mark.parametrize("name", ["csv", "parquet"])
+def test_the_analysis_reads_the_file_as_a_trace(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"run.{name}"
+    FORMATS[name](path, columns(), RUN)
+    trace = read_trace(path)
+    assert trace.torque_in_nm is not None
+    assert trace.torque_in_nm.tolist() == [AWKWARD[n % 5] for n in range(SCANS)]

@@ -203,11 +203,15 @@ def _sample_not_ready(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
 def _torque_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
     if not m.agreement_live:
         return False
-    out_nm, margin_nm = abs(m.torque_out_nm), li.torque_agreement_nm
+    out_nm, margin_nm = m.torque_out_nm, li.torque_agreement_nm
     if p.loading_input:
-        ideal_nm, factor = abs(m.torque_in_nm) * p.ratio, li.torque_agreement_ratio
+        ideal_nm, factor = m.torque_in_nm * p.ratio, li.torque_agreement_ratio
     else:
-        ideal_nm, factor = abs(i.drive_torque_nm), DRIVE_TORQUE_FACTOR
+        ideal_nm, factor = i.drive_torque_nm, DRIVE_TORQUE_FACTOR
+    if ideal_nm * out_nm < 0.0:
+        # friction lets them differ in sign near zero only
+        return abs(out_nm) + abs(ideal_nm) / factor > margin_nm
+    ideal_nm, out_nm = abs(ideal_nm), abs(out_nm)
     return out_nm > ideal_nm * factor + margin_nm or out_nm < ideal_nm / factor - margin_nm
 
 

@@ -13,6 +13,7 @@ from typing import Annotated
 
 import typer
 
+from station.cli_faults import faults_app
 from station.errors import BenchFaultError, StationError
 
 EXIT_BAD_INPUT = 2
@@ -34,6 +35,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+app.add_typer(faults_app, name="faults")
 
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
 BenchOption = Annotated[

@@ -174,3 +174,24 @@ def error_register(code: int) -> int:
 def decode_command(controlword: int) -> PowerCommand:
     """Return the command in a control word's low bits; every value has one."""
     return next(command for mask, pattern, command in COMMANDS if controlword & mask == pattern)
+
+
+SHORT_MASK, LONG_MASK = 0x4F, 0x6F
+SHORT_STATES = frozenset(
+    {
+        PowerState.NOT_READY_TO_SWITCH_ON,
+        PowerState.SWITCH_ON_DISABLED,
+        PowerState.FAULT_REACTION_ACTIVE,
+        PowerState.FAULT,
+    }
+)
+"""States whose status word does not tell by bit 5 (CiA 402, status word)."""
+
+
+def state_of(statusword: int) -> PowerState:
+    """Return the state that a status word shows; one that fits none counts as not ready."""
+    for state, bits in STATUS_BITS.items():
+        mask = SHORT_MASK if state in SHORT_STATES else LONG_MASK
+        if statusword & mask == bits & mask:
+            return state
+    return PowerState.NOT_READY_TO_SWITCH_ON

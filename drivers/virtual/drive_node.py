@@ -6,6 +6,7 @@ asyncio loop that the server runs on.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -19,17 +20,22 @@ from durand.services.sdo.server import SDODomainAbort
 
 from drivers.virtual.config import DriveConfig
 from drivers.virtual.drive_axis import DriveAxis
+from drivers.virtual.fault_injector import LOST, FaultInjector
 from drivers.virtual.object_table import SETTINGS, STRUCT_LETTERS, U8, U32, VALUES, Setting, Value
 from drivers.virtual.pdo_service import ABORT_VALUE, SETPOINT_PDO, Mappable, PdoService
 from drivers.virtual.plant import Plant
-from drivers.virtual.scenario import FaultInjector, Scenario
+from drivers.virtual.scenario import Scenario
 
 DEVICE_TYPE = 0x00020192  # servo drive by CiA 402
 REVISION, SERIAL = 0x00010000, 1
 CONSUMERS = 2
 HISTORY = 8
 SYNC_COB = 0x080
+NMT_COB, NMT_RESET_COMMUNICATION = 0x000, 0x82
 HEARTBEAT_COB = 0x700
+
+STATUS_PLACES = {0x6041: 0, 0x6061: 1, 0x6077: 2}
+"""Objects that faults may change, by their place in what `FaultInjector.status` returns."""
 
 Receiver = Callable[[int, bytes], None]
 
@@ -70,6 +76,8 @@ class DriveNode:
         self._plant = plant
         self._bus_send = send
         self._ready = False
+        self._booted = False
+        self._late: deque[tuple[int, int, bytes]] = deque()  # arrival [ns], COB id and data of delayed frames
         self.axis = DriveAxis(plant, config, self._emcy)
         self.faults = FaultInjector(scenario, plant, self.axis, report)
         self._network = NodeNetwork(self._send)
@@ -104,6 +112,13 @@ class DriveNode:
         self.faults.step(now_ns)
         self.axis.tick(now_ns)
         self._pdo.tick(now_ns)
+        while self._late and self._late[0][0] <= now_ns:
+            self._bus_send(*self._late.popleft()[1:])
+        if not self._booted and self.faults.node_is_reset:
+            self._booted = True
+            self.receive(NMT_COB, bytes([NMT_RESET_COMMUNICATION, self._config.node_id]))
+        if ("drive.emcy", "storm") in self.faults.active:
+            self.node.emcy.set(self.faults.emergency(0), self.axis.machine.error_register)
 
     def _sync(self, _cob_id: int, _data: bytes) -> None:
         self._pdo.actuate()
@@ -111,16 +126,20 @@ class DriveNode:
         self._pdo.sample()
 
     def _send(self, cob_id: int, data: bytes) -> None:
-        if cob_id == HEARTBEAT_COB + self._config.node_id and not self.faults.wires.heartbeat:
-            self.faults.seen("can.drive.heartbeat")
+        if cob_id == HEARTBEAT_COB + self._config.node_id and self.faults.frame("can.drive.heartbeat") == LOST:
             return
         self._bus_send(cob_id, data)
 
     def _send_pdo(self, number: int, cob_id: int, data: bytes) -> None:
-        if number == 1 and not self.faults.wires.tpdo1:
-            self.faults.seen("can.drive.tpdo1")
+        delay_ns = self.faults.frame("can.drive.tpdo1") if number == 1 else 0
+        if delay_ns == LOST:
+            return
+        if delay_ns:
+            self._late.append((self._plant.now_ns + delay_ns, cob_id, data))
             return
         self._bus_send(cob_id, data)
+        if number == 1 and ("can.drive.tpdo1", "duplicate") in self.faults.active:
+            self._bus_send(cob_id, data)
 
     def _emcy(self, code: int, register: int) -> None:
         if self._ready:
@@ -151,8 +170,18 @@ class DriveNode:
         table = {}
         for row in VALUES:
             write = None if row.write is None else self._writer(row)
-            table[row.object_index, 0] = Mappable(STRUCT_LETTERS[row.datatype], partial(row.read, machine), write)
+            read = partial(self._shown, STATUS_PLACES[row.object_index]) if row.object_index in STATUS_PLACES else None
+            table[row.object_index, 0] = Mappable(
+                STRUCT_LETTERS[row.datatype], read or partial(row.read, machine), write
+            )
         return table
+
+    def _shown(self, place: int) -> int:
+        """Status word, mode display or actual torque as it goes into a PDO, with the drive's faults."""
+        machine = self.axis.machine
+        torque = min(max(machine.motor.torque_permille, -0x8000), 0x7FFF)
+        shown = self.faults.status(machine.statusword, int(machine.mode_display), torque)[place]
+        return min(max(shown, -0x8000), 0x7FFF) if place == 2 else shown
 
     def _writer(self, row: Value) -> Callable[[int], None]:
         machine, write = self.axis.machine, row.write

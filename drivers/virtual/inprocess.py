@@ -23,8 +23,9 @@ from drivers.virtual import cia402_tables as tables
 from drivers.virtual.cia402_tables import PowerState
 from drivers.virtual.config import BenchConfig
 from drivers.virtual.drive_axis import DriveAxis
+from drivers.virtual.fault_injector import LOST, FaultInjector
 from drivers.virtual.plant import Plant, Sample
-from drivers.virtual.scenario import FaultInjector, Scenario
+from drivers.virtual.scenario import Scenario
 
 CONTROLWORDS: dict[int, int] = {
     DriveCommand.DISABLE_VOLTAGE: 0x0000,
@@ -81,12 +82,14 @@ class VirtualTimeBench:
         # Values as the devices last sent them, and the scans at which they arrive.
         self._status = (0, 0, 0, 0, 0)  # state, word, mode, torque, error register
         self._motion = (0, 0)
+        self._late_status: list[tuple[int, tuple[int, int, int, int, int]]] = []  # arrival [ns], of delayed frames
         self._emcy = 0
         self._sample = NO_SAMPLE
         self._brake_values = (0.0, 0)
         self._io_values = (0, 0, 0.0, 0.0)
         self._status_scan = self._sample_scan = self._brake_scan = self._io_scan = -AGE_NEVER
         self._beat_scan = 0
+        self._nmt_state = NmtState.OPERATIONAL.value
         self._orders_brake: tuple[int, float] = (0, 0.0)
 
     def read(self, scan: int, missed_periods: int, command: int) -> Image:
@@ -118,7 +121,7 @@ class VirtualTimeBench:
             position * self._rad_per_count,
             velocity * self._rad_s_per_count,
             age if (age := scan - self._status_scan) < AGE_NEVER else AGE_NEVER,
-            NmtState.OPERATIONAL.value,
+            self._nmt_state,
             age if (age := scan - self._beat_scan) < AGE_NEVER else AGE_NEVER,
             self._emcy,
             register,
@@ -166,63 +169,77 @@ class VirtualTimeBench:
         wanted = (orders.brake_on, orders.brake_current_a)
         if wanted == self._orders_brake:
             return
-        if "brake" in self.faults.wires.cut:
-            self.faults.seen("modbus.brake")
+        if self.faults.device("brake")[0] in ("off", "exception", "silence"):
             return
         self._orders_brake = wanted
         current = round(orders.brake_current_a / CURRENT_STEP_A) * CURRENT_STEP_A if orders.brake_on else 0.0
         self.plant.set_brake_current(current)
 
     def _answer_drive(self, scan: int) -> None:
-        machine, wires = self.axis.machine, self.faults.wires
+        machine, faults = self.axis.machine, self.faults
         motor = machine.motor
-        if wires.tpdo1:
-            self._status = (
-                DRIVE_STATES[machine.state],
-                machine.statusword,
-                int(machine.mode_display),
-                motor.torque_permille,
-                machine.error_register,
-            )
-            self._status_scan = scan + 1
+        if faults.node_is_reset:
+            self._nmt_state = NmtState.PRE_OPERATIONAL.value
         else:
-            self.faults.seen("can.drive.tpdo1")
-        position = machine.position_counts
-        self._motion = ((position + INT32 + 1 & 0xFFFFFFFF) - INT32 - 1, motor.velocity_counts_s)
-        self._emcy = machine.error_code
-        if scan % self._drive_beat_every == 0:
-            if wires.heartbeat:
-                self._beat_scan = scan + 1
-            else:
-                self.faults.seen("can.drive.heartbeat")
+            self._send_status(scan)
+            position = machine.position_counts
+            self._motion = ((position + INT32 + 1 & 0xFFFFFFFF) - INT32 - 1, motor.velocity_counts_s)
+        self._emcy = faults.emergency(machine.error_code)
+        if scan % self._drive_beat_every == 0 and faults.frame("can.drive.heartbeat") != LOST:
+            self._beat_scan = scan + 1
+
+    def _send_status(self, scan: int) -> None:
+        """Send TPDO 1, which faults may lose or delay; a frame that comes late brings an old status."""
+        machine, faults = self.axis.machine, self.faults
+        word, mode, torque = faults.status(machine.statusword, int(machine.mode_display), machine.motor.torque_permille)
+        state = DRIVE_STATES[tables.state_of(word)] if word != machine.statusword else DRIVE_STATES[machine.state]
+        status = (state, word, mode, torque, machine.error_register)
+        delay_ns = faults.frame("can.drive.tpdo1")
+        if delay_ns == 0 and not self._late_status:
+            self._status, self._status_scan = status, scan + 1
+            return
+        if delay_ns != LOST:
+            self._late_status.append((self.plant.now_ns + delay_ns, status))
+        while self._late_status and self._late_status[0][0] <= self.plant.now_ns:
+            self._status, self._status_scan = self._late_status.pop(0)[1], scan + 1
 
     def _answer_slow(self, scan: int) -> None:
         plant = self.plant
-        if scan % self._sample_every == 0 and not self._is_cut("amplifier"):
-            self._sample = plant.sample()
+        if scan % self._sample_every == 0 and self._answers("amplifier", scan):
+            if not self._frozen("amplifier"):
+                self._sample = plant.sample()
             self._sample_scan = scan + 1
-        if scan % self._brake_every == 0 and not self._is_cut("brake"):
-            self._brake_values = (plant.brake_current_a, self._orders_brake[0])
+        if scan % self._brake_every == 0 and self._answers("brake", scan):
+            if not self._frozen("brake"):
+                self._brake_values = (plant.brake_current_a, self._orders_brake[0])
             self._brake_scan = scan + 1
-        if scan % self._io_every == 0 and not self._is_cut("remote_io"):
+        if scan % self._io_every == 0 and self._answers("remote_io", scan):
             wires = self.faults.wires
-            self._io_values = (
-                int(wires.estop_released),
-                int(wires.guard_closed),
-                round(plant.housing_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
-                round(plant.ambient_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
-            )
+            if not self._frozen("remote_io"):
+                housing_c = plant.housing_temp_c + wires.housing_offset_k
+                self._io_values = (
+                    int(wires.estop_released),
+                    int(wires.guard_closed),
+                    round(housing_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
+                    round(plant.ambient_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
+                )
             self._io_scan = scan + 1
 
-    def _is_cut(self, device: str) -> bool:
-        if device not in self.faults.wires.cut:
-            return False
-        self.faults.seen(f"modbus.{device}")
-        return True
+    def _answers(self, device: str, scan: int) -> bool:
+        """Whether a request of this scan is answered before the next; a slow device is asked again when it has."""
+        verb, value = self.faults.device(device)
+        if verb == "slow":
+            every = max(round(value * 1e6 / self._period_ns), 1)
+            return scan % every == 0
+        return verb in ("", "freeze")
+
+    def _frozen(self, device: str) -> bool:
+        return bool(self.faults.active) and self.faults.device(device)[0] == "freeze"
 
     def _links_lost(self) -> int:
-        cut = self.faults.wires.cut
-        return sum(LINKS[device] for device in cut) if cut else 0
+        if not self.faults.active:
+            return 0
+        return sum(bit for device, bit in LINKS.items() if self.faults.device(device)[0] in ("off", "exception"))
 
 
 def _clip16(value: int) -> int:

@@ -54,10 +54,16 @@ class Device:
         self.unit_id = port.unit_id
         self._read = read
         self._write = write
+        self._frozen = False
+        self._words: list[int] = []
         self._holding = [0] * sum(WORDS[row.type] for row in port.registers.write)
 
-    def answer(self, request: ModbusPDU) -> ModbusPDU:
-        """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3."""
+    def answer(self, request: ModbusPDU, *, frozen: bool = False) -> ModbusPDU:
+        """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3.
+
+        A frozen device answers with the values that it last had.
+        """
+        self._frozen = frozen
         code = request.function_code
         if request.dev_id != self.unit_id:
             return ExceptionResponse(code, ExcCodes.GATEWAY_NO_RESPONSE)
@@ -82,9 +88,9 @@ class Device:
         first = request.address - self.registers.read_address
         if first < 0 or request.count < 1 or first + request.count > self.registers.read_count:
             return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
-        values = {**self._read(), "identity": self.registers.identity}
-        words = encode(self.registers, values)
-        return response(registers=words[first : first + request.count])
+        if not (self._frozen and self._words):
+            self._words = encode(self.registers, {**self._read(), "identity": self.registers.identity})
+        return response(registers=self._words[first : first + request.count])
 
     def _answer_holding(self, request: ModbusPDU) -> ModbusPDU:
         if self.registers.read_table == "holding" and self.registers.write_table is None:
@@ -106,12 +112,12 @@ class Device:
 
 
 class ModbusServer:
-    """One device on its own port. `before` runs ahead of every request; `is_cut` tells whether a fault cut the line."""
+    """One device on its own port. `before` runs ahead of every request; `trouble` tells verb and value of its fault."""
 
-    def __init__(self, device: Device, before: Callable[[], None], is_cut: Callable[[], bool]) -> None:
+    def __init__(self, device: Device, before: Callable[[], None], trouble: Callable[[], tuple[str, float]]) -> None:
         self.device = device
         self.before = before
-        self.is_cut = is_cut
+        self.trouble = trouble
         self.connections: set[Connection] = set()
         self._server: _Server | None = None
 
@@ -162,7 +168,7 @@ class Connection(ServerRequestHandler):
         """Take the connection, or drop it while the line is cut."""
         super().callback_connected()
         self._owner.connections.add(self)
-        if self._owner.is_cut():
+        if self._owner.trouble()[0] == "off":
             self.drop()
 
     def callback_disconnected(self, exc: Exception | None) -> None:
@@ -173,8 +179,10 @@ class Connection(ServerRequestHandler):
     def callback_data(self, data: bytes, addr: tuple[Any, ...] | None = None) -> int:
         """Answer every complete request in `data` and return how much of it was used."""
         owner = self._owner
-        if owner.is_cut():
+        verb, value = owner.trouble()
+        if verb == "off":
             self.drop()
+        if verb in ("off", "silence"):
             return len(data)
         owner.before()
         used = 0
@@ -190,10 +198,19 @@ class Connection(ServerRequestHandler):
                 break
             used += length
             if request is not None:
-                response = owner.device.answer(request)
+                response = ExceptionResponse(request.function_code, ExcCodes.DEVICE_FAILURE)
+                if verb != "exception":
+                    response = owner.device.answer(request, frozen=verb == "freeze")
                 response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
-                self.pdu_send(response, addr=addr)
+                if verb == "slow":
+                    asyncio.get_running_loop().call_later(value * 1e-3, self._send_late, response)
+                else:
+                    self.pdu_send(response, addr=addr)
         return used
+
+    def _send_late(self, response: ModbusPDU) -> None:
+        if isinstance(self.transport, asyncio.Transport) and not self.transport.is_closing():
+            self.pdu_send(response)
 
     def drop(self) -> None:
         """End the connection at once."""
@@ -211,7 +228,8 @@ def encode(registers: RegisterMap, values: Mapping[str, float]) -> list[int]:
             struct.pack_into(">H", block, 2 * row.offset, word)
             continue
         low, high = RANGES[row.type]
-        count = min(max(round(value / row.scale), low), high)
+        # not a number becomes the lowest count, as measuring amplifiers show it
+        count = low if value != value else min(max(round(value / row.scale), low), high)  # noqa: PLR0124
         block[2 * row.offset : 2 * (row.offset + WORDS[row.type])] = (count & 0xFFFFFFFF).to_bytes(4, "big")[
             -2 * WORDS[row.type] :
         ]

@@ -6,6 +6,7 @@ by the sample counter, so a sample has the same noise however often and whenever
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp, pi
 from typing import NamedTuple
 
@@ -76,6 +77,8 @@ class Plant:
         self._out: FloatArray = np.zeros(len(CHANNELS) + 1)
         self._pending_ns = 0
         self._gear = config.drive.gear_ratio
+        self.brake_share = 1.0  # of the ordered current that the supply delivers
+        self.overlay: Callable[[Sample], Sample] | None = None  # what faults make of a sample
 
     @property
     def now_ns(self) -> int:
@@ -103,7 +106,13 @@ class Plant:
 
     def set_brake_current(self, current_a: float) -> None:
         """Set the current in the brake's coil, at least 0 A and at most its rating."""
-        self.control[C.BRAKE_CURRENT_A] = min(max(current_a, 0.0), self._config.brake.max_current_a)
+        allowed_a = min(max(current_a, 0.0), self._config.brake.max_current_a)
+        self.control[C.BRAKE_CURRENT_A] = allowed_a * self.brake_share
+
+    @property
+    def reducer_torque_nm(self) -> float:
+        """Torque in the reducer, at the output: what is there, whatever a sensor shows."""
+        return float(self.state[S.TORQUE_NM])
 
     @property
     def brake_current_a(self) -> float:
@@ -143,7 +152,8 @@ class Plant:
         torque_in, torque_out, angle_in, angle_out, status = self._out.tolist()
         time_us = counter * (SAMPLE_NS // 1000)
         bits = int(status) if counter else int(status) | 4
-        return Sample(torque_in, torque_out, angle_in, angle_out, counter & 0xFFFFFFFF, time_us & 0xFFFFFFFF, bits)
+        sample = Sample(torque_in, torque_out, angle_in, angle_out, counter & 0xFFFFFFFF, time_us & 0xFFFFFFFF, bits)
+        return sample if self.overlay is None else self.overlay(sample)
 
 
 def warm_up(config: BenchConfig) -> None:

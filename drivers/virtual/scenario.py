@@ -1,47 +1,35 @@
-"""Faults to inject into the virtual bench: the file's model and the engine that lets them act.
+"""The scenario file: faults to inject, what the operator does, and what must and must not happen.
 
-A scenario names faults by target and verb, each with the moment at which it starts. Every fault reports when its
-effect was first seen; `unseen()` names those that never had one, so that no fault does nothing silently.
+A scenario names faults by target and verb (`fault_vocabulary`), each with the moment at which it starts:
 
     scenario: {name: heartbeat lost}
     faults:
-      - {target: can.drive.heartbeat, verb: off, when: {torque_out_above_nm: 200}}
+      - {target: can.drive.heartbeat, verb: off, when: {state: ramp_pos, after_scans: 200}}
+    expect:
+      - {event: drive_heartbeat_lost, within_scans: 121}
+      - {order: disable_voltage, within_scans: 0}
+      - {torque_below_nm: 33, within_s: 1.0}
+      - {final_state: fault}
+      - {latched: true}
+    never:
+      - {state: complete}
+      - {torque_above_nm: 500}
+
+`lostmotion run --scenario` injects the faults; `lostmotion faults run` judges `expect` and `never` as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Self
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from drivers.virtual.drive_axis import DriveAxis
-from drivers.virtual.plant import CHANNELS, Plant
-from drivers.virtual.plant_kernel import CH, P, S
+from controller.image import Command, DriveCommand, State
+from drivers.virtual.fault_vocabulary import FAULTS
 
-NEEDS_NO_VALUE = ""
-
-FAULTS: dict[tuple[str, str], str] = {
-    # target, verb -> meaning of `value`, empty where there is none
-    ("can.drive.heartbeat", "off"): NEEDS_NO_VALUE,
-    ("can.drive.tpdo1", "off"): NEEDS_NO_VALUE,
-    ("modbus.amplifier", "off"): NEEDS_NO_VALUE,
-    ("modbus.brake", "off"): NEEDS_NO_VALUE,
-    ("modbus.remote_io", "off"): NEEDS_NO_VALUE,
-    ("lock", "slip"): "share of the brake's torque that is left, 0 to 1",
-    ("io.estop", "trip"): NEEDS_NO_VALUE,
-    ("io.guard", "open"): NEEDS_NO_VALUE,
-    ("sensor.torque_in", "stuck"): NEEDS_NO_VALUE,
-    ("sensor.torque_out", "stuck"): NEEDS_NO_VALUE,
-    ("sensor.torque_in", "offset"): "N·m added to the signal",
-    ("sensor.torque_out", "offset"): "N·m added to the signal",
-    ("drive.emcy", "raise"): "error code, 1 to 0xFFFF",
-}
-VALUE_RANGE: dict[tuple[str, str], tuple[float, float]] = {
-    ("lock", "slip"): (0.0, 1.0),
-    ("drive.emcy", "raise"): (1, 0xFFFF),
-}
+STATE_NAMES = tuple(state.name.lower() for state in State)
+ORDER_NAMES = tuple(command.name.lower() for command in DriveCommand)
+COMMAND_NAMES = tuple(command.name.lower() for command in Command if command)
 
 
 class Strict(BaseModel):
@@ -50,26 +38,44 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def _one_of(name: str, found: str | None, allowed: tuple[str, ...]) -> None:
+    if found is not None and found not in allowed:
+        raise ValueError(f"{name}: found {found!r}, allowed {', '.join(allowed)}")
+
+
 class When(Strict):
-    """Moment at which a fault starts; exactly one of the two."""
+    """Moment at which something starts; exactly one of the four, and with a state the scans after it was entered."""
 
     torque_out_above_nm: float | None = None  # of the magnitude of the torque in the reducer
     time_s: float | None = None  # since the bench was started
+    state: str | None = None  # of the controller, when it is entered
+    after_scans: int = Field(default=0, ge=0)
+    scan: int | None = Field(default=None, ge=0)
 
     @model_validator(mode="after")
     def _one_condition(self) -> Self:
-        if (self.torque_out_above_nm is None) == (self.time_s is None):
-            raise ValueError("give exactly one of torque_out_above_nm and time_s")
+        given = [self.torque_out_above_nm, self.time_s, self.state, self.scan]
+        if sum(item is not None for item in given) != 1:
+            raise ValueError("give exactly one of torque_out_above_nm, time_s, state and scan")
+        if self.after_scans and self.state is None:
+            raise ValueError("after_scans counts from the entry into a state: give the state too")
+        _one_of("state", self.state, STATE_NAMES)
         return self
+
+    @property
+    def needs_controller(self) -> bool:
+        """Whether only one who sees the controller's state can tell the moment."""
+        return self.state is not None or self.scan is not None
 
 
 class Fault(Strict):
-    """One fault: what, how, by how much, when."""
+    """One fault: what, how, by how much, when, and for how long (without `for_ms`: to the end)."""
 
     target: str
     verb: str
     value: float | None = None
     when: When
+    for_ms: float | None = Field(default=None, gt=0.0)
 
     @model_validator(mode="after")
     def _known(self) -> Self:
@@ -80,12 +86,14 @@ class Fault(Strict):
                 raise ValueError(f"found verb {self.verb!r} for {self.target}, allowed {', '.join(verbs)}")
             targets = ", ".join(sorted({target for target, _ in FAULTS}))
             raise ValueError(f"found target {self.target!r}, allowed {targets}")
-        if bool(FAULTS[key]) != (self.value is not None):
-            needed = f"needs value: {FAULTS[key]}" if FAULTS[key] else "takes no value"
+        row = FAULTS[key]
+        if bool(row.value) != (self.value is not None):
+            needed = f"needs value: {row.value}" if row.value else "takes no value"
             raise ValueError(f"{self.target} {self.verb} {needed}")
-        low, high = VALUE_RANGE.get(key, (float("-inf"), float("inf")))
-        if self.value is not None and not low <= self.value <= high:
-            raise ValueError(f"{self.target} {self.verb}: found value {self.value:g}, allowed {low:g} to {high:g}")
+        if self.value is not None and not row.low <= self.value <= row.high:
+            raise ValueError(
+                f"{self.target} {self.verb}: found value {self.value:g}, allowed {row.low:g} to {row.high:g}"
+            )
         return self
 
 
@@ -96,112 +104,80 @@ class Header(Strict):
     description: str = ""
 
 
+class Start(Strict):
+    """What the scenario begins with: a recipe (a file, or a shipped one) and a unit on the virtual bench."""
+
+    recipe: str = ""
+    unit: str = ""
+
+
+class Operator(Strict):
+    """What the operator does in the middle of it."""
+
+    command: Literal["stop", "quick_stop", "acknowledge", "reset", "start"]
+    when: When
+
+    @model_validator(mode="after")
+    def _seen(self) -> Self:
+        if not self.when.needs_controller:
+            raise ValueError("the operator acts on what the controller shows: give state or scan")
+        return self
+
+
+class Expect(Strict):
+    """Something that must happen; exactly one kind per entry.
+
+    `event` (fault id) within scans of the first fault's action; `order` (drive command) within scans of the first
+    alarm; `torque_below_nm` within seconds of the first alarm, and from then on; `final_state`; `latched`: nothing
+    leaves the state fault by itself.
+    """
+
+    event: str | None = None
+    order: str | None = None
+    within_scans: int | None = Field(default=None, ge=0)
+    torque_below_nm: float | None = Field(default=None, gt=0.0)
+    within_s: float | None = Field(default=None, gt=0.0)
+    final_state: str | None = None
+    latched: bool | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        kinds = [self.event, self.order, self.torque_below_nm, self.final_state, self.latched]
+        if sum(kind is not None for kind in kinds) != 1:
+            raise ValueError("give exactly one of event, order, torque_below_nm, final_state and latched")
+        if (self.event is None and self.order is None) != (self.within_scans is None):
+            raise ValueError("within_scans belongs to event and order, and they need it")
+        if (self.torque_below_nm is None) != (self.within_s is None):
+            raise ValueError("within_s belongs to torque_below_nm, which needs it")
+        _one_of("final_state", self.final_state, STATE_NAMES)
+        _one_of("order", self.order, ORDER_NAMES)
+        return self
+
+
+class Never(Strict):
+    """Something that must not happen in any scan; exactly one kind per entry."""
+
+    state: str | None = None
+    event: str | None = None
+    torque_above_nm: float | None = Field(default=None, gt=0.0)
+    order_after_fault: str | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        kinds = [self.state, self.event, self.torque_above_nm, self.order_after_fault]
+        if sum(kind is not None for kind in kinds) != 1:
+            raise ValueError("give exactly one of state, event, torque_above_nm and order_after_fault")
+        _one_of("state", self.state, STATE_NAMES)
+        _one_of("order_after_fault", self.order_after_fault, ORDER_NAMES)
+        return self
+
+
 class Scenario(Strict):
     """A scenario file."""
 
     scenario: Header
+    start: Start = Start()
     faults: tuple[Fault, ...]
-
-
-@dataclass
-class Wires:
-    """What the faults leave of the connections and contacts; the servers and the in-process bench look here."""
-
-    heartbeat: bool = True
-    tpdo1: bool = True
-    cut: set[str] = field(default_factory=set)  # of "amplifier", "brake", "remote_io"
-    estop_released: bool = True
-    guard_closed: bool = True
-
-
-@dataclass(frozen=True)
-class Acted:
-    """Report of a fault that has acted."""
-
-    fault: Fault
-    at_s: float
-
-
-class FaultInjector:
-    """Starts each fault at its moment and notes when its effect was first seen."""
-
-    def __init__(
-        self, scenario: Scenario | None, plant: Plant, axis: DriveAxis, report: Callable[[Acted], None] | None = None
-    ) -> None:
-        self.wires = Wires()
-        self.acted: list[Acted] = []
-        self._waiting = list(scenario.faults) if scenario is not None else []
-        self._started: list[Fault] = []  # faults on wires, until something is missing because of them
-        self._plant = plant
-        self._axis = axis
-        self._report = report
-
-    def step(self, now_ns: int) -> None:
-        """Start the faults that are due."""
-        if not self._waiting:
-            return
-        torque_nm = abs(float(self._plant.state[S.TORQUE_NM]))
-        time_s = now_ns * 1e-9
-        due = [fault for fault in self._waiting if _is_due(fault.when, torque_nm, time_s)]
-        for fault in due:
-            self._waiting.remove(fault)
-            if self._start(fault, now_ns):
-                self._note(fault)
-            else:
-                self._started.append(fault)
-
-    def seen(self, target: str) -> None:
-        """Note that something on `target` was withheld because of its fault; called by who withholds it."""
-        for fault in [fault for fault in self._started if fault.target == target]:
-            self._started.remove(fault)
-            self._note(fault)
-
-    def unseen(self) -> list[Fault]:
-        """Return the faults that have had no effect: not due, or never on the way of anything."""
-        return [*self._waiting, *self._started]
-
-    def _note(self, fault: Fault) -> None:
-        acted = Acted(fault, self._plant.now_ns * 1e-9)
-        self.acted.append(acted)
-        if self._report is not None:
-            self._report(acted)
-
-    def _start(self, fault: Fault, now_ns: int) -> bool:
-        """Start a fault and return whether that alone is its effect."""
-        value = 0.0 if fault.value is None else fault.value
-        domain, _, part = fault.target.partition(".")
-        match domain, fault.verb:
-            case "can", _:
-                setattr(self.wires, part.removeprefix("drive."), False)
-                return False
-            case "modbus", _:
-                self.wires.cut.add(part)
-                return False
-            case "lock", _:
-                self._plant.params[P.BRAKE_HOLDS] = value
-            case "io", "trip":
-                self.wires.estop_released = False
-                self._axis.machine.set_safe_torque_off(active=True, now_ns=now_ns)
-                self._axis.apply()
-            case "io", _:
-                self.wires.guard_closed = False
-            case "sensor", verb:
-                self._disturb(CHANNELS.index(part), verb, value)
-            case "drive", _:
-                self._axis.machine.raise_fault(int(value), now_ns)
-                self._axis.apply()
-        return True
-
-    def _disturb(self, channel: int, verb: str, value: float) -> None:
-        row = self._plant.channels[channel]
-        if verb == "offset":
-            row[CH.FAULT_OFFSET] = value
-        else:
-            row[CH.STUCK_AT] = self._plant.sample()[channel]
-            row[CH.STUCK] = 1.0
-
-
-def _is_due(when: When, torque_nm: float, time_s: float) -> bool:
-    if when.torque_out_above_nm is not None:
-        return torque_nm > when.torque_out_above_nm
-    return when.time_s is not None and time_s >= when.time_s
+    operator: tuple[Operator, ...] = ()
+    expect: tuple[Expect, ...] = ()
+    never: tuple[Never, ...] = ()

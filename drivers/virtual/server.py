@@ -22,10 +22,11 @@ from drivers.virtual.cia402_tables import HEARTBEAT_LOST
 from drivers.virtual.config import ServerConfig, Socketcand
 from drivers.virtual.drive_node import DriveNode
 from drivers.virtual.errors import VirtualBenchError
+from drivers.virtual.fault_injector import Acted
 from drivers.virtual.modbus_servers import Device, ModbusServer
 from drivers.virtual.plant import Plant, warm_up
 from drivers.virtual.python_can_port import PythonCanPort
-from drivers.virtual.scenario import Acted, Scenario
+from drivers.virtual.scenario import Scenario
 from drivers.virtual.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
@@ -79,13 +80,10 @@ class VirtualBench:
         self.drive.axis.machine.events.clear()
 
     def _serve(self, name: str, device: Device) -> ModbusServer:
-        def is_cut() -> bool:
-            if name not in self.drive.faults.wires.cut:
-                return False
-            self.drive.faults.seen(f"modbus.{name}")
-            return True
+        def trouble() -> tuple[str, float]:
+            return self.drive.faults.device(name)
 
-        return ModbusServer(device, self.advance, is_cut)
+        return ModbusServer(device, self.advance, trouble)
 
     def _frame(self, cob_id: int, data: bytes) -> None:
         self.advance()
@@ -115,7 +113,7 @@ class VirtualBench:
         return {
             "estop_released": wires.estop_released,
             "guard_closed": wires.guard_closed,
-            "housing_temp_c": self.plant.housing_temp_c,
+            "housing_temp_c": self.plant.housing_temp_c + wires.housing_offset_k,
             "ambient_temp_c": self.plant.ambient_temp_c,
         }
 

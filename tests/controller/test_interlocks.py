@@ -450,3 +450,19 @@ def test_a_reset_does_not_give_a_counting_condition_new_time():
     orders = run.go()
     assert orders.state == S.FAULT
     assert "overspeed" in run.alarms()
+
+
+def test_torque_channels_of_opposite_sign_disagree_at_once():
+    run = mid_ramp()
+    run.bench.frozen = {"torque_out_nm": -200.0}
+    run.go(FAULT_BY_ID["torque_channels_disagree"].debounce_scans + 1)
+    assert run.alarms() == ["torque_channels_disagree"]
+
+
+def test_a_dead_output_sensor_is_found_while_the_lock_is_proven():
+    run = Timeline(short_program())
+    run.until_state(S.LOCK)
+    run.bench.frozen = {"torque_out_nm": 0.0}
+    run.until_finished()
+    assert run.alarms()[0] in ("torque_channels_disagree", "lock_unproven")
+    assert max(abs(image.torque_in_nm) for image in run.images) * run.controller.program.ratio < 400.0

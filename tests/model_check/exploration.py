@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import small_bench
 from bench_model import READY
 from mutants import Mutant
-from safety_rules import CONDITIONS, LOADED, RULES, BrokenRuleError, Monitor, check_step, require
+from safety_rules import CONDITIONS, LOCKED, RULES, BrokenRuleError, Monitor, check_step, require
 from small_bench import START, STRONG, BenchState, Choice, advance, choices
 from snapshots import Freezer, Snapshot
 
@@ -275,7 +275,7 @@ def _check_trips() -> None:
 
 def _check_agreement(program: Program) -> None:
     """The one interlock that a small ramp is too short for: the two torque channels contradict each other."""
-    for state in LOADED:
+    for state in LOCKED:
         watch, measured = Watch(program), Measured()
         measured.agreement_live, measured.torque_out_nm = True, 2.0 * program.limits.torque_agreement_nm
         measured.torque_out_nm = min(measured.torque_out_nm, program.limits.torque_out_trip_nm)

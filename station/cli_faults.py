@@ -1,0 +1,55 @@
+"""`lostmotion faults ...` on the command line."""
+
+# ruff: noqa: PLC0415, FBT002 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+UnitOption = Annotated[
+    str | None,
+    typer.Option("--unit", metavar="NAME[:SEED]", help="Unit on the virtual bench: P1, worn, soft, tight, cracked ..."),
+]
+
+faults_app = typer.Typer(help="Break the virtual bench on purpose, and judge what comes of it.", no_args_is_help=True)
+
+
+@faults_app.command("list")
+def faults_list(as_json: JsonOption = False) -> None:
+    """List what can be injected: target, verb, value."""
+    from station import command_faults
+
+    raise typer.Exit(command_faults.list_faults(as_json=as_json))
+
+
+@faults_app.command("run")
+def faults_run(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file.")],
+    recipe: Annotated[
+        str | None, typer.Option("--recipe", metavar="RECIPE", help="Recipe. Default: the scenario's, or a short one.")
+    ] = None,
+    unit: UnitOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Run a scenario in virtual time and judge its expect and never clauses. Exit code: 0 holds, 1 not, 2 bad input."""
+    from station import command_faults
+
+    raise typer.Exit(command_faults.run(scenario, recipe, unit, as_json=as_json))
+
+
+@faults_app.command("matrix")
+def faults_matrix(
+    only: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Rows whose name holds NAME.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with traces.")] = None,
+    page: Annotated[Path | None, typer.Option("--page", metavar="FILE", help="Write the figures as Markdown.")] = None,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+    as_json: JsonOption = False,
+) -> None:
+    """Inject every fault in every state in which it can act, in virtual time. Exit code: 0 within bounds, 1 not."""
+    from station import command_faults
+
+    raise typer.Exit(command_faults.matrix(only or [], html, page, workers, as_json=as_json))

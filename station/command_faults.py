@@ -1,0 +1,138 @@
+"""`lostmotion faults`: the vocabulary, one scenario, or the whole matrix of faults and states."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import asdict
+from math import isfinite
+from pathlib import Path
+
+from drivers.virtual.fault_vocabulary import FAULTS, ONLY_IN_VIRTUAL_TIME
+from drivers.virtual.scenario import Scenario
+from recipes import Problem, RecipeError
+from station.assemble_virtual import choose_unit, load_scenario
+from station.fault_judge import first_action, first_alarm, judge, low_from
+from station.fault_matrix import LOW_SHARE_OF_RATED, RECIPE, Cell, cells, run_matrix
+from station.fault_page import markdown, write_page
+from station.fault_rows import ROWS
+from station.fault_run import FaultRun, run_scenario
+from station.request import Job, load_job
+
+
+def list_faults(*, as_json: bool) -> int:
+    """Print what can be injected."""
+    if as_json:
+        rows = [
+            {
+                "target": target,
+                "verb": verb,
+                "value": row.value,
+                "low": row.low if isfinite(row.low) else None,
+                "high": row.high if isfinite(row.high) else None,
+                "acts_on": row.acts_on,
+            }
+            for (target, verb), row in FAULTS.items()
+        ]
+        sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
+        return 0
+    for (target, verb), row in FAULTS.items():
+        value = f"; value: {row.value}" if row.value else ""
+        where = " (virtual time only)" if (target, verb) in ONLY_IN_VIRTUAL_TIME else ""
+        sys.stdout.write(f"{target + ' ' + verb:32} {row.acts_on}{value}{where}\n")
+    return 0
+
+
+def run(path: Path, recipe: str | None, unit: str | None, *, as_json: bool) -> int:
+    """Run a scenario in virtual time and judge it; 0 when it holds, 1 when not.
+
+    Raises:
+        RecipeError: the scenario, or what it starts with, has problems, each with its place.
+
+    """
+    scenario = load_scenario(path)
+    _check_targets(path, scenario)
+    job = load_job(recipe or scenario.start.recipe or RECIPE, None)
+    chosen = choose_unit(unit or scenario.start.unit or None, job.recipe.unit_under_test.model)
+    found = run_scenario(job, chosen, scenario)
+    wrong = judge(found, scenario)
+    _say(scenario, job, found, wrong, as_json=as_json)
+    return 1 if wrong else 0
+
+
+def _check_targets(path: Path, scenario: Scenario) -> None:
+    if not scenario.faults and not scenario.operator:
+        text = "nothing is injected and the operator does nothing: give faults or operator"
+        raise RecipeError([Problem(str(path), 1, 1, "faults", "none", text)])
+
+
+def _say(scenario: Scenario, job: Job, found: FaultRun, wrong: list[str], *, as_json: bool) -> None:
+    acted, alarm = first_action(found), first_alarm(found)
+    rated_nm = job.recipe.unit_under_test.rated_torque_nm
+    low = None if alarm is None else low_from(found, alarm, LOW_SHARE_OF_RATED * rated_nm)
+    figures = {
+        "scenario": scenario.scenario.name,
+        "holds": not wrong,
+        "wrong": wrong,
+        "states": found.states,
+        "acted": [{"fault": name, "scan": found.scans[place]} for name, place in found.acted],
+        "alarms": [{"id": event.text, "scan": event.scan, "state": event.state} for event in found.alarms()],
+        "detect_scans": None if alarm is None or acted is None else alarm - acted,
+        "torque_low_s": None if low is None else round(low * found.period_s, 6),
+    }
+    if as_json:
+        sys.stdout.write(json.dumps(figures, ensure_ascii=False) + "\n")
+        return
+    lines = [f"{scenario.scenario.name}: {'holds' if not wrong else 'DOES NOT HOLD'}"]
+    lines += [f"  {text}" for text in wrong]
+    lines += [f"  acted     {name} at scan {found.scans[place]}" for name, place in found.acted]
+    lines += [f"  alarm     {event.text} at scan {event.scan} in {event.state}" for event in found.alarms()]
+    if figures["detect_scans"] is not None:
+        lines.append(f"  detected  after {figures['detect_scans']} scans")
+    if low is not None:
+        lines.append(f"  torque    below 2 % of rated {low * found.period_s:.3f} s after the alarm")
+    lines.append(f"  states    {' → '.join(found.states)}")
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+def matrix(names: list[str], html: Path | None, page: Path | None, workers: int, *, as_json: bool) -> int:
+    """Run the matrix; 0 when every cell keeps its bounds, 1 when not."""
+    chosen = cells(names)
+    if not chosen:
+        sys.stderr.write(f"no row is called like {', '.join(names)}; see 'lostmotion faults matrix --help'\n")
+        return 2
+    begin = time.monotonic()
+
+    def show(cell: Cell) -> None:
+        if not as_json:
+            sys.stdout.write(line(cell) + "\n")
+            sys.stdout.flush()
+
+    if not as_json:
+        sys.stdout.write(f"{len({row for row, _ in chosen})} faults, {len(chosen)} cells\n{HEAD}\n")
+    found = run_matrix(chosen, workers, show)
+    took_s = time.monotonic() - begin
+    bad = [cell for cell in found if cell.wrong]
+    if html is not None:
+        write_page(html, found, took_s)
+    if page is not None:
+        page.write_text(markdown(found), encoding="utf-8")
+    if as_json:
+        sys.stdout.write(json.dumps([asdict(cell) | {"fault": ROWS[cell.row].name} for cell in found]) + "\n")
+    else:
+        sys.stdout.write(f"{len(found)} cells in {took_s:.0f} s; outside their bounds: {len(bad)}\n")
+    return 1 if bad else 0
+
+
+HEAD = f"{'fault':40} {'state':10} {'alarm':26} {'reaction':10} {'detect':>7} {'order':>6} {'|T|<2 %':>8}"
+
+
+def line(cell: Cell) -> str:
+    """One cell as a line of the table."""
+    detect = "" if cell.detect_scans is None else str(cell.detect_scans)
+    order = "" if cell.order_scans is None else str(cell.order_scans)
+    low = "" if not cell.alarm else f"{cell.torque_s:.3f} s" if cell.torque_s is not None else f"{cell.rest_nm:.0f} N·m"
+    alarm, reaction = cell.alarm or "none: goes on", cell.reaction or "tolerated"
+    wrong = f"  {'; '.join(cell.wrong)}" if cell.wrong else ""
+    return f"{ROWS[cell.row].name:40} {cell.state:10} {alarm:26} {reaction:10} {detect:>7} {order:>6} {low:>8}{wrong}"

@@ -161,7 +161,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(41, "sample_not_ready", R.QUICK_STOP, 5, "Measuring amplifier says that its samples are not ready",
           "Amplifier in start-up, in calibration, or a sensor channel off",
           "Check the amplifier's display and sensor channels"),
-    Fault(42, "drive_not_following", R.QUICK_STOP, 50, "Servo drive does not follow its set-point",
+    Fault(42, "drive_not_following", R.QUICK_STOP, 10, "Servo drive does not follow its set-point",
           "The drive ignores the cyclic set-points although it is enabled",
           "Check the drive's mode, its PDO mapping and that no other master sends set-points"),
 )

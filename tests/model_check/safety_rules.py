@@ -86,6 +86,8 @@ CONDITIONS: dict[str, Condition] = {
     "sensor_not_a_number": Condition({"torque_out_nm": math.nan}, ALWAYS, 1, R.QUICK_STOP),
     "sensor_not_a_number (in)": Condition({"torque_in_nm": math.inf}, ALWAYS, 1, R.QUICK_STOP),
     "sensor_saturated": Condition({"sample_status": 2}, RUNNING, 3, R.QUICK_STOP),
+    "sample_not_ready": Condition({"sample_status": 4}, RUNNING, 6, R.QUICK_STOP),
+    "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 11, R.QUICK_STOP),
     "brake_stays_closed": Condition({"brake_on": 1, "brake_current_a": 6.0}, (S.HOME,), 1, R.POWER_OFF),
 }
 """Brake and drive conditions are asked for where what they contradict has been established in every case."""

@@ -134,7 +134,7 @@ def _drive_internal_limit(i: Image, m: Measured, _l: Limits, _p: Program) -> boo
 
 
 def _drive_not_following(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return m.mode_expected in CYCLIC_MODES and m.drive_enabled_expected and not i.drive_follows_command
+    return m.drive_enabled_expected and i.drive_mode in CYCLIC_MODES and not i.drive_follows_command
 
 
 def _torque_out_trip(i: Image, m: Measured, li: Limits, p: Program) -> bool:

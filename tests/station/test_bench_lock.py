@@ -40,7 +40,8 @@ def test_other_wires_are_another_bench() -> None:
 def test_a_second_run_on_a_bench_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()  # the run looks in the real place
     with alone_on(load_bench("example-socketcan")):
-        words = ["run", "rv-40e-121-quick", "--bench", "example-socketcan", "--json", "--data", str(tmp_path)]
+        words = ["run", "rv-40e-121-quick", "--serial", "SN1", "--bench", "example-socketcan", "--json"]
+        words += ["--data", str(tmp_path)]
         done = subprocess.run(
             [sys.executable, "-m", "station", *words], cwd=ROOT, text=True, capture_output=True, check=False
         )

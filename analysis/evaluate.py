@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.curves import DEFAULT_FIT, FITS
 from analysis.errors import AnalysisError
 from analysis.estimators import Ask
+from analysis.grades import grade_of, grade_uncertainty
 from analysis.loop import Loop
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import Definition, definition
@@ -28,6 +30,8 @@ class _Measured(NamedTuple):
     values: tuple[float, ...]
     expanded: float | None
     trouble: str
+    settled: float | None = None
+    """Value of all cycles together, where it is not their mean."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,8 @@ class MetricResult:
     band: float | None
     torque_nm: float | None
     sides: tuple[SideValue, ...]
+    choices: tuple[str, ...] = ()
+    """What was chosen otherwise than the definition does by itself."""
 
     @property
     def headline(self) -> SideValue:
@@ -90,6 +96,7 @@ class MetricResult:
             "branch": self.branch,
             "side": shown.side,
             "estimator": self.estimator,
+            "choices": list(self.choices),
             "band": self.band,
             "torque_nm": self.torque_nm,
             "cycles": len(cycles),
@@ -129,20 +136,33 @@ def evaluate(
     band = row.band if wanted.band is None else wanted.band
     torque = _torque(wanted, row, method)
     variant = wanted.variant or row.variants[0]
+    fit = wanted.fit or (row.fits[0] if row.fits else DEFAULT_FIT)
     branch = wanted.branch or row.branch
     found = []
     for side in sides:
-        ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant)
+        ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant, fit)
         of_ratio = row.estimate is None
         measured = _from_ratio(wanted.id, ask.side, quadrants) if of_ratio else _from_loops(row, ask, loops)
         found.append(_judged(wanted, side, measured, decision, invalid=invalid))
-    return MetricResult(wanted, row, branch, _estimator(row, variant), band, torque, tuple(found))
+    estimator = _estimator(row, variant, fit, method)
+    return MetricResult(wanted, row, branch, estimator, band, torque, tuple(found), _choices(wanted, row))
 
 
-def _estimator(row: Definition, variant: str) -> str:
-    if len(row.variants) == 1:
-        return row.estimator
-    return "branches as measured" if variant == "direct" else f"{row.estimator}, {variant}"
+def _estimator(row: Definition, variant: str, fit: str, method: Method) -> str:
+    """Say how the value is read, with the break torques that it depends on."""
+    if variant == "direct":
+        return "branches as measured"
+    parts = [row.estimator] if len(row.variants) == 1 else [row.estimator, variant]
+    parts += [FITS[fit].called(method)] if row.fits else []
+    parts += ["T1 {:.4g} and T2 {:.4g} N·m".format(*method.stiffness_breaks_nm)] if row.segmented else []
+    return ", ".join(parts)
+
+
+def _choices(wanted: MetricWanted, row: Definition) -> tuple[str, ...]:
+    """Say what of band, variant and fit is not as the definition has it by itself."""
+    found = [] if wanted.band in (None, row.band) else [f"band {100.0 * (wanted.band or 0.0):g} %"]
+    found += [] if wanted.variant in (None, row.variants[0]) else [str(wanted.variant)]
+    return (*found, *([] if wanted.fit is None or wanted.fit == row.fits[0] else [wanted.fit]))
 
 
 def _torque(wanted: MetricWanted, row: Definition, method: Method) -> float | None:
@@ -161,9 +181,16 @@ def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop]) -> _Measured:
         return _Measured((), None, str(error))
     if not all(math.isfinite(value) for value in values):
         return _Measured((), None, f"the loop gives {', '.join(f'{value:g}' for value in values)}, which is no number")
-    if len(values) < 2:
-        return _Measured(values, None, "")
-    return _Measured(values, COVERAGE_FACTOR * float(np.std(values, ddof=1)) / math.sqrt(len(values)), "")
+    spread = COVERAGE_FACTOR * float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else None
+    return _graded(values, spread) if row.graded else _Measured(values, spread, "")
+
+
+def _graded(backlashes: tuple[float, ...], expanded: float | None) -> _Measured:
+    """Grade of the mean backlash [arcmin], how far the truth may be off in grades, and each cycle's grade."""
+    mean = float(np.mean(backlashes))
+    grades = tuple(float(grade_of(one)) for one in backlashes)
+    steps = None if expanded is None else grade_uncertainty(mean, expanded)
+    return _Measured(grades, steps, "", float(grade_of(mean)))
 
 
 def _from_ratio(name: str, side: int, quadrants: Quadrants | AnalysisError) -> _Measured:
@@ -179,8 +206,8 @@ def _from_ratio(name: str, side: int, quadrants: Quadrants | AnalysisError) -> _
 
 def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:
     """Judge one side and word the reason when it does not pass."""
-    values, expanded, trouble = measured
-    value = float(np.mean(values)) if values else None
+    values, expanded, trouble, value = measured
+    value = float(np.mean(values)) if values and value is None else value
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
     name = wanted.id if side == "both" else f"{wanted.id}, side {side}"
     limited = wanted.min is not None or wanted.max is not None

@@ -54,6 +54,15 @@ ScenarioOption = Annotated[
     typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
 ]
 
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        metavar="NAME",
+        help="Definitions of static, inverse, measurement, output, nabtesco, spinea or harmonic.",
+    ),
+]
+
 
 def _print_version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value
     if asked:
@@ -125,13 +134,22 @@ def analyze(
         str | None,
         typer.Option("--bench", metavar="FILE", help="Bench the trace comes from: its fixture and calibrations."),
     ] = None,
+    preset: PresetOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
     """Compute metrics and verdict of a trace. Exit code as run."""
     from station import command_analyze
 
-    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, as_json=as_json))
+    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, preset=preset, as_json=as_json))
+
+
+@app.command()
+def metrics(preset: PresetOption = None, as_json: JsonOption = False) -> None:
+    """List the definitions of all metrics and the presets, or of one preset. Exit code: 0, or 2 for no such preset."""
+    from station import command_metrics
+
+    raise typer.Exit(command_metrics.metrics(preset, as_json=as_json))
 
 
 @app.command()

@@ -19,17 +19,28 @@ LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
 
 def method_of(recipe: Recipe, bench: Bench) -> Method:
     """Return how a run of this recipe on this bench is evaluated."""
-    unit, measurement = recipe.unit_under_test, recipe.measurement
+    measurement = recipe.measurement
     stored = measurement.output_torque == "calibrated" and measurement.calibration == "stored"
     return Method(
-        ratio=unit.ratio,
-        rated_torque_nm=unit.rated_torque_nm,
-        reference_torque_nm=measurement.reference_torque_nm,
-        loading=recipe.loading,
-        output_torque=measurement.output_torque,
+        **method_fields(recipe),
         quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
         fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
     )
+
+
+def method_fields(recipe: Recipe) -> dict[str, Any]:
+    """Return what a recipe alone says of the method; nothing of the bench."""
+    unit, measurement = recipe.unit_under_test, recipe.measurement
+    return {
+        "ratio": unit.ratio,
+        "rated_torque_nm": unit.rated_torque_nm,
+        "reference_torque_nm": measurement.reference_torque_nm,
+        "loading": recipe.loading,
+        "output_torque": measurement.output_torque,
+        "break_torque_nm": measurement.break_torque_nm,
+        "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
+        "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
+    }
 
 
 def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
@@ -49,8 +60,9 @@ def _stored_quadrants(stored: Calibration) -> Quadrants:
     return Quadrants(lines[0], lines[1], lines[2], lines[3])
 
 
-def wanted_of(recipe: Recipe) -> list[MetricWanted]:
-    """Return the metrics that the recipe asks for, with their limits."""
+def wanted_of(recipe: Recipe, preset: str | None = None) -> list[MetricWanted]:
+    """Return the metrics that the recipe asks for, or those of one preset, with the recipe's limits."""
+    asked = [metric for _, metric in recipe.wanted()] if preset is None else recipe.wanted_of_preset(preset)
     return [
         MetricWanted(
             id=one.id,
@@ -58,10 +70,12 @@ def wanted_of(recipe: Recipe) -> list[MetricWanted]:
             side=None if one.side == "both" else one.side,
             torque_nm=one.torque_nm,
             band=one.band,
+            variant=one.variant,
+            fit=one.fit,
             min=one.min,
             max=one.max,
         )
-        for one in recipe.metrics
+        for one in asked
     ]
 
 
@@ -116,9 +130,14 @@ def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:
     return table
 
 
-def evaluate_trace(trace: Trace, recipe: Recipe, bench: Bench, objections: list[str]) -> Result:
-    """Evaluate and judge; `objections` say why the measurement may not count (see `timing_proof`)."""
-    return analyse(trace, method_of(recipe, bench), wanted_of(recipe), decision_of(recipe), objections)
+def evaluate_trace(
+    trace: Trace, recipe: Recipe, bench: Bench, objections: list[str], preset: str | None = None
+) -> Result:
+    """Evaluate and judge; `objections` say why the measurement may not count (see `timing_proof`).
+
+    preset: report its metrics instead of the recipe's.
+    """
+    return analyse(trace, method_of(recipe, bench), wanted_of(recipe, preset), decision_of(recipe), objections)
 
 
 def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:

@@ -73,13 +73,13 @@ def asymmetry(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
 
 
 def graded_backlash(loop: Loop, ask: Ask) -> float:
-    """Backlash that a grade is read off, arcmin; the wider side where the sides have their own."""
+    """Backlash that a grade is read off (see `analysis.grades.GRADED`), arcmin; the wider side where it has sides."""
     if ask.variant == "lost_motion":
         return lost_motion(loop, ask)
     if ask.variant == "branches":
         return backlash_branches(loop, ask)
     if ask.variant == "width_zero":
-        return abs(loop.rising_at(0.0) - loop.falling_at(0.0))
+        return backlash_width(loop, replace(ask, band=0.0))
     return max(backlash_width(loop, replace(ask, side=side)) for side in (1, -1))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from analysis.curves import DEFAULT_FIT, FITS
 from analysis.errors import AnalysisError
 from analysis.estimators import Ask
-from analysis.grades import grade_of, grade_uncertainty
+from analysis.grades import GRADED, backlash_limits, grade_of, grade_uncertainty
 from analysis.loop import Loop
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import Definition, definition
@@ -30,8 +30,6 @@ class _Measured(NamedTuple):
     values: tuple[float, ...]
     expanded: float | None
     trouble: str
-    settled: float | None = None
-    """Value of all cycles together, where it is not their mean."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,8 @@ def evaluate(
         ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant, fit)
         of_ratio = row.estimate is None
         measured = _from_ratio(wanted.id, ask.side, quadrants) if of_ratio else _from_loops(row, ask, loops)
-        found.append(_judged(wanted, side, measured, decision, invalid=invalid))
+        judged = _judged_grade if row.graded else _judged
+        found.append(judged(wanted, side, measured, decision, invalid=invalid))
     estimator = _estimator(row, variant, fit, method)
     return MetricResult(wanted, row, branch, estimator, band, torque, tuple(found), _choices(wanted, row))
 
@@ -181,16 +180,9 @@ def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop]) -> _Measured:
         return _Measured((), None, str(error))
     if not all(math.isfinite(value) for value in values):
         return _Measured((), None, f"the loop gives {', '.join(f'{value:g}' for value in values)}, which is no number")
-    spread = COVERAGE_FACTOR * float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else None
-    return _graded(values, spread) if row.graded else _Measured(values, spread, "")
-
-
-def _graded(backlashes: tuple[float, ...], expanded: float | None) -> _Measured:
-    """Grade of the mean backlash [arcmin], how far the truth may be off in grades, and each cycle's grade."""
-    mean = float(np.mean(backlashes))
-    grades = tuple(float(grade_of(one)) for one in backlashes)
-    steps = None if expanded is None else grade_uncertainty(mean, expanded)
-    return _Measured(grades, steps, "", float(grade_of(mean)))
+    if len(values) < 2:
+        return _Measured(values, None, "")
+    return _Measured(values, COVERAGE_FACTOR * float(np.std(values, ddof=1)) / math.sqrt(len(values)), "")
 
 
 def _from_ratio(name: str, side: int, quadrants: Quadrants | AnalysisError) -> _Measured:
@@ -206,8 +198,8 @@ def _from_ratio(name: str, side: int, quadrants: Quadrants | AnalysisError) -> _
 
 def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:
     """Judge one side and word the reason when it does not pass."""
-    values, expanded, trouble, value = measured
-    value = float(np.mean(values)) if values and value is None else value
+    values, expanded, trouble = measured
+    value = float(np.mean(values)) if values else None
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
     name = wanted.id if side == "both" else f"{wanted.id}, side {side}"
     limited = wanted.min is not None or wanted.max is not None
@@ -221,6 +213,29 @@ def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Deci
         verdict, limit = judge(value, expanded, (wanted.min, wanted.max), decision)
         reason = "" if verdict is Verdict.PASS else f"{name}: {_because(wanted, value, expanded, verdict, limit)}"
     return SideValue(side, value, expanded, deviation, values, verdict, reason)
+
+
+def _judged_grade(
+    wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool
+) -> SideValue:
+    """Judge a grade by its backlash [arcmin]: a limit on the one is a limit on the other."""
+    backlash = GRADED[wanted.variant or next(iter(GRADED))]
+    low, high = backlash_limits(wanted.min, wanted.max)
+    found = _judged(MetricWanted(backlash, min=low, max=high), side, measured, decision, invalid=invalid)
+    reason = found.reason and f"{wanted.id}: {found.reason}"
+    if found.value is None:
+        return replace(found, reason=reason)
+    steps = None if found.uncertainty is None else grade_uncertainty(found.value, found.uncertainty)
+    grades = tuple(float(grade_of(one)) for one in found.per_cycle)
+    spread = float(np.std(grades, ddof=1)) if len(grades) > 1 else None
+    return replace(
+        found,
+        value=float(grade_of(found.value)),
+        uncertainty=steps,
+        standard_deviation=spread,
+        per_cycle=grades,
+        reason=reason,
+    )
 
 
 def _because(wanted: MetricWanted, value: float, expanded: float | None, verdict: Verdict, limit: str) -> str:

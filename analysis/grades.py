@@ -20,6 +20,14 @@ GRADES: tuple[Grade, ...] = (
 )
 """Grades, best first. Source: "stiffness characterization", 3.2."""
 
+GRADED = {
+    "width_zero": "backlash_width_zero",
+    "width_3pct": "backlash_width_3pct",
+    "branches": "backlash_branches_3pct",
+    "lost_motion": "lost_motion",
+}
+"""Backlash that a grade is read off, by the variant of the metric; the first one unless another is chosen."""
+
 
 def grade_of(backlash_arcmin: float) -> int:
     """Return the best grade that takes a backlash [arcmin]; the border belongs to the better grade."""
@@ -32,3 +40,11 @@ def grade_uncertainty(backlash_arcmin: float, expanded_arcmin: float) -> float:
     worse = grade_of(backlash_arcmin + expanded_arcmin) - here
     better = here - grade_of(max(0.0, backlash_arcmin - expanded_arcmin))
     return float(max(worse, better))
+
+
+def backlash_limits(least: float | None, most: float | None) -> tuple[float | None, float | None]:
+    """Return the limits on the backlash [arcmin] that limits on the grade stand for; None where there is none."""
+    above = [row.most_arcmin for row in GRADES if least is not None and row.grade < least]
+    within = [row.most_arcmin for row in GRADES if most is not None and row.grade <= most]
+    high = None if most is None else max(within, default=0.0)
+    return (max(above) if above else None), (None if high == math.inf else high)

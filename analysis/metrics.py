@@ -15,6 +15,7 @@ from analysis import estimators
 from analysis.curves import FITS
 from analysis.errors import AnalysisError
 from analysis.estimators import Ask
+from analysis.grades import GRADED
 from analysis.loop import Loop
 from analysis.method import MetricWanted
 
@@ -140,7 +141,7 @@ METRICS: dict[str, Definition] = {
         "at zero torque unless another is chosen",
         "stiffness characterization",
         estimators.graded_backlash, branch="width", estimator="table of grades", band=0.03,
-        variants=("width_zero", "width_3pct", "branches", "lost_motion"),
+        variants=tuple(GRADED),
         words=("the unit has a better grade than asked for", _PLAY), graded=True,
     ),
     "lost_motion": _row(

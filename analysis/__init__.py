@@ -7,12 +7,14 @@ Beside this stand `analysis.models` (models of a reducer), `analysis.line` (stat
 from analysis.branches import Branch
 from analysis.errors import AnalysisError
 from analysis.evaluate import COVERAGE_FACTOR, MetricResult, SideValue
+from analysis.fixture_curve import FixtureCurve, reducer_stiffness, series_stiffness
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import METRIC_UNITS, METRICS, Definition
 from analysis.pipeline import Curves, Result, analyse
 from analysis.quadrants import Quadrants, TorqueLine, fit_quadrants
 from analysis.runs import commanded_runs
 from analysis.segment_fit import MeanCurve
+from analysis.stages import STAGES, Figure, StageRecord
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
 from analysis.trace_files import read_trace, segment_name
@@ -22,11 +24,14 @@ __all__ = [
     "COVERAGE_FACTOR",
     "METRICS",
     "METRIC_UNITS",
+    "STAGES",
     "AnalysisError",
     "Branch",
     "Curves",
     "Decision",
     "Definition",
+    "Figure",
+    "FixtureCurve",
     "MeanCurve",
     "Method",
     "MetricResult",
@@ -36,6 +41,7 @@ __all__ = [
     "Result",
     "SegmentInfo",
     "SideValue",
+    "StageRecord",
     "TorqueLine",
     "Trace",
     "Verdict",
@@ -44,5 +50,7 @@ __all__ = [
     "fit_quadrants",
     "fit_torque_ratio",
     "read_trace",
+    "reducer_stiffness",
     "segment_name",
+    "series_stiffness",
 ]

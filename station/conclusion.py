@@ -83,10 +83,10 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     if len(table) and not broken:
         trace, found, trouble = _evaluate(table, job, record, objections)
         reasons += [trouble] if trouble and state == "complete" else []
-    verdict, metrics, notes = NOT_DECIDABLE, [], []
+    verdict, metrics, notes, stages = NOT_DECIDABLE, [], [], []
     if found is not None and state == "complete":
-        plain = found.to_dict()
-        verdict, metrics, notes = str(plain["verdict"]), plain["metrics"], plain["notes"]
+        plain: dict[str, Any] = found.to_dict()
+        verdict, metrics, notes, stages = str(plain["verdict"]), plain["metrics"], plain["notes"], plain["stages"]
         reasons += list(found.reasons)
     else:
         reasons += [f"measurement invalid: {objection}" for objection in objections]
@@ -104,6 +104,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
         "metrics": metrics,
         "notes": [*run.get("notes", []), *notes],
+        "stages": stages,
         "timing": timing,
         "alarms": alarms_in(events),
         "left": None if state == "complete" else left_state(table, record.read_json("program.json")),

@@ -10,7 +10,7 @@ from analysis import Decision, Method, MetricWanted, Quadrants, Result, SegmentI
 from analysis.trace import ROLES
 from controller.image import State
 from recipes import Bench, Calibration, Recipe
-from station.assemble import channels
+from station.assemble import CHANNEL_OF_SENSOR, channels
 from station.errors import StationError
 from station.record_check import Table
 
@@ -29,7 +29,15 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
         output_torque=measurement.output_torque,
         quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
         fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
+        lags_s=lags_of(bench),
     )
+
+
+def lags_of(bench: Bench) -> dict[str, float]:
+    """Return how late each channel of this bench is [s]."""
+    sensors = bench.sensors
+    there = {channel: getattr(sensors, name) for name, channel in CHANNEL_OF_SENSOR.items()}
+    return {channel: sensor.lag_s for channel, sensor in there.items() if sensor is not None}
 
 
 def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:

@@ -8,6 +8,8 @@ from analysis.branches import Branch
 from analysis.errors import AnalysisError
 from analysis.evaluate import COVERAGE_FACTOR, MetricResult, SideValue
 from analysis.fixture_curve import FixtureCurve, reducer_stiffness, series_stiffness
+from analysis.gates import GATES, GateResult, gate_reasons, judge_gates
+from analysis.measured import Evidence, RunFacts
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import METRIC_UNITS, METRICS, Definition
 from analysis.pipeline import Curves, Result, analyse
@@ -22,6 +24,7 @@ from analysis.verdict import Verdict
 
 __all__ = [
     "COVERAGE_FACTOR",
+    "GATES",
     "METRICS",
     "METRIC_UNITS",
     "STAGES",
@@ -30,8 +33,10 @@ __all__ = [
     "Curves",
     "Decision",
     "Definition",
+    "Evidence",
     "Figure",
     "FixtureCurve",
+    "GateResult",
     "MeanCurve",
     "Method",
     "MetricResult",
@@ -39,6 +44,7 @@ __all__ = [
     "Quadrants",
     "RatioFit",
     "Result",
+    "RunFacts",
     "SegmentInfo",
     "SideValue",
     "StageRecord",
@@ -49,6 +55,8 @@ __all__ = [
     "commanded_runs",
     "fit_quadrants",
     "fit_torque_ratio",
+    "gate_reasons",
+    "judge_gates",
     "read_trace",
     "reducer_stiffness",
     "segment_name",

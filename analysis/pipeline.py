@@ -13,16 +13,16 @@ import numpy as np
 
 from analysis.alignment import Skew, align, skew_of_cycles
 from analysis.branches import Blocks, Branch, binned, branch_records, monotone
-from analysis.drift import Drift, Pairs, correct_drift
+from analysis.drift import Pairs, correct_drift
 from analysis.errors import AnalysisError
 from analysis.evaluate import MetricResult, evaluate
 from analysis.fixture import correct_fixture
-from analysis.fixture_curve import Angles
+from analysis.gates import GateResult, gate_reasons, judge_gates
 from analysis.loop import Loop, fit_record, reversal_record
+from analysis.measured import Evidence, Measured, RunFacts
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import definition
 from analysis.quadrants import Quadrants
-from analysis.runs import Run
 from analysis.samples import branch_samples, output_torque_record, torque_ratio
 from analysis.segment_fit import MeanCurve
 from analysis.stages import StageRecord
@@ -56,6 +56,7 @@ class Result:
     curves: Curves
     quadrants: Quadrants | None
     stages: tuple[StageRecord, ...]
+    gates: tuple[GateResult, ...]
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -63,33 +64,16 @@ class Result:
         return tuple(stage.text for stage in self.stages)
 
     def to_dict(self) -> dict[str, object]:
-        """Return verdict, reasons, metrics, notes and stages as plain data (the JSON contract)."""
+        """Return verdict, reasons, metrics, notes, gates and stages as plain data (the JSON contract)."""
         return {
             "verdict": self.verdict.value,
             "reasons": list(self.reasons),
             "decision": {"rule": self.decision.rule, "guard_factor": self.decision.guard_factor},
             "metrics": [metric.to_dict() for metric in self.metrics],
             "notes": list(self.notes),
+            "gates": [gate.to_dict() for gate in self.gates],
             "stages": [stage.to_dict() for stage in self.stages],
         }
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What the stages made of a trace: everything that gates and metrics are read from."""
-
-    trace: Trace
-    method: Method
-    runs: Sequence[Run]
-    angles: Angles
-    skew: Skew
-    drift: Drift
-    fixture: StageRecord
-    quadrants: Quadrants | AnalysisError
-    pairs: Pairs
-    blocks: Sequence[Blocks]
-    loops: Sequence[Loop]
-    stages: Sequence[StageRecord]
 
 
 def analyse(
@@ -98,25 +82,29 @@ def analyse(
     wanted: Sequence[MetricWanted],
     decision: Decision | None = None,
     invalid: Sequence[str] = (),
+    *,
+    facts: RunFacts | None = None,
 ) -> Result:
     """Evaluate a trace and judge it.
 
-    invalid: reasons, in plain words, why the measurement does not count (timing, stale samples, saturation); any makes
-    the verdict NOT DECIDABLE. Raises AnalysisError for a trace without what the method needs, for wanted metrics that
-    do not exist, and for nothing else; a metric that the loop does not carry is NOT DECIDABLE with its reason.
+    invalid: reasons, in plain words, why the record does not count; any makes the verdict NOT DECIDABLE, as a failed
+    validity gate does. facts: how the trace was recorded, for the gates on timing and samples. Raises AnalysisError for
+    a trace without what the method needs, for wanted metrics that do not exist, and for nothing else; a metric that
+    the loop does not carry is NOT DECIDABLE with its reason.
     """
     rule = Decision() if decision is None else decision
     rows = [definition(one) for one in wanted]
     with np.errstate(all="ignore"):
         found = measure(trace, method, with_ratio=any(row.estimate is None for row in rows))
-        problems = [*invalid, *_wrong_way(found.loops)]
+        gates = judge_gates(Evidence(found, facts, tuple(invalid)), method.gate_limits)
+        problems = gate_reasons(gates, tuple(invalid))
         metrics = tuple(
             evaluate(one, found.loops, found.quadrants, method, rule, invalid=bool(problems)) for one in wanted
         )
         curves = _curves(found.loops)
     verdict, reasons = _overall(metrics, problems)
     ratio = found.quadrants if isinstance(found.quadrants, Quadrants) else None
-    return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, tuple(found.stages))
+    return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, tuple(found.stages), gates)
 
 
 def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measured:
@@ -126,13 +114,13 @@ def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measur
     method needs.
     """
     if method.alignment != "two_speeds":
-        return _stages(trace, *align(trace, method), method, with_ratio=with_ratio)
-    as_recorded = _stages(trace, *align(trace, method), method, with_ratio=with_ratio)
+        return _stages(*align(trace, method), method, with_ratio=with_ratio)
+    as_recorded = _stages(*align(trace, method), method, with_ratio=with_ratio)
     estimated = skew_of_cycles(as_recorded.loops, as_recorded.pairs)
-    return _stages(trace, *align(trace, method, estimated), method, with_ratio=with_ratio)
+    return _stages(*align(trace, method, estimated), method, with_ratio=with_ratio)
 
 
-def _stages(raw: Trace, trace: Trace, skew: Skew, method: Method, *, with_ratio: bool) -> Measured:
+def _stages(trace: Trace, skew: Skew, method: Method, *, with_ratio: bool) -> Measured:
     windup = measured_windup(trace, method)
     runs, turning = turning_points(trace, method)
     quadrants: Quadrants | AnalysisError = AnalysisError("not asked for")
@@ -153,23 +141,11 @@ def _stages(raw: Trace, trace: Trace, skew: Skew, method: Method, *, with_ratio:
         skew.record, windup.record, turning, virgin_quarter(runs), torque, drift.record, fixture,
         *branch_records(pairs_now, blocks, branches), reversal_record(loops), fit_record(loops),
     )  # fmt: skip
-    return Measured(raw, method, runs, windup.angles, skew, drift, fixture, quadrants, pairs_now, blocks, loops, stages)
+    return Measured(trace, method, runs, windup.angles, skew, drift, quadrants, pairs_now, blocks, loops, stages)
 
 
 def _binned(pairs: Pairs) -> list[Blocks]:
     return [binned(one) for pair in pairs for one in pair]
-
-
-def _wrong_way(loops: Sequence[Loop]) -> list[str]:
-    """Name a loop that gains energy: it was recorded with a wrong sign, for a loop must lose some."""
-    wrong = [loop for loop in loops if loop.energy_nm_arcmin < 0]
-    if not wrong:
-        return []
-    gained = wrong[0].energy_nm_arcmin
-    text = (
-        f"the loop runs the wrong way round ({gained:.3g} N·m·arcmin in a cycle; a loss is positive): torque or angle "
-    )
-    return [text + "has the wrong sign, or the branches are exchanged"]
 
 
 def _curves(loops: Sequence[Loop]) -> Curves:
@@ -187,7 +163,7 @@ def _curves(loops: Sequence[Loop]) -> Curves:
 
 def _overall(metrics: Sequence[MetricResult], problems: Sequence[str]) -> tuple[Verdict, list[str]]:
     """Verdict of the run and its reasons, the deciding ones first."""
-    reasons = [f"measurement invalid: {problem}" for problem in problems]
+    reasons = list(problems)
     by_verdict = sorted(metrics, key=lambda metric: metric.verdict is not Verdict.FAIL)
     reasons += [reason for metric in by_verdict for reason in metric.reasons]
     if problems:

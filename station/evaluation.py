@@ -6,7 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from analysis import Decision, Method, MetricWanted, Quadrants, Result, SegmentInfo, TorqueLine, Trace, analyse
+from analysis import (
+    Decision,
+    Method,
+    MetricWanted,
+    Quadrants,
+    Result,
+    RunFacts,
+    SegmentInfo,
+    TorqueLine,
+    Trace,
+    analyse,
+)
 from analysis.trace import ROLES
 from controller.image import State
 from recipes import Bench, Calibration, Recipe
@@ -124,9 +135,12 @@ def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:
     return table
 
 
-def evaluate_trace(trace: Trace, recipe: Recipe, bench: Bench, objections: list[str]) -> Result:
-    """Evaluate and judge; `objections` say why the measurement may not count (see `timing_proof`)."""
-    return analyse(trace, method_of(recipe, bench), wanted_of(recipe), decision_of(recipe), objections)
+def evaluate_trace(
+    trace: Trace, recipe: Recipe, bench: Bench, objections: list[str], facts: RunFacts | None = None
+) -> Result:
+    """Evaluate and judge; `objections` speak against the record as a whole, `facts` say how it was recorded."""
+    method, wanted = method_of(recipe, bench), wanted_of(recipe)
+    return analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts)
 
 
 def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:

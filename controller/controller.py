@@ -103,8 +103,8 @@ class Controller:
             if self._watch.active:
                 self._log_alarms(scan)
             context.hold = strongest == _HOLD
-            outcome = self._command(image.command, scan) if image.command != _NO_COMMAND else None
-            outcome = outcome or self._scan_by_state[state](image, elapsed)
+            ordered = self._command(image.command, scan) if image.command != _NO_COMMAND else None
+            outcome = ordered or self._scan_by_state[state](image, elapsed)
             if outcome.fault:
                 number = FAULT_BY_ID[outcome.fault].number
                 self._trip(1 << number, FAULT_BY_NUMBER[number].reaction, image, scan)

@@ -221,7 +221,8 @@ def replay(
 ) -> None:
     """Step the controller through a record and compare every order, byte for byte.
 
-    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record.
+    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record, 3 identical,
+    but the record was altered after the run.
     """
     from station import command_replay
 

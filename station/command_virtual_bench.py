@@ -12,6 +12,7 @@ from recipes import Bench, find_bench, load_bench
 from station.assemble_virtual import choose_unit, load_scenario, server_config
 from station.errors import StationError
 from station.request import find_profile
+from station.virtual_bench_process import play_hardware
 
 DEFAULT_BENCH = "virtual"
 DEFAULT_UNIT = "P1"
@@ -68,6 +69,7 @@ def virtual_bench(
         config = _on_serial_ports(config)
     elif modbus is not None:
         config = _moved(config, *address("--modbus", modbus))
+    play_hardware(config)
     asyncio.run(run(config, faults))
     return 0
 

@@ -180,7 +180,7 @@ def test_an_unplugged_adapter_is_a_lost_line_at_once(running: Stand) -> None:
     for scan in range(running.scan + 1, running.scan + 20):
         running.amplifier.poll(scan)
         running.amplifier.send(scan)
-    with pytest.raises(ModbusError, match="no connection.*check cable, power"):
+    with pytest.raises(ModbusError, match=r"no connection.*check cable, power"):
         running.line.open()
 
 

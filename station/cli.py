@@ -159,11 +159,11 @@ def virtual_bench(
     bench: BenchOption = None,
     can: Annotated[
         str | None,
-        typer.Option("--can", metavar="WHERE", help="HOST:PORT to serve socketcand, socketcan:CHANNEL to join."),
+        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan: be an adapter."),
     ] = None,
     modbus: Annotated[
         str | None,
-        typer.Option("--modbus", metavar="HOST:PORT", help="Amplifier; brake and remote I/O take the next two ports."),
+        typer.Option("--modbus", metavar="WHERE", help="HOST:PORT, also the next two; rtu: serial ports."),
     ] = None,
     unit: UnitOption = None,
     scenario: ScenarioOption = None,

@@ -115,6 +115,7 @@ def server_config(
     *,
     scenario: Path | None,
     embedded: bool,
+    truth: Path | None = None,
 ) -> ServerConfig:
     """Return the virtual bench as a process; an embedded one takes free loopback ports and ends with its parents."""
     can = bench.can
@@ -136,4 +137,5 @@ def server_config(
         can=bus,
         scenario=scenario,
         end_with_parent=embedded,
+        truth=truth,
     )

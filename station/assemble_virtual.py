@@ -116,6 +116,7 @@ def server_config(
     *,
     scenario: Path | None,
     embedded: bool,
+    truth: Path | None = None,
 ) -> ServerConfig:
     """Return the virtual bench as a process; an embedded one takes free loopback ports and ends with its parents."""
     can = bench.can
@@ -141,4 +142,5 @@ def server_config(
         can=bus,
         scenario=scenario,
         end_with_parent=embedded,
+        truth=truth,
     )

@@ -9,7 +9,7 @@ import json
 import platform
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from station.conclusion import Conclusion, Ending, conclude
 from station.errors import BenchFaultError, RecordError, StationError
@@ -27,6 +27,9 @@ from station.report import report_html
 from station.request import Job, Source, load_job
 from station.result_view import result_console, show_result
 from station.time_plot import time_figure
+
+if TYPE_CHECKING:
+    from station.fault_companion import Companion
 
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
 EXIT_BENCH = 4
@@ -68,7 +71,7 @@ def run(options: Options) -> int:
     scenario = _scenario(options)
     serial = _serial(options, job)
     notes = recipe_notes(Store(options.data), job)
-    record = _create(options, job, serial, unit, scenario, notes=notes)
+    record = create(options, job, serial, unit, scenario, notes=notes)
     for note in notes:
         sys.stderr.write(f"WARNING  {note}\n")
     reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
@@ -163,7 +166,7 @@ def _version() -> str:
         return "from its source folder"
 
 
-def _create(
+def create(
     options: Options,
     job: Job,
     serial: str,
@@ -172,6 +175,7 @@ def _create(
     *,
     notes: list[str],
 ) -> RunRecord:
+    """Create the record of a run that is about to start."""
     recipe, bench = job.recipe, job.bench
     manifest = {
         "recipe": {
@@ -224,13 +228,21 @@ def _conclude(
     else:
         from station.desk import Desk  # noqa: PLC0415 - not needed in virtual time
 
+        companion = None if scenario is None else _companion(scenario)
         try:
-            ending = Desk(job, record, progress.show, progress.say).run(unit, scenario)
+            ending = Desk(job, record, progress.show, progress.say, companion).run(unit, scenario)
         except BenchFaultError as error:
             record.samples.touch()
             ending = refused(record, error)
     progress.say("evaluating, reading the record back")
     return conclude(record, job, ending)
+
+
+def _companion(scenario: Path) -> Companion:
+    from station.assemble_virtual import load_scenario  # noqa: PLC0415 - brings numba
+    from station.fault_companion import Companion  # noqa: PLC0415 - for runs with faults only
+
+    return Companion(load_scenario(scenario), judged=False)
 
 
 def refused(record: RunRecord, error: BenchFaultError) -> Ending:

@@ -38,7 +38,8 @@ VIRTUAL_REALTIME: dict[str, object] = {
 class Ending:
     """How the scan ended: records it says it wrote, those it lost, its report, and why it ended early if it did.
 
-    `refused`: the bench could not be opened, nothing has moved.
+    `refused`: the bench could not be opened, nothing has moved. `started_ns`: monotonic time; scan n was due n + 1
+    periods after it.
     """
 
     written: int
@@ -49,6 +50,7 @@ class Ending:
     refused: bool = False
     counters: dict[str, int] = field(default_factory=dict)
     times: dict[str, Any] = field(default_factory=dict)
+    started_ns: int = 0
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Entry of the embedded virtual bench: `python -m station.virtual_bench_process SPEC.json`.
 
-The spec names bench file, profiles, unit and scenario. The ready line with the ports goes to standard output, what the
-drive and the injected faults do to standard error, one JSON line each.
+The spec names bench file, profiles, unit, scenario and where the torque in the unit is to be written (`truth`). The
+ready line with the ports goes to standard output, what the drive and the injected faults do to standard error, one
+JSON line each.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ def serve(spec: dict[str, Any]) -> None:
         spec["unit"],
         scenario=scenario,
         embedded=spec["embedded"],
+        truth=None if spec["truth"] is None else Path(spec["truth"]),
     )
     faults = None if scenario is None else load_scenario(scenario)
     play_hardware(config)

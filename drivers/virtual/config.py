@@ -260,3 +260,4 @@ class ServerConfig:
     can: Socketcand | CanBus | SlcanPort = field(default_factory=Socketcand)
     scenario: Path | None = None
     end_with_parent: bool = False  # ends when its standard input is closed
+    truth: Path | None = None  # where the torque in the reducer over time is written at the end

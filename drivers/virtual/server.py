@@ -16,6 +16,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from drivers.virtual.cia402_tables import HEARTBEAT_LOST
@@ -33,7 +34,7 @@ from drivers.virtual.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
 LARGEST_LAG_NS = 500_000_000  # after a longer stop of the process the plant does not make up for the time
-INPUT_CHUNK = 1024
+INPUT_CHUNK = 4096
 
 LogLine = Callable[..., None]
 
@@ -47,6 +48,8 @@ class VirtualBench:
         self.plant = Plant(bench)
         self._clock_ns = time.monotonic_ns()
         self._brake_on = 0
+        self._keep_truth = config.truth is not None
+        self._truth: list[tuple[int, float]] = []
         self.can: SocketcandServer | SlcanServer | PythonCanPort
         if isinstance(config.can, Socketcand):
             self.can = SocketcandServer(config.can.channel, self._frame, log)
@@ -77,8 +80,11 @@ class VirtualBench:
         self.advance()
         before = set(self.drive.faults.wires.cut)
         self.drive.tick()
+        if self._keep_truth:
+            self._truth.append((self._clock_ns, self.plant.reducer_torque_nm))
         for name in self.drive.faults.wires.cut - before:
             self.servers[name].cut()
+            self.drive.faults.seen(f"modbus.{name}")
         for event in self.drive.axis.machine.events:
             self.log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
             if event.code == HEARTBEAT_LOST and event.kind == "controller_lost":
@@ -125,7 +131,26 @@ class VirtualBench:
 
     def _fault_acted(self, acted: Acted) -> None:
         fault = acted.fault
-        self.log("fault_acted", f"{fault.target} {fault.verb}", value=fault.value, plant_s=acted.at_s)
+        self.log(
+            "fault_acted",
+            f"{fault.target} {fault.verb}",
+            value=fault.value,
+            plant_s=acted.at_s,
+            monotonic_ns=time.monotonic_ns(),
+        )
+
+    def hear(self, line: bytes) -> None:
+        """Take a line about the controller: its state, the scan in which it entered it, and the newest scan."""
+        try:
+            told = json.loads(line)
+            self.drive.faults.tell(str(told["state"]), int(told["scan"]), int(told["entered"]))
+        except (ValueError, KeyError, TypeError):
+            self.log("not_understood", f"on standard input: {line[:80]!r}")
+
+    def write_truth(self, path: Path) -> None:
+        """Write the torque in the reducer, one line per tick."""
+        lines = [f"{time_ns},{torque_nm:.6g}\n" for time_ns, torque_nm in self._truth]
+        path.write_text("monotonic_ns,reducer_torque_nm\n" + "".join(lines), encoding="ascii")
 
 
 def log_line(kind: str, text: str, **more: Any) -> None:
@@ -158,7 +183,7 @@ async def run(
     try:
         ready = await _start(bench, config)
         if config.end_with_parent:
-            loop.add_reader(sys.stdin.fileno(), _watch_input, loop, stop)
+            loop.add_reader(sys.stdin.fileno(), _Input(loop, stop, bench.hear).read)
         gc.collect()
         gc.freeze()
         bench.advance()
@@ -170,6 +195,8 @@ async def run(
         for fault in bench.drive.faults.unseen():
             log("fault_not_seen", f"{fault.target} {fault.verb} has had no effect")
         log("stopping", "virtual bench stops")
+        if config.truth is not None:
+            bench.write_truth(config.truth)
         for server in bench.servers.values():
             await server.stop()
         for line in bench.serial_lines.values():
@@ -223,8 +250,19 @@ def _print_ready(ready: dict[str, Any]) -> None:
     sys.stdout.flush()
 
 
-def _watch_input(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
-    """End with the parent: its end of our standard input closes when it dies, however it dies."""
-    if not os.read(sys.stdin.fileno(), INPUT_CHUNK):
-        loop.remove_reader(sys.stdin.fileno())
-        stop.set()
+class _Input:
+    """Our standard input: lines about the controller; when the parent dies, however it dies, its end closes."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, stop: asyncio.Event, hear: Callable[[bytes], None]) -> None:
+        self._loop, self._stop, self._hear = loop, stop, hear
+        self._rest = b""
+
+    def read(self) -> None:
+        """Take what is there; the end of the input ends the bench."""
+        chunk = os.read(sys.stdin.fileno(), INPUT_CHUNK)
+        if not chunk:
+            self._loop.remove_reader(sys.stdin.fileno())
+            self._stop.set()
+        *lines, self._rest = (self._rest + chunk).split(b"\n")
+        for line in lines:
+            self._hear(line)

@@ -12,6 +12,7 @@ from analysis.line import (
     GageDesign,
     GageStudy,
     Interval,
+    Source,
     analyse_average_range,
     analyse_gage_study,
     gage_design,
@@ -132,8 +133,9 @@ def _tolerance(given: float | None, stored: StoredValues | None) -> float | None
 
 
 def _plain(study: GageStudy | AverageRange) -> dict[str, Any]:
-    found = dict(vars(study))
-    return {key: value._asdict() if isinstance(value, tuple) else value for key, value in found.items()}
+    return {
+        key: value._asdict() if isinstance(value, (Interval, Source)) else value for key, value in vars(study).items()
+    }
 
 
 def _interval(one: Interval, unit: str, digits: int = 4) -> tuple[str, str]:

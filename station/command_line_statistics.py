@@ -130,7 +130,7 @@ def units_of(asked: Asked, level: float, *, as_json: bool) -> int:
         ("highest", figure(one.most[1], unit), one.most[0]),
     ]
     unusual = f"unusual: {', '.join(one.unusual)}" if one.unusual else "no unit is unusual"
-    blocks = [
+    blocks: list[str | Grid] = [
         f"{found.name}: {one.measurements} measurements of {one.units} units",
         Grid(("", "", ""), rows, right=(1,)),
         f"{unusual} (modified z score beyond 3.5)",

@@ -162,9 +162,10 @@ def eccentricity(
         for row in rows
     ]
     spread = f" ± {trend.u_exponent:.2g}" if free else " (given)"
+    origin = file or "the published table"
     asked = [(place, trend.stiffness_nm_per_rad(place)) for place in at_mm]
     blocks: list[str | Grid] = [
-        f"K = {trend.coefficient:.5g} N·m/rad · (a/mm)^{trend.exponent:.4g}{spread}, from {file or 'the published table'}",
+        f"K = {trend.coefficient:.5g} N·m/rad · (a/mm)^{trend.exponent:.4g}{spread}, from {origin}",
         Grid(("a [mm]", "torque [N·m]", "deflection [mrad]", "by the law [mrad]"), shown, right=(0, 1, 2, 3)),
         f"ln K scatters by {trend.residual:.2g} about the law",
         *(f"at {place:g} mm: {stiffness:.5g} N·m/rad" for place, stiffness in asked),

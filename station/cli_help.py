@@ -8,7 +8,7 @@ from typer.core import TyperGroup
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "Measure": ("check", "run", "resume", "recover", "serve"),
-    "Look at runs": ("list", "show", "report", "analyze", "export", "replay"),
+    "Look at runs": ("list", "show", "report", "analyze", "metrics", "export", "replay"),
     "Models": ("model", "play-model"),
     "Line and gage": ("capability", "units", "gage", "master-part", "study"),
     "Bench": ("virtual-bench", "timing", "faults"),

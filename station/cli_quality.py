@@ -1,4 +1,4 @@
-"""Models and line statistics on the command line: `model`, `capability`, `units`, `gage`, `master-part`."""
+"""Models, line statistics and reports on the command line."""
 
 # ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
 
@@ -19,6 +19,7 @@ from station.cli_options import (
     LevelOption,
     MetricOption,
     RecipeFilter,
+    RunArgument,
     SerialFilter,
     SideOption,
 )
@@ -30,8 +31,23 @@ AttemptsOption = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the commands of this module to the command line."""
-    for command in (model, play_model, capability, units, gage, master_part):
+    for command in (report, model, play_model, capability, units, gage, master_part):
         app.command()(command)
+
+
+def report(
+    name: RunArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to. Default: that of the run.")
+    ] = None,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the report of a stored run, as HTML that stands alone and as PDF."""
+    from station import command_report
+
+    raise typer.Exit(command_report.report(name, data, out, open_it=open_it, as_json=as_json))
 
 
 def model(

@@ -8,18 +8,19 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from analysis import Method, analyse, read_trace
+from analysis import Method, Result, Trace, analyse, read_trace
 from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
 from station.command_run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.command_show import stored_result
 from station.conclusion import NOT_DECIDABLE
 from station.errors import StationError
-from station.evaluation import decision_of, method_of, wanted_of
+from station.evaluation import decision_of, evaluate_trace, method_of, trace_of, wanted_of
+from station.record_check import check_file, read_table
 from station.record_store import INTERRUPTED, RECORDING, RESULT, RunRecord, Store
 from station.request import recipe_path
 from station.result_view import result_console, show_result
-from station.run_analysis import evaluate_run
 from station.seal import alterations
+from station.timing_proof import timing_objections
 
 
 def analyze(trace: str, recipe: str | None, bench: str | None, data: Path, *, as_json: bool) -> int:
@@ -97,7 +98,7 @@ def _elsewhere(path: Path, recipe_name: str, bench_name: str | None) -> dict[str
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
-    found = analyse(read_trace(path), method_elsewhere(recipe, bench), wanted_of(recipe), decision_of(recipe))
+    found = analyse(read_trace(path), _method(recipe, bench), wanted_of(recipe), decision_of(recipe))
     return {
         "run": None,
         "serial": None,
@@ -110,7 +111,7 @@ def _elsewhere(path: Path, recipe_name: str, bench_name: str | None) -> dict[str
     }
 
 
-def method_elsewhere(recipe: Recipe, bench: Bench | None) -> Method:
+def _method(recipe: Recipe, bench: Bench | None) -> Method:
     """Return the method for a trace measured elsewhere: without a bench nothing is known of its fixture."""
     if bench is not None:
         return method_of(recipe, bench)
@@ -144,7 +145,7 @@ def reevaluate(run: RunRecord, recipe_name: str | None, bench_name: str | None) 
     _check_fits(recipe, recipe_file, load_recipe(own_recipe), run)
     other_bench = bench_file.read_bytes() != own_bench.read_bytes()
     reevaluated = other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
-    _, found = evaluate_run(run, recipe, bench)
+    found = _evaluate(run, manifest, recipe, bench)
     plain = found.to_dict()
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:
@@ -154,6 +155,7 @@ def reevaluate(run: RunRecord, recipe_name: str | None, bench_name: str | None) 
         "run": run.id,
         "serial": manifest["serial"],
         "recipe": _head(recipe, recipe_file),
+        **{key: manifest[key] for key in ("attempt", "bench", "unit", "clock") if key in manifest},
         "state": manifest["state"],
         **plain,
         "reevaluated": reevaluated,
@@ -182,3 +184,15 @@ def _check_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: RunRecord) 
             f"{recipe_file}: loading: found {recipe.loading}; run {run.id} was loaded at its {own.loading}. "
             f"Choose a recipe with loading: {own.loading}",
         )
+
+
+def _evaluate(run: RunRecord, manifest: dict[str, Any], recipe: Recipe, bench: Bench) -> Result:
+    timing = run.read_json("timing.json")
+    read_back = check_file(run.samples, manifest["records"])
+    broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
+    table = read_table(run.samples)
+    sampling = recipe.sampling
+    objections = broken + timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
+    segments = run.read_json("program.json")["segments"]
+    trace: Trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
+    return evaluate_trace(trace, recipe, bench, objections)

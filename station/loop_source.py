@@ -11,7 +11,7 @@ from analysis.method import Method
 from analysis.models import LoopSamples, branch_samples, loop_samples
 from analysis.units import ARCMIN_PER_RAD, FloatArray
 from recipes import find_bench, load_bench, load_recipe
-from station.command_analyze import method_elsewhere
+from station.command_analyze import _method as method_elsewhere
 from station.errors import StationError
 from station.evaluation import decision_of, method_of, wanted_of
 from station.record_store import RunRecord, Store

@@ -155,6 +155,7 @@ def reevaluate(run: RunRecord, recipe_name: str | None, bench_name: str | None) 
         "run": run.id,
         "serial": manifest["serial"],
         "recipe": _head(recipe, recipe_file),
+        **{key: manifest[key] for key in ("attempt", "bench", "unit", "clock") if key in manifest},
         "state": manifest["state"],
         **plain,
         "reevaluated": reevaluated,

@@ -279,7 +279,8 @@ def test_grade_is_of_the_mean_and_judged_with_its_uncertainty(
     widths: tuple[float, float], grade: int, simple: str, guarded: str
 ) -> None:
     torque = np.linspace(-440.0, 440.0, 2001)
-    trace = trace_of(torque, [torque / 100 + sign * width / 2 for width in widths for sign in (-1, 1)])
+    closing = np.clip((440.0 - np.abs(torque)) / 10, 0, 1) / 2
+    trace = trace_of(torque, [torque / 100 + sign * width * closing for width in widths for sign in (-1, 1)])
     wanted = [MetricWanted("grade", max=1.0)]
     result = analyse(trace, METHOD, wanted)
     assert (result.metrics[0].headline.value, str(result.verdict)) == (grade, simple)

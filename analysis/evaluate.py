@@ -109,6 +109,7 @@ class MetricResult:
                     "value": side.value,
                     "uncertainty": side.uncertainty,
                     "standard_deviation": side.standard_deviation,
+                    "per_cycle": list(side.per_cycle),
                     "verdict": side.verdict.value if self.limited or side.value is None else None,
                 }
                 for side in self.sides

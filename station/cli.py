@@ -151,6 +151,23 @@ def analyze(
 
 
 @app.command()
+def repeatability(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN...", help="Runs or traces of one unit, or its serial.")],
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="Evaluate all by this recipe. Default: each run's own."),
+    ] = None,
+    preset: PresetOption = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Show mean and standard deviation of each metric over cycles and over runs of a unit. Exit code: 0, or 2."""
+    from station import command_repeatability
+
+    raise typer.Exit(command_repeatability.repeat(runs, recipe, preset, data, as_json=as_json))
+
+
+@app.command()
 def metrics(preset: PresetOption = None, as_json: JsonOption = False) -> None:
     """List the definitions of all metrics and the presets, or of one preset. Exit code: 0, or 2 for no such preset."""
     from station import command_metrics

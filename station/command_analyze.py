@@ -41,7 +41,7 @@ def analyze(
     if path.is_file():
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the trace is evaluated")
-        result = _elsewhere(path, recipe, bench, preset)
+        result = elsewhere(path, recipe, bench, preset)
     elif path.suffix in (".csv", ".parquet"):
         raise StationError(f"{trace}: there is no such file")
     else:
@@ -122,7 +122,8 @@ def _judged_by_preset(plain: dict[str, Any], recipe: Recipe, preset: str | None)
     return plain | {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
 
 
-def _elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str | None) -> dict[str, Any]:
+def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str | None) -> dict[str, Any]:
+    """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset."""
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))

@@ -139,6 +139,8 @@ def repeat(evidence: Evidence) -> Reading | str:
     if len(found.loops) < 2:
         return "one cycle repeats nothing"
     peak = min(min(-loop.forward.torque_nm[0], loop.backward.torque_nm[-1]) for loop in found.loops)
+    if not peak > 0.0:
+        return "the loops do not pass through zero torque"
     grid = np.linspace(-MIDDLE * peak, MIDDLE * peak, GRID_POINTS)
     worst = 0.0
     for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):

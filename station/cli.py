@@ -13,6 +13,7 @@ from typing import Annotated
 
 import typer
 
+from station import cli_blocks
 from station.cli_faults import faults_app
 from station.errors import BenchFaultError, StationError
 
@@ -132,6 +133,10 @@ def analyze(
     from station import command_analyze
 
     raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, as_json=as_json))
+
+
+app.command()(cli_blocks.blank)
+app.command()(cli_blocks.calibration)
 
 
 @app.command()

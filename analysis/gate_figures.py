@@ -222,8 +222,8 @@ def points_per_bin(evidence: Evidence) -> Reading | str:
     width = BIN_FRACTION * found.method.reference_nm
     fewest = np.inf
     for one in found.blocks:
-        low = max(float(one.torque_nm.min()), -found.method.reference_nm)
-        high = min(float(one.torque_nm.max()), found.method.reference_nm)
+        low = max(MIDDLE * float(one.torque_nm.min()), -found.method.reference_nm)
+        high = min(MIDDLE * float(one.torque_nm.max()), found.method.reference_nm)
         edges = np.arange(np.ceil(low / width), np.floor(high / width) + 0.5) * width
         if edges.size > 1:
             counts, _ = np.histogram(one.torque_nm, edges, weights=one.counts)

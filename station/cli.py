@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from station import cli_quality
+from station import cli_blocks, cli_quality
 from station.cli_faults import faults_app
 from station.cli_help import GroupedHelp
 from station.cli_studies import study_app
@@ -138,6 +138,10 @@ def analyze(
     from station import command_analyze
 
     raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, as_json=as_json))
+
+
+app.command()(cli_blocks.blank)
+app.command()(cli_blocks.calibration)
 
 
 @app.command()

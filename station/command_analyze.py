@@ -14,7 +14,7 @@ from station.command_run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.command_show import stored_result
 from station.conclusion import NOT_DECIDABLE
 from station.errors import StationError
-from station.evaluation import decision_of, evaluate_trace, method_of, trace_of, wanted_of
+from station.evaluation import decision_of, evaluate_trace, gate_limits_of, method_of, trace_of, wanted_of
 from station.record_check import check_file, read_table
 from station.record_store import INTERRUPTED, RECORDING, RESULT, RunRecord, Store
 from station.request import recipe_path
@@ -98,7 +98,7 @@ def _elsewhere(path: Path, recipe_name: str, bench_name: str | None) -> dict[str
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
-    found = analyse(read_trace(path), _method(recipe, bench), wanted_of(recipe), decision_of(recipe))
+    found = analyse(read_trace(path), method_without_run(recipe, bench), wanted_of(recipe), decision_of(recipe))
     return {
         "run": None,
         "serial": None,
@@ -111,7 +111,7 @@ def _elsewhere(path: Path, recipe_name: str, bench_name: str | None) -> dict[str
     }
 
 
-def _method(recipe: Recipe, bench: Bench | None) -> Method:
+def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
     """Return the method for a trace measured elsewhere: without a bench nothing is known of its fixture."""
     if bench is not None:
         return method_of(recipe, bench)
@@ -122,6 +122,7 @@ def _method(recipe: Recipe, bench: Bench | None) -> Method:
         reference_torque_nm=measurement.reference_torque_nm,
         loading=recipe.loading,
         output_torque=measurement.output_torque,
+        gate_limits=gate_limits_of(recipe),
     )
 
 

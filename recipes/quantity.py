@@ -92,6 +92,7 @@ TORQUE_CONSTANT = Kind("a torque constant", "N*m/A", "N·m/A", "100 N·m/A")
 ANGLE = Kind("an angle", "rad", "arcmin", "1 arcmin")
 TRAVEL = Kind("an angle", "rad", "deg", "60 deg")
 ARCMINUTES = Kind("an angle", "arcmin", "arcmin", "1 arcmin")
+ARCSECONDS = Kind("an angle", "arcsec", "arcsec", "30 arcsec")
 SPEED = Kind("a speed", "rad/s", "rpm", "0.05 rpm")
 ACCELERATION = Kind("an acceleration", "rad/s^2", "rad/s²", "2 rad/s²")
 DURATION = Kind("a time", "s", "s", "200 ms")
@@ -111,6 +112,7 @@ KINDS = (
     ANGLE,
     TRAVEL,
     ARCMINUTES,
+    ARCSECONDS,
     SPEED,
     ACCELERATION,
     DURATION,

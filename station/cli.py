@@ -60,6 +60,15 @@ ScenarioOption = Annotated[
     typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
 ]
 
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        metavar="NAME",
+        help="Definitions of static, inverse, measurement, output, nabtesco, spinea or harmonic.",
+    ),
+]
+
 
 def _print_version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value
     if asked:
@@ -131,13 +140,39 @@ def analyze(
         str | None,
         typer.Option("--bench", metavar="FILE", help="Bench the trace comes from: its fixture and calibrations."),
     ] = None,
+    preset: PresetOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
     """Compute metrics and verdict of a trace. Exit code as run."""
     from station import command_analyze
 
-    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, as_json=as_json))
+    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, preset=preset, as_json=as_json))
+
+
+@app.command()
+def repeatability(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN...", help="Runs or traces of one unit, or its serial.")],
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="Evaluate all by this recipe. Default: each run's own."),
+    ] = None,
+    preset: PresetOption = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Show mean and standard deviation of each metric over cycles and over runs of a unit. Exit code: 0, or 2."""
+    from station import command_repeatability
+
+    raise typer.Exit(command_repeatability.repeat(runs, recipe, preset, data, as_json=as_json))
+
+
+@app.command()
+def metrics(preset: PresetOption = None, as_json: JsonOption = False) -> None:
+    """List the definitions of all metrics and the presets, or of one preset. Exit code: 0, or 2 for no such preset."""
+    from station import command_metrics
+
+    raise typer.Exit(command_metrics.metrics(preset, as_json=as_json))
 
 
 app.command()(cli_blocks.blank)

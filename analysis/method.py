@@ -6,10 +6,12 @@ Plain data; whoever reads recipes fills these.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from analysis.errors import AnalysisError
+from analysis.fixture_curve import FixtureCurve
 from analysis.quadrants import Quadrants
 
 BREAK_FRACTION = 90.0 / 412.0
@@ -29,6 +31,16 @@ ONE_SIDED_95 = 1.645 / 2.0
 """Guard factor r of w = r·U for 95 % one-sided confidence when U is expanded with k = 2."""
 
 
+CHOICES: dict[str, tuple[str, ...]] = {
+    "loading": ("input", "output"),
+    "output_torque": ("reaction", "calibrated"),
+    "alignment": ("correct", "two_speeds", "report"),
+    "drift": ("correct", "report"),
+    "fixture": ("correct", "report"),
+}
+"""What a method may choose between."""
+
+
 @dataclass(frozen=True)
 class Method:
     """Evaluation of one unit: SI units except the stiffness, which is in N·m/arcmin.
@@ -40,6 +52,11 @@ class Method:
     reference_torque_nm: what percentages refer to; the rated torque when None.
     fixture_stiffness_nm_per_arcmin: of lock and couplings; corrects the wind-up where the locked shaft's own angle is
     not in the trace (where it is, subtracting it has removed the deflection already).
+    fixture_curve: the same as measured by a blank test; it comes before the stiffness.
+    lags_s: delay of each channel behind what it measures, by channel; None when they are not known.
+    alignment: "correct" moves channels by their lags, "two_speeds" estimates the skew of torque and angle from cycles
+    of different speed instead and corrects it, "report" moves nothing. drift, fixture: "correct" or "report".
+    gate_limits: limits of validity gates that differ from the table's, by gate.
     """
 
     ratio: float
@@ -53,6 +70,12 @@ class Method:
     fit_end_nm: float | None = None
     spring_step_nm: float = SPRING_STEP_NM
     reversal_exclusion: float = REVERSAL_EXCLUSION
+    fixture_curve: FixtureCurve | None = None
+    lags_s: Mapping[str, float] | None = None
+    alignment: Literal["correct", "two_speeds", "report"] = "correct"
+    drift: Literal["correct", "report"] = "correct"
+    fixture: Literal["correct", "report"] = "correct"
+    gate_limits: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what is not positive, and names that are not known."""
@@ -61,9 +84,12 @@ class Method:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise AnalysisError(f"method: {name}: found {value}; needed is a number above zero")
-        for name, allowed in (("loading", ("input", "output")), ("output_torque", ("reaction", "calibrated"))):
+        for name, allowed in CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise AnalysisError(f"method: {name}: found '{getattr(self, name)}'; allowed are {', '.join(allowed)}")
+        for channel, lag_s in (self.lags_s or {}).items():
+            if not (math.isfinite(lag_s) and lag_s >= 0):
+                raise AnalysisError(f"method: lags_s: {channel}: found {lag_s}; needed is a time of 0 s or more")
         if self.loading == "output" and self.output_torque == "calibrated":
             raise AnalysisError(
                 "method: output_torque: found 'calibrated' with loading 'output'; the torque is applied at the output "

@@ -13,7 +13,10 @@ from typing import Annotated
 
 import typer
 
+from station import cli_quality
 from station.cli_faults import faults_app
+from station.cli_help import GroupedHelp
+from station.cli_studies import study_app
 from station.errors import BenchFaultError, StationError
 
 EXIT_BAD_INPUT = 2
@@ -29,6 +32,7 @@ DEFAULT_DATA = Path("runs")
 app = typer.Typer(
     name="lostmotion",
     help="End-of-line test bench for precision gear reducers: torsional stiffness, backlash and lost motion.",
+    cls=GroupedHelp,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -37,6 +41,8 @@ app = typer.Typer(
 )
 
 app.add_typer(faults_app, name="faults")
+app.add_typer(study_app, name="study")
+cli_quality.register(app)
 
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
 BenchOption = Annotated[
@@ -159,11 +165,11 @@ def virtual_bench(
     bench: BenchOption = None,
     can: Annotated[
         str | None,
-        typer.Option("--can", metavar="WHERE", help="HOST:PORT to serve socketcand, socketcan:CHANNEL to join."),
+        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan: be an adapter."),
     ] = None,
     modbus: Annotated[
         str | None,
-        typer.Option("--modbus", metavar="HOST:PORT", help="Amplifier; brake and remote I/O take the next two ports."),
+        typer.Option("--modbus", metavar="WHERE", help="HOST:PORT, also the next two; rtu: serial ports."),
     ] = None,
     unit: UnitOption = None,
     scenario: ScenarioOption = None,

@@ -20,7 +20,7 @@ from station.record_store import INTERRUPTED, RECORDING, RESULT, RunRecord, Stor
 from station.request import recipe_path
 from station.result_view import result_console, show_result
 from station.seal import alterations
-from station.timing_proof import timing_objections
+from station.timing_proof import run_facts
 
 
 def analyze(trace: str, recipe: str | None, bench: str | None, data: Path, *, as_json: bool) -> int:
@@ -155,6 +155,7 @@ def reevaluate(run: RunRecord, recipe_name: str | None, bench_name: str | None) 
         "run": run.id,
         "serial": manifest["serial"],
         "recipe": _head(recipe, recipe_file),
+        **{key: manifest[key] for key in ("attempt", "bench", "unit", "clock") if key in manifest},
         "state": manifest["state"],
         **plain,
         "reevaluated": reevaluated,
@@ -190,8 +191,7 @@ def _evaluate(run: RunRecord, manifest: dict[str, Any], recipe: Recipe, bench: B
     read_back = check_file(run.samples, manifest["records"])
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     table = read_table(run.samples)
-    sampling = recipe.sampling
-    objections = broken + timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
+    facts = run_facts(table, timing, recipe.sampling)
     segments = run.read_json("program.json")["segments"]
     trace: Trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return evaluate_trace(trace, recipe, bench, objections)
+    return evaluate_trace(trace, recipe, bench, broken, facts)

@@ -6,11 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from analysis import Decision, Method, MetricWanted, Quadrants, Result, SegmentInfo, TorqueLine, Trace, analyse
+from analysis import (
+    Decision,
+    Method,
+    MetricWanted,
+    Quadrants,
+    Result,
+    RunFacts,
+    SegmentInfo,
+    TorqueLine,
+    Trace,
+    analyse,
+)
 from analysis.trace import ROLES
 from controller.image import State
 from recipes import Bench, Calibration, Recipe
-from station.assemble import channels
+from station.assemble import CHANNEL_OF_SENSOR, channels
 from station.errors import StationError
 from station.record_check import Table
 
@@ -29,7 +40,15 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
         output_torque=measurement.output_torque,
         quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
         fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
+        lags_s=lags_of(bench),
     )
+
+
+def lags_of(bench: Bench) -> dict[str, float]:
+    """Return how late each channel of this bench is [s]."""
+    sensors = bench.sensors
+    there = {channel: getattr(sensors, name) for name, channel in CHANNEL_OF_SENSOR.items()}
+    return {channel: sensor.lag_s for channel, sensor in there.items() if sensor is not None}
 
 
 def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
@@ -116,9 +135,12 @@ def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:
     return table
 
 
-def evaluate_trace(trace: Trace, recipe: Recipe, bench: Bench, objections: list[str]) -> Result:
-    """Evaluate and judge; `objections` say why the measurement may not count (see `timing_proof`)."""
-    return analyse(trace, method_of(recipe, bench), wanted_of(recipe), decision_of(recipe), objections)
+def evaluate_trace(
+    trace: Trace, recipe: Recipe, bench: Bench, objections: list[str], facts: RunFacts | None = None
+) -> Result:
+    """Evaluate and judge; `objections` speak against the record as a whole, `facts` say how it was recorded."""
+    method, wanted = method_of(recipe, bench), wanted_of(recipe)
+    return analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts)
 
 
 def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:

@@ -160,9 +160,15 @@ def show_result(console: Console, result: dict[str, Any], *, files: bool = True)
     if files and result.get("record"):
         console.print(f"record  {result['record']}", style="dim", highlight=False, soft_wrap=True)
     console.print(verdict_panel(result))
-    report = Path(result.get("record") or "") / "report.html"
-    if files and report.is_file():
-        console.print(f"report  {report}", highlight=False, soft_wrap=True)
+    if files and result.get("record"):
+        show_report(console, Path(result["record"]))
+
+
+def show_report(console: Console, folder: Path) -> None:
+    """Print where the report of a run is, for each form that is there."""
+    for name in ("report.html", "report.pdf"):
+        if (folder / name).is_file():
+            console.print(f"report  {folder / name}", highlight=False, soft_wrap=True)
 
 
 def alarm_lines(result: dict[str, Any]) -> list[Text]:

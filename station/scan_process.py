@@ -5,7 +5,7 @@ no waiting call in the scan. SIGTERM asks the controller for a stop (unload firs
 SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
 
 Spec: ring, report, recipe, bench, program (paths), profiles ({name: path}), ports (ready line of an embedded bench or
-null), spin_ns, desk (its process id).
+null), spin_ns, desk (its process id), after_end_scans (to go on after the end).
 """
 
 from __future__ import annotations
@@ -73,12 +73,22 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         times = ScanTimes()
         desk = DeskWatch(ring, stop, period_ns)
         before_kb = machine.resident_kb()
-        last = run_real(bench, controller, ring.append, desk.take_command, schedule=schedule, stop=stop, times=times)
+        last = run_real(
+            bench,
+            controller,
+            ring.append,
+            desk.take_command,
+            schedule=schedule,
+            stop=stop,
+            times=times,
+            after_end_scans=spec["after_end_scans"],
+        )
         resident_kb = {"before": before_kb, "after": machine.resident_kb()}
         counters = bench.counters()
     return {
         "state": "finished",
         "scans": last + 1,
+        "started_ns": schedule.started_ns,
         "written": ring.sequence,
         "lost": ring.lost,
         **armed,

@@ -5,7 +5,8 @@ path, bench = default_bench(recipe)                 # or load_bench("my-bench.ya
 problems = check(recipe, bench)                     # empty when this bench can run this recipe
 """
 
-from recipes.bench_schema import Bench, Calibration
+from recipes.bench_schema import Bench
+from recipes.calibration_schema import Calibration
 from recipes.cross_check import check
 from recipes.loader import load_document, parse_document
 from recipes.metric_presets import PRESETS

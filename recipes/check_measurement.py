@@ -75,6 +75,26 @@ def check_stored_calibration(recipe: Recipe, bench: Bench, today: date) -> Itera
         yield Finding(option, found, "a calibration that was made", "Correct the date or the clock.")
 
 
+def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding]:  # noqa: ARG001
+    """The blank test of the fixture, where there is one, is in date."""
+    curve, name, option = bench.fixture.curve, bench.bench.name, ("measurement",)
+    if curve is None:
+        return
+    allowed, hint = (
+        "a blank test in date",
+        "Repeat the blank test on this bench and enter 'lostmotion blank' in its file.",
+    )
+    test = f"the fixture's blank test '{curve.id}' of bench '{name}'"
+    if curve.due < today:
+        found = f"{test}, which was due on {curve.due.isoformat()}"
+        yield Finding(option, found, allowed, hint)
+    elif curve.made > today:
+        found = (
+            f"the fixture's blank test '{curve.id}' of bench '{name}' is from {curve.made.isoformat()}, a day to come"
+        )
+        yield Finding(option, found, allowed, "Correct the date or the clock.")
+
+
 def check_metrics(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     """Every metric comes out of what is measured, and none is asked twice."""
     peaks = [step.peak_torque_nm for step in recipe.sequence if isinstance(step, MEASURED)]

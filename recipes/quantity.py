@@ -99,6 +99,7 @@ DURATION = Kind("a time", "s", "s", "200 ms")
 PERIOD = Kind("a time", "s", "ms", "1 ms")
 CURRENT = Kind("a current", "A", "A", "10 A")
 TEMPERATURE = Kind("a temperature", "degC", "degC", "60 degC")
+TEMPERATURE_CHANGE = Kind("a temperature difference", "K", "K", "5 K")
 FRACTION = Kind("a fraction", "one", "%", "0.1 %")
 RESOLUTION = Kind("a resolution", "bit", "bit", "20 bit")
 
@@ -118,6 +119,7 @@ KINDS = (
     PERIOD,
     CURRENT,
     TEMPERATURE,
+    TEMPERATURE_CHANGE,
     FRACTION,
     RESOLUTION,
 )

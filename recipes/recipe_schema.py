@@ -9,7 +9,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from recipes.metric_presets import PRESETS, PresetMetric
 from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
 from recipes.problems import Problem, did_you_mean, excerpt, one_of
-from recipes.quantity import TORQUE, QuantityError, read_quantity, show
+from recipes.quantity import TEMPERATURE, TORQUE, QuantityError, read_quantity, show
 from recipes.section import (
     FROM_DOCUMENT,
     Age,
@@ -24,6 +24,7 @@ from recipes.section import (
     Speed,
     Stiffness,
     Temperature,
+    TemperatureChange,
     Text,
     Torque,
     TorqueOfRated,
@@ -243,6 +244,34 @@ class Decision(Section):
         return value
 
 
+class Validity(Section):
+    """Limits of the validity gates: what may be seen of a measurement that is judged; beyond, NOT DECIDABLE.
+
+    Fractions are of the wind-up between the turning points, unless the gate says otherwise.
+    """
+
+    clipping_fraction: Fraction = 0.01
+    loop_closure_fraction: Fraction = 0.02
+    drift_fraction: Fraction = 0.01
+    repeat_fraction: Fraction = 0.02
+    lag_fraction: Fraction = 0.01
+    ramp_rate_fraction: Fraction = 0.5
+    points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3
+    monotone_loading_fraction: Fraction = 0.05
+    torque_agreement_fraction: Fraction = 0.6
+    temperature_change_k: TemperatureChange = 5.0
+    temperature_low_c: Temperature = 10.0
+    temperature_high_c: Temperature = 50.0
+
+    @model_validator(mode="after")
+    def _temperatures_in_order(self) -> Validity:
+        if self.temperature_low_c >= self.temperature_high_c:
+            found = f"a lowest temperature of {show(self.temperature_low_c, TEMPERATURE)}"
+            allowed = f"one below temperature_high, {show(self.temperature_high_c, TEMPERATURE)}"
+            raise refusal(found, allowed, "Exchange the two or correct one.", at="temperature_low")
+        return self
+
+
 PresetName = Literal["static", "inverse", "measurement", "output", "nabtesco", "spinea", "harmonic"]
 """Names of `PRESETS`."""
 
@@ -269,6 +298,7 @@ class Recipe(Section):
     presets: Annotated[tuple[PresetName, ...], Field(max_length=len(PRESETS))] = ()
     metrics: Annotated[tuple[MetricWanted, ...], Field(max_length=100)] = ()
     decision: Decision
+    validity: Validity = Validity()
 
     _source: Source | None = PrivateAttr(default=None)
 

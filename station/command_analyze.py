@@ -127,7 +127,7 @@ def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str 
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
-    found = analyse(read_trace(path), _method(recipe, bench), wanted_of(recipe, preset), decision_of(recipe))
+    found = analyse(read_trace(path), method_without_run(recipe, bench), wanted_of(recipe, preset), decision_of(recipe))
     return {
         "run": None,
         "serial": None,
@@ -141,7 +141,7 @@ def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str 
     }
 
 
-def _method(recipe: Recipe, bench: Bench | None) -> Method:
+def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
     """Return the method for a trace measured elsewhere: without a bench nothing is known of its fixture."""
     if bench is not None:
         return method_of(recipe, bench)

@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis import (
     Decision,
+    FixtureCurve,
     Method,
     MetricWanted,
     Quadrants,
@@ -21,6 +22,7 @@ from analysis import (
 from analysis.trace import ROLES
 from controller.image import State
 from recipes import Bench, Calibration, Recipe
+from recipes.section import option_name
 from station.assemble import CHANNEL_OF_SENSOR, channels
 from station.errors import StationError
 from station.record_check import Table
@@ -36,8 +38,26 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
         **method_fields(recipe),
         quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
         fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
+        fixture_curve=_fixture_curve(bench),
         lags_s=lags_of(bench),
     )
+
+
+def gate_limits_of(recipe: Recipe) -> dict[str, float]:
+    """Return the recipe's limits of the validity gates, in the units of the gates."""
+    validity = recipe.validity.model_dump()
+    return {
+        option_name(name): value * 100.0 if name.endswith("_fraction") else float(value)
+        for name, value in validity.items()
+    }
+
+
+def _fixture_curve(bench: Bench) -> FixtureCurve | None:
+    stored = bench.fixture.curve
+    if stored is None:
+        return None
+    torque = tuple(point.torque_nm for point in stored.points)
+    return FixtureCurve(torque, tuple(point.deflection_arcmin for point in stored.points), stored.angles, stored.id)
 
 
 def method_fields(recipe: Recipe) -> dict[str, Any]:
@@ -52,6 +72,7 @@ def method_fields(recipe: Recipe) -> dict[str, Any]:
         "break_torque_nm": measurement.break_torque_nm,
         "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
         "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
+        "gate_limits": gate_limits_of(recipe),
     }
 
 
@@ -76,7 +97,7 @@ def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
 def _stored_quadrants(stored: Calibration) -> Quadrants:
     rows = (stored.load_positive, stored.unload_positive, stored.load_negative, stored.unload_negative)
     lines = [TorqueLine(row.offset_nm, row.slope) for row in rows]
-    return Quadrants(lines[0], lines[1], lines[2], lines[3])
+    return Quadrants(lines[0], lines[1], lines[2], lines[3], transition_rad=stored.transition_rad)
 
 
 def wanted_of(recipe: Recipe, preset: str | None = None) -> list[MetricWanted]:

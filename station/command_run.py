@@ -11,7 +11,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from station.command_show import stored_result
 from station.conclusion import Conclusion, Ending, conclude
+from station.disk_space import refuse_full_disk
 from station.errors import BenchFaultError, RecordError, StationError
 from station.evaluation import method_of
 from station.headline import first_cause, headline, virtual_badges
@@ -67,6 +69,7 @@ def run(options: Options) -> int:
     unit = _unit(options, job)
     scenario = _scenario(options)
     serial = _serial(options, job)
+    refuse_full_disk(options.data, job)
     notes = recipe_notes(Store(options.data), job)
     record = _create(options, job, serial, unit, scenario, notes=notes)
     for note in notes:
@@ -85,13 +88,13 @@ def run(options: Options) -> int:
                     )
                 conclusion = _conclude(options, job, record, unit, progress)
         except BaseException as error:
-            # A full disk refuses this as well; what is there then says `recording`, and is shown as interrupted.
             with contextlib.suppress(OSError, RecordError):
                 log.exception("run failed", kind=type(error).__name__)
-                if record.manifest()["state"] == "recording":
+                # A run that waits for its disk stays as it is: whoever looks at it then, completes and concludes it.
+                if not isinstance(error, RecordError) and record.manifest()["state"] == "recording":
                     record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
             if isinstance(error, RecordError):
-                raise BenchFaultError(f"the record could not be kept, so there is no verdict: {error}") from error
+                return _no_record(record, error, as_json=options.json)
             raise
         result = conclusion.result
         log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
@@ -107,6 +110,16 @@ def run(options: Options) -> int:
     else:
         show_result(result_console(), result)
     return exit_code(result)
+
+
+def _no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
+    """Tell that the disk refused the record; return the exit code. There is no verdict without a record."""
+    text = f"the record could not be kept, so there is no verdict: {error}"
+    sys.stderr.write(f"{text}\n")
+    if as_json:
+        result = stored_result(record) | {"state": "interrupted", "verdict": "NOT DECIDABLE", "reasons": [text]}
+        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+    return EXIT_BENCH
 
 
 def recipe_notes(store: Store, job: Job) -> list[str]:

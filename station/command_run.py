@@ -77,7 +77,7 @@ def run(options: Options) -> int:
     reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
     title = f"{serial}  {job.recipe.recipe.name}"
     stream = sys.stderr if options.json else sys.stdout
-    with open_log(record.folder / "log.jsonl") as log:
+    with contextlib.closing(record.lock), open_log(record.folder / "log.jsonl") as log:
         log.info("run started", run=record.id, serial=serial, recipe=job.recipe.recipe.name, unit=unit)
         try:
             with Progress(reader, title, stream, say_alarms=options.json) as progress:
@@ -217,7 +217,7 @@ def _create(
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
-    record = Store(options.data).create(serial, manifest, files)
+    record = Store(options.data).create(serial, manifest, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record
 

@@ -29,10 +29,11 @@ def refuse_full_disk(data: Path, job: Job) -> None:
     try:
         free = shutil.disk_usage(place).free
     except OSError as error:
-        raise StationError(f"--data: {place} cannot be looked at: {error.strerror}. Choose another folder") from error
+        text = f"--data {data}: its disk cannot be looked at: {error.strerror}. Choose another folder"
+        raise StationError(text) from error
     needed = needed_bytes(job)
     if free < needed:
         raise StationError(
-            f"--data: found {free / 1e6:.1f} MB free on the disk of {place}; allowed is at least {needed / 1e6:.0f} MB "
+            f"--data {data}: found {free / 1e6:.1f} MB free on its disk; allowed is at least {needed / 1e6:.0f} MB "
             f"for a run of {job.recipe.recipe.name}. Free the disk, or choose another folder with --data"
         )

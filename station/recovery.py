@@ -7,7 +7,6 @@ came to, and its verdict when it came to its end. While the scan process is stil
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import time
@@ -20,7 +19,7 @@ from controller.image import Command
 from recipes import RecipeError
 from station.durable import Appender
 from station.errors import StationError
-from station.record_store import INTERRUPTED, RECORDING, SCAN_REPORT, RunRecord, Store, process_birth
+from station.record_store import INTERRUPTED, SCAN_REPORT, RunRecord, Store, process_birth
 from station.record_writer import RecordWriter
 from station.request import load_job
 from station.ring import RingReader, ScanState, StopCause
@@ -34,22 +33,12 @@ Attend = Callable[[RingReader], None]
 
 
 @contextmanager
-def _alone(run: RunRecord) -> Iterator[bool]:
-    """Yield whether no other process is recovering this run."""
-    handle = os.open(run.folder, os.O_RDONLY)
+def _owned(run: RunRecord) -> Iterator[bool]:
+    """Own a run; yields whether it is ours now, and deserted still."""
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            yield False
-        else:
-            yield True
+        yield run.lock.take() and run.deserted()
     finally:
-        os.close(handle)
-
-
-def _deserted(run: RunRecord) -> bool:
-    return run.state() == INTERRUPTED and run.manifest()["state"] == RECORDING
+        run.lock.close()
 
 
 def recover(run: RunRecord) -> int:
@@ -57,10 +46,10 @@ def recover(run: RunRecord) -> int:
 
     Nothing happens while its desk or its scan process is alive.
     """
-    if not _deserted(run):
+    if not run.deserted():
         return 0
-    with _alone(run) as alone:
-        if not alone or not _deserted(run):
+    with _owned(run) as ours:
+        if not ours:
             return 0
         path = _ring_of(run)
         if path is None:
@@ -80,8 +69,8 @@ def resume(run: RunRecord, attend: Attend) -> int:
 
     `attend` is called about 50 times per second, to show what there is and to pass commands on.
     """
-    with _alone(run) as alone:
-        path = _ring_of(run) if alone and _deserted(run) else None
+    with _owned(run) as ours:
+        path = _ring_of(run) if ours else None
         if path is None:
             return 0
         ring = RingReader(path)

@@ -202,6 +202,8 @@ def _default(field: FieldInfo) -> str:
 
 def _allowed(field: FieldInfo) -> str:
     """What an option takes, in words."""
+    if field.description:
+        return field.description
     quantity = _quantity(field)
     if quantity is not None:
         return quantity.allowed()

@@ -16,12 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from controller.image import Command
-from recipes import RecipeError
 from station.durable import Appender
 from station.errors import StationError
 from station.record_store import INTERRUPTED, SCAN_REPORT, RunRecord, Store, process_birth
 from station.record_writer import RecordWriter
-from station.request import load_job
 from station.ring import RingReader, ScanState, StopCause
 from station.scan_record import RECORD_BYTES
 
@@ -129,7 +127,10 @@ class Ended:
 
 def _conclude(run: RunRecord, ended: Ended) -> None:
     """Give the run its state, and its verdict when its scan came to its end."""
-    from station.conclusion import Ending, conclude  # noqa: PLC0415 - the analysis; runs are rarely deserted
+    # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
+    from recipes import RecipeError  # noqa: PLC0415
+    from station.conclusion import Ending, conclude  # noqa: PLC0415
+    from station.request import load_job  # noqa: PLC0415
 
     report = run.folder / SCAN_REPORT
     said = json.loads(report.read_bytes()) if report.exists() else {}

@@ -97,3 +97,11 @@ def test_a_new_run_is_owned_before_it_can_be_seen(tmp_path: Path) -> None:
     assert RunLock(record.folder).taken()
     record.lock.close()
     assert not RunLock(record.folder).taken()
+
+
+def test_a_new_desk_begins_before_it_loads_what_shows_a_result() -> None:
+    """A scan waits 2 s for a new desk; on a busy machine loading the analysis alone took longer."""
+    heavy = ("numpy", "scipy", "analysis", "matplotlib", "recipes", "pint")
+    program = f"import sys, station.command_resume; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

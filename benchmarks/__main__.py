@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from benchmarks import virtual_time
+from benchmarks import analysis_speed, virtual_time
 from benchmarks.wakeups import HEAD, ROOT, Lateness, cyclictest, full_scan, in_child, of_report
 
 MISSED_ALLOWED = 0.001
@@ -121,7 +121,9 @@ def main() -> None:
     factor, replayed, scans = virtual_time.measure()
     print(f"\nvirtual time: {factor:.0f} x real time at 1 ms on one core ({scans} scans)")
     print(f"replay: {replayed:.0f} scans/s, {replayed / 1000:.0f} x real time at 1 ms")
-    print(f"lostmotion --help: {help_time():.2f} s\n")
+    print(f"lostmotion --help: {help_time():.2f} s")
+    analysis_speed.show()
+    print()
     sys.stdout.flush()
     subprocess.run([sys.executable, "benchmarks/virtual_bench_load.py", "3"], check=True, cwd=ROOT)
 

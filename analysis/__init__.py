@@ -16,6 +16,7 @@ from analysis.segment_fit import MeanCurve
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
 from analysis.trace_files import read_trace, segment_name
+from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
 from analysis.verdict import Verdict
 
 __all__ = [
@@ -23,10 +24,12 @@ __all__ = [
     "METRICS",
     "METRIC_UNITS",
     "AnalysisError",
+    "AngleFigures",
     "Branch",
     "Curves",
     "Decision",
     "Definition",
+    "LineCovariance",
     "MeanCurve",
     "Method",
     "MetricResult",
@@ -35,7 +38,9 @@ __all__ = [
     "RatioFit",
     "Result",
     "SegmentInfo",
+    "SensorFigures",
     "SideValue",
+    "TorqueFigures",
     "TorqueLine",
     "Trace",
     "Verdict",

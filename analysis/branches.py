@@ -98,11 +98,14 @@ def make_branch(torque_nm: FloatArray, windup_arcmin: FloatArray, direction: int
             f"{where}: torque should be {'rising' if direction > 0 else 'falling'} and goes from {torque_nm[0]:.4g} to "
             f"{torque_nm[-1]:.4g} N·m; name the direction of the segment as it was run"
         )
-    return _monotone(torque, angle, counts)
+    return monotone(torque, angle, counts)
 
 
-def _monotone(torque: FloatArray, angle: FloatArray, counts: FloatArray) -> Branch:
-    """Monotone regression of the torque along the branch; points that it makes equal are averaged."""
+def monotone(torque: FloatArray, angle: FloatArray, counts: FloatArray) -> Branch:
+    """Monotone regression of the torque [N·m] along the branch; points that it makes equal are averaged.
+
+    angle: wind-up [arcmin]; counts: samples behind each point.
+    """
     if not (np.diff(torque) > 0).all():
         fitted = optimize.isotonic_regression(torque, weights=counts)
         starts = fitted.blocks[:-1]

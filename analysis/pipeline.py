@@ -21,6 +21,8 @@ from analysis.quadrants import Quadrants, fit_quadrants, output_torque
 from analysis.runs import Run, commanded_runs, found_runs, paired_cycles
 from analysis.segment_fit import MeanCurve
 from analysis.trace import Trace
+from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.measurement import measurement_of
 from analysis.units import FloatArray
 from analysis.verdict import Verdict, worst
 
@@ -67,11 +69,14 @@ def analyse(
     wanted: Sequence[MetricWanted],
     decision: Decision | None = None,
     invalid: Sequence[str] = (),
+    *,
+    figures: SensorFigures | None = None,
 ) -> Result:
     """Evaluate a trace and judge it.
 
     invalid: reasons, in plain words, why the measurement does not count (timing, stale samples, saturation); any makes
-    the verdict NOT DECIDABLE. Raises AnalysisError for a trace without what the method needs, for wanted metrics that
+    the verdict NOT DECIDABLE. figures: what is declared of the sensors; without them the uncertainty is the scatter of
+    the cycles alone. Raises AnalysisError for a trace without what the method needs, for wanted metrics that
     do not exist, and for nothing else; a metric that the loop does not carry is NOT DECIDABLE with its reason.
     """
     rule = Decision() if decision is None else decision
@@ -83,7 +88,11 @@ def analyse(
         quadrants = _torque_ratio(trace, method, runs, notes) if needs_ratio else AnalysisError("not asked for")
         loops = _loops(trace, method, runs, quadrants, notes)
         problems = [*invalid, *_wrong_way(loops)]
-        metrics = tuple(evaluate(one, loops, quadrants, method, rule, invalid=bool(problems)) for one in wanted)
+        measurement = measurement_of(trace, method, runs, loops[0], quadrants=quadrants, figures=figures, notes=notes)
+        metrics = tuple(
+            evaluate(one, loops, quadrants, method, rule, invalid=bool(problems), measurement=measurement)
+            for one in wanted
+        )
         curves = _curves(loops)
     verdict, reasons = _overall(metrics, problems)
     ratio = quadrants if isinstance(quadrants, Quadrants) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import date
 from typing import Annotated, Literal
 
@@ -13,6 +14,7 @@ from recipes.section import (
     AngleNoise,
     BitCount,
     Current,
+    Drift,
     Fraction,
     Host,
     Lag,
@@ -31,6 +33,7 @@ from recipes.section import (
     refusal,
 )
 
+ARCSEC_RAD = math.pi / 648_000
 NodeId = Annotated[int, Field(ge=1, le=127)]
 OptionCode = Annotated[int, Field(ge=-32768, le=32767)]
 Bitrate = Literal[10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000]
@@ -127,13 +130,19 @@ class BrakeDevice(ModbusDevice):
 
 
 class TorqueSensor(Section):
-    """Torque sensor; accuracy, noise and the usable range are fractions of full scale."""
+    """Torque sensor; noise (one standard deviation), usable range, zero and reversibility are fractions of full scale.
+
+    accuracy: limit of the gain error, of the reading. tared_zero: limit of what the tare leaves of the zero, with the
+    friction that stands on the sensor then. reversibility: limit of half the difference between falling and rising.
+    """
 
     full_scale_nm: Torque
     usable_fraction: UsableRange = 1.0
     accuracy_fraction: Fraction
     noise_fraction: Fraction
     lag_s: Lag
+    tared_zero_fraction: Fraction = 0.0002
+    reversibility_fraction: Fraction = 0.0002
 
     @property
     def usable_nm(self) -> float:
@@ -142,33 +151,54 @@ class TorqueSensor(Section):
 
 
 class AngleSensor(Section):
-    """Encoder of a shaft."""
+    """Encoder of a shaft. accuracy: limit of its error over a turn; interpolation: limit of its error within a line."""
 
     resolution_bits: BitCount
     noise_rad: AngleNoise
     lag_s: Lag
+    accuracy_rad: AngleNoise = 10 * ARCSEC_RAD
+    interpolation_rad: AngleNoise = 0.5 * ARCSEC_RAD
 
 
 class Sensors(Section):
-    """Sensors of the bench; what it does not have is left out."""
+    """Sensors of the bench; what it does not have is left out.
+
+    skew: limit of the difference between the delays of torque and angle, where nothing aligns them.
+    """
 
     torque_in: TorqueSensor | None = None
     torque_out: TorqueSensor | None = None
     angle_in: AngleSensor
     angle_out: AngleSensor | None = None
+    skew_s: Lag = 0.0002
 
 
 class Fixture(Section):
-    """Clamping of the unit; its wind-up is taken out of the measured one."""
+    """Clamping of the unit; its wind-up is taken out of the measured one.
+
+    accuracy: limit of the error of its stiffness. drift: limit of the wind-up's creep that is left while a cycle runs.
+    lock_width, lock_windup: limits of what another locking of the shaft changes in the width of the loop and in the
+    wind-up; declare what a lock angle study found when results shall speak of the whole unit, not of one position.
+    """
 
     stiffness_nm_per_arcmin: Stiffness
+    accuracy_fraction: Fraction = 0.05
+    drift_arcmin_min: Drift = 0.005
+    lock_width_rad: AngleNoise = 0.12 * ARCSEC_RAD
+    lock_windup_fraction: Fraction = 0.0005
 
 
 class QuadrantLine(Section):
-    """Line T_out = offset + slope · T_in of one quadrant."""
+    """Line T_out = offset + slope · T_in of one quadrant; standard uncertainties of both, and their correlation.
+
+    Without them 0.5 % of the slope and 0.5 N·m are assumed.
+    """
 
     slope: Annotated[float, Field(gt=0, le=10000)]
     offset_nm: SignedTorque
+    u_slope: Annotated[float, Field(ge=0, le=10000)] | None = None
+    u_offset_nm: Torque | None = None
+    correlation: Annotated[float, Field(ge=-1, le=1)] = 0.0
 
 
 class Calibration(Section):

@@ -99,6 +99,7 @@ PERIOD = Kind("a time", "s", "ms", "1 ms")
 CURRENT = Kind("a current", "A", "A", "10 A")
 TEMPERATURE = Kind("a temperature", "degC", "degC", "60 degC")
 FRACTION = Kind("a fraction", "one", "%", "0.1 %")
+DRIFT = Kind("a drift", "arcmin/min", "arcmin/min", "0.005 arcmin/min")
 RESOLUTION = Kind("a resolution", "bit", "bit", "20 bit")
 
 KINDS = (
@@ -117,6 +118,7 @@ KINDS = (
     CURRENT,
     TEMPERATURE,
     FRACTION,
+    DRIFT,
     RESOLUTION,
 )
 

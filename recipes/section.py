@@ -20,6 +20,7 @@ from recipes.quantity import (
     ACCELERATION,
     ANGLE,
     CURRENT,
+    DRIFT,
     DURATION,
     FRACTION,
     PERIOD,
@@ -39,7 +40,7 @@ from recipes.quantity import (
 )
 
 UNIT_SUFFIX = re.compile(
-    r"_(nm_per_arcmin|nm_per_a|nm_s|nm|rad_s2|rad_s|rad|ns|s|a|c|fraction|bits)$",
+    r"_(nm_per_arcmin|arcmin_min|nm_per_a|nm_s|nm|rad_s2|rad_s|rad|ns|s|a|c|fraction|bits)$",
 )
 """Units at the end of attribute names."""
 
@@ -162,6 +163,7 @@ Current = Annotated[float, Quantity(CURRENT, above=0, up_to=100)]
 Temperature = Annotated[float, Quantity(TEMPERATURE, at_least=-40, up_to=150)]
 Fraction = Annotated[float, Quantity(FRACTION, at_least=0, up_to=100)]
 UsableRange = Annotated[float, Quantity(FRACTION, at_least=100, up_to=200)]
+Drift = Annotated[float, Quantity(DRIFT, at_least=0, up_to=100)]
 Band = Annotated[float, Quantity(FRACTION, above=0, up_to=50)]
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$", max_length=60)]

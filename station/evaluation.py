@@ -6,12 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from analysis import Decision, Method, MetricWanted, Quadrants, Result, SegmentInfo, TorqueLine, Trace, analyse
+from analysis import (
+    Decision,
+    Method,
+    MetricWanted,
+    Quadrants,
+    Result,
+    SegmentInfo,
+    SensorFigures,
+    TorqueLine,
+    Trace,
+    analyse,
+)
 from analysis.trace import ROLES
 from controller.image import State
 from recipes import Bench, Calibration, Recipe
 from station.assemble import channels
 from station.errors import StationError
+from station.figures import figures_of
 from station.record_check import Table
 
 LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
@@ -118,7 +130,14 @@ def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:
 
 def evaluate_trace(trace: Trace, recipe: Recipe, bench: Bench, objections: list[str]) -> Result:
     """Evaluate and judge; `objections` say why the measurement may not count (see `timing_proof`)."""
-    return analyse(trace, method_of(recipe, bench), wanted_of(recipe), decision_of(recipe), objections)
+    figures = figures_for(recipe, bench)
+    return analyse(trace, method_of(recipe, bench), wanted_of(recipe), decision_of(recipe), objections, figures=figures)
+
+
+def figures_for(recipe: Recipe, bench: Bench) -> SensorFigures:
+    """Return what the bench declares of its sensors, and of the stored calibration when the recipe goes by one."""
+    stored = recipe.measurement.output_torque == "calibrated" and recipe.measurement.calibration == "stored"
+    return figures_of(bench, newest_calibration(recipe, bench) if stored else None)
 
 
 def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:

@@ -30,7 +30,10 @@ CALIBRATED = dataclasses.replace(METHOD, output_torque="calibrated")
 UNIT = ReferenceUnit()
 TRACE = bench_trace(UNIT, 453.2, cycles=2)
 QUIET = bench_trace(
-    UNIT, 453.2, cycles=2, bench=Bench(torque_out_noise_nm=0.0, torque_in_noise_nm=0.0, angle_in_bits=None)
+    UNIT,
+    453.2,
+    cycles=2,
+    bench=Bench(torque_out_noise_nm=0.0, torque_in_noise_nm=0.0, angle_in_bits=None, angle_out_bits=None),
 )
 NO_ERRORS = {"gain_fraction": 0.0, "zero_fraction": 0.0, "reversibility_fraction": 0.0, "noise_fraction": 0.0}
 FIGURES = SensorFigures(
@@ -148,8 +151,9 @@ def test_stored_lines_bring_their_covariance_and_another_zero() -> None:
     stored = dataclasses.replace(CALIBRATED, quadrants=dataclasses.replace(measured, fits={}))
     u = LineCovariance(u_offset_nm=0.5, u_slope=0.3, correlation=-0.87)
     figures = dataclasses.replace(FIGURES, calibration={"load_positive": u})
-    found = contributions(metric("windup", figures, stored))
-    assert found["torque_in_zero"] > 1e-5
+    found, measured_here = (contributions(metric("stiffness_50_100", figures, one)) for one in (stored, CALIBRATED))
+    assert found["torque_in_zero"] > 1e-3
+    assert measured_here.get("torque_in_zero", 0.0) < 1e-9
     torque_in = (412.0 - measured.load_positive.offset_nm) / measured.load_positive.slope
     u_torque = math.sqrt(0.5**2 + (0.3 * torque_in) ** 2 - 2 * 0.87 * 0.5 * 0.3 * torque_in)
     row = next(row for row in metric("windup", figures, stored).headline.budget.rows if "calibration" in row.quantity)

@@ -24,6 +24,7 @@ from analysis.uncertainty.lines import covariance_of, line_moves, quadrants_used
 from analysis.uncertainty.noise import noisy_loops
 from analysis.uncertainty.repeatability import deviation, enlarged
 from analysis.uncertainty.sources import SOURCES
+from analysis.uncertainty.transfer import transfer_moves
 
 COVERAGE_FACTOR = 2.0
 """k of the expanded uncertainty U = k·u."""
@@ -33,6 +34,7 @@ SMOOTH_POINTS = 400
 
 NOISE = ("noise", "noise of the sensors, mean of the cycles")
 SCATTER = ("repeatability", "scatter between cycles beyond the noise, enlarged for few cycles (Student)")
+TRANSFER = ("transfer", "friction about zero torque and after reversals that the calibration leaves over")
 ONLY_SCATTER = ("repeatability", "scatter between cycles, enlarged for few cycles (Student)")
 
 Estimate = Callable[[Loop], float]
@@ -110,6 +112,9 @@ def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigure
             moves = line_moves(name, line, loop, circumstances)
             text = f"calibration line, {name.replace('_', ' ')}, at the reference torque"
             found.append(UsedSource(f"calibration_{name}", text, "N·m", "normal", 1.0, u, 1.0, moves))
+    u, moves = transfer_moves(loop, circumstances)
+    if u > 0.0:
+        found.append(UsedSource(*TRANSFER, "N·m", "normal", 1.0, u, 1.0, moves))
     return tuple(found)
 
 

@@ -35,6 +35,9 @@ FIT_BLOCKS = 200
 TRANSITION_BOUNDS_RAD = (1e-6, 0.3)
 """Bounds of the transition length L at the input shaft."""
 
+TRANSITION_POINTS = 20_000
+"""Samples of a run that the transition is fitted to at most, evenly picked."""
+
 TRANSITION_RESIDUAL = 0.03
 """A transition that fits worse than this share of the peak torque is masked instead."""
 
@@ -298,8 +301,10 @@ def _fit_transition(trace: Trace, calibration: Sequence[Run], steady: Quadrants,
         if np.count_nonzero(chosen) > 10 and -run.direction * torque_out[0] > 0.5 * peak:
             angle = run.take(trace.angle_in_rad)
             travel = np.abs(angle - angle[0])[chosen]
+            thin = slice(None, None, -(-travel.size // TRANSITION_POINTS))
             torque_in = run.take(trace.torque_in_nm)
-            pieces.append((run.direction, torque_in[chosen], float(torque_in[0]), travel, torque_out[chosen]))
+            turn = float(torque_in[0])
+            pieces.append((run.direction, torque_in[chosen][thin], turn, travel[thin], torque_out[chosen][thin]))
     if not pieces:
         return None
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from datetime import date
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from recipes.calibration_schema import Calibration, Fixture
 from recipes.quantity import PERIOD, show
 from recipes.section import (
+    ARCSEC_RAD,
     Age,
     AngleNoise,
     BitCount,
     Current,
-    Drift,
     Fraction,
     Host,
     Lag,
@@ -22,9 +21,7 @@ from recipes.section import (
     Port,
     Revision,
     Section,
-    SignedTorque,
     Speed,
-    Stiffness,
     Torque,
     TorqueConstant,
     TorqueSlope,
@@ -33,7 +30,6 @@ from recipes.section import (
     refusal,
 )
 
-ARCSEC_RAD = math.pi / 648_000
 NodeId = Annotated[int, Field(ge=1, le=127)]
 OptionCode = Annotated[int, Field(ge=-32768, le=32767)]
 Bitrate = Literal[10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000]
@@ -171,53 +167,6 @@ class Sensors(Section):
     angle_in: AngleSensor
     angle_out: AngleSensor | None = None
     skew_s: Lag = 0.0002
-
-
-class Fixture(Section):
-    """Clamping of the unit; its wind-up is taken out of the measured one.
-
-    accuracy: limit of the error of its stiffness. drift: limit of the wind-up's creep that is left while a cycle runs.
-    lock_width, lock_windup: limits of what another locking of the shaft changes in the width of the loop and in the
-    wind-up; declare what a lock angle study found when results shall speak of the whole unit, not of one position.
-    """
-
-    stiffness_nm_per_arcmin: Stiffness
-    accuracy_fraction: Fraction = 0.05
-    drift_arcmin_min: Drift = 0.005
-    lock_width_rad: AngleNoise = 0.12 * ARCSEC_RAD
-    lock_windup_fraction: Fraction = 0.0005
-
-
-class QuadrantLine(Section):
-    """Line T_out = offset + slope · T_in of one quadrant; standard uncertainties of both, and their correlation.
-
-    Without them 0.5 % of the slope and 0.5 N·m are assumed.
-    """
-
-    slope: Annotated[float, Field(gt=0, le=10000)]
-    offset_nm: SignedTorque
-    u_slope: Annotated[float, Field(ge=0, le=10000)] | None = None
-    u_offset_nm: Torque | None = None
-    correlation: Annotated[float, Field(ge=-1, le=1)] = 0.0
-
-
-class Calibration(Section):
-    """Stored torque ratio of one model on this bench, by sign of the torque and loading or unloading."""
-
-    id: Name
-    model: Name
-    made: date
-    due: date
-    load_positive: QuadrantLine
-    unload_positive: QuadrantLine
-    load_negative: QuadrantLine
-    unload_negative: QuadrantLine
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Calibration:
-        if self.due <= self.made:
-            raise refusal(str(self.due), f"a day after {self.made}, when it was made", "Correct one of them.", at="due")
-        return self
 
 
 class Bench(Section):

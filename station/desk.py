@@ -22,11 +22,15 @@ from station import children
 from station.conclusion import Ending
 from station.durable import Appender
 from station.errors import BenchFaultError
+from station.fault_companion import Companion, Reach
 from station.program_file import PROGRAM
 from station.record_store import RunRecord
 from station.request import Job
 from station.ring import RingReader, ScanState, create
 from station.scan_record import RECORD_BYTES
+
+TRUTH = "truth.csv"
+"""Torque in the virtual reducer itself over the monotonic clock, in the folder of a run with faults."""
 
 LOOK_EVERY_S = 0.02
 SYNC_EVERY_S = 1.0
@@ -60,8 +64,9 @@ def _if_possible(tell: Callable[[Told], None]) -> Callable[[Told], None]:
 class Desk:
     """One real-time run of a job."""
 
-    def __init__(self, job: Job, record: RunRecord, show: Show, say: Say) -> None:
+    def __init__(self, job: Job, record: RunRecord, show: Show, say: Say, companion: Companion | None = None) -> None:
         self._job, self._record = job, record
+        self._companion = companion
         self._show, self._say = _if_possible(show), _if_possible(say)
         self._interrupts = 0
         self._sent = 0
@@ -97,6 +102,9 @@ class Desk:
             cleanup.callback(children.stop, process, self._longest_unload_s())
             file = Appender(self._record.samples)
             cleanup.callback(file.close)
+            if self._companion is not None:
+                tell = None if life_line is None else life_line.tell
+                self._companion.begin(Reach(process.pid, ring.send, tell))
             self._serve(process, ring, file)
             return self._ending(process, ring, report, embedded=life_line is not None)
 
@@ -116,6 +124,7 @@ class Desk:
             "profiles": self._profiles(),
             "unit": unit,
             "scenario": None if scenario is None else str(scenario),
+            "truth": None if scenario is None else str(folder / TRUTH),
             "embedded": True,
         }
         path = folder / "virtual-bench-spec.json"
@@ -143,6 +152,7 @@ class Desk:
             "ports": ports,
             "desk": os.getpid(),
             "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
+            "after_end_scans": 0 if self._companion is None else self._companion.after_end_scans,
         }
         path = folder / "scan-spec.json"
         path.write_text(json.dumps(spec))
@@ -191,6 +201,8 @@ class Desk:
             file.write(data)
             self._written += len(data) // RECORD_BYTES
             self._newest = data[-RECORD_BYTES:]
+            if self._companion is not None:
+                self._companion.look(data)
 
         return keep
 
@@ -234,4 +246,5 @@ class Desk:
             trouble=trouble,
             counters=said.get("counters", {}),
             times=said.get("times", {}),
+            started_ns=int(said.get("started_ns", 0)),
         )

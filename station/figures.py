@@ -8,7 +8,8 @@ from analysis import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
 from analysis.quadrants import QUADRANTS
 from analysis.units import ARCMIN_PER_RAD
 from recipes import Bench, Calibration
-from recipes.bench_schema import AngleSensor, QuadrantLine, TorqueSensor
+from recipes.bench_schema import AngleSensor, TorqueSensor
+from recipes.calibration_schema import QuadrantLine
 
 U_SLOPE_FRACTION = 0.005
 U_OFFSET_NM = 0.5
@@ -53,7 +54,7 @@ def _angle(sensor: AngleSensor | None) -> AngleFigures | None:
 
 def _line(line: QuadrantLine) -> LineCovariance:
     return LineCovariance(
-        U_OFFSET_NM if line.u_offset_nm is None else line.u_offset_nm,
+        U_OFFSET_NM if line.u_offset_nm is None else abs(line.u_offset_nm),
         U_SLOPE_FRACTION * line.slope if line.u_slope is None else line.u_slope,
-        line.correlation,
+        line.correlation or 0.0,
     )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.branches import Branch, monotone
+from analysis.branches import Branch, made_rising
 from analysis.loop import Loop
 from analysis.uncertainty.circumstances import Circumstances, Points, line_name
 from analysis.uncertainty.figures import SensorFigures
@@ -46,7 +46,7 @@ class LineMove(NamedTuple):
 def moved(branch: Branch, amount: float, torque_nm: FloatArray | float, angle_arcmin: FloatArray | float) -> Branch:
     """Return a branch with an amount of an error in it; its torque still rises."""
     torque = branch.torque_nm + amount * torque_nm
-    return monotone(torque, branch.angle_arcmin + amount * angle_arcmin, np.ones(torque.size))
+    return made_rising(torque, branch.angle_arcmin + amount * angle_arcmin, np.ones(torque.size))
 
 
 def moves_of(source: ErrorSource, loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> list[Move]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -11,12 +10,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from analysis.branches import Branch
-from analysis.loop import Loop
+from analysis.measured import Measured
 from analysis.method import Method
 from analysis.quadrants import LOADING_RANGE, QUADRANTS, UNLOADING_RANGE, Quadrants, TorqueLine
-from analysis.runs import Run, paired_cycles
-from analysis.trace import Trace
+from analysis.samples import BranchSamples
+from analysis.turning import converts
 from analysis.units import FloatArray
+
+AngleName = Literal["angle_in", "angle_out"]
 
 LINE_POINTS = 100
 """Torques at which an error that bends a calibration line is evaluated."""
@@ -59,7 +60,7 @@ class Circumstances:
     peak_nm: float
     forward: Stretch
     backward: Stretch
-    encoders: tuple[Literal["angle_in", "angle_out"], ...]
+    encoders: tuple[AngleName, ...]
     fixture_corrected: bool
     converted: bool
     quadrants: Quadrants | None
@@ -116,38 +117,32 @@ def line_name(sign: int, direction: int) -> str:
     return f"{'load' if sign == direction else 'unload'}_{'positive' if sign > 0 else 'negative'}"
 
 
-def circumstances_of(
-    trace: Trace, method: Method, runs: Sequence[Run], loop: Loop, quadrants: Quadrants | None
-) -> Circumstances:
-    """Return how the first cycle of a trace was measured.
-
-    quadrants: the torque ratio if there is one; the loop's torque is converted by it when the method says so.
-    """
-    forward, backward = paired_cycles(runs)[0]
-    there = tuple(
-        name
-        for name, values in (("angle_in", trace.angle_in_rad), ("angle_out", trace.angle_out_rad))
-        if values is not None
-    )
-    driven = "angle_in" if method.loading == "input" else "angle_out"
-    corrected = method.fixture_stiffness_nm_per_arcmin is not None and there == (driven,)
-    converted = method.output_torque == "calibrated" and trace.torque_in_nm is not None and quadrants is not None
-    peak = max(abs(float(torque)) for branch in (loop.forward, loop.backward) for torque in branch.torque_nm[[0, -1]])
+def circumstances_of(found: Measured) -> Circumstances:
+    """Return how the first cycle of a measurement was made."""
+    method, trace, loop = found.method, found.trace, found.loops[0]
+    encoders: dict[str, tuple[AngleName, ...]] = {
+        "both": ("angle_in", "angle_out"),
+        "loaded": ("angle_in" if method.loading == "input" else "angle_out",),
+        "given": (),
+    }
+    curve = method.fixture_curve
+    by_curve = curve is not None and curve.angles == found.angles
+    corrects = by_curve or (method.fixture_stiffness_nm_per_arcmin is not None and found.angles == "loaded")
+    ends = [branch.torque_nm[[0, -1]] for branch in (loop.forward, loop.backward)]
     return Circumstances(
-        method,
-        peak,
-        _stretch(trace, forward),
-        _stretch(trace, backward),
-        there,  # type: ignore[arg-type]
-        corrected,
-        converted,
-        quadrants,
+        method=method,
+        peak_nm=float(np.abs(np.concatenate(ends)).max()),
+        forward=_stretch(found.pairs[0][0]),
+        backward=_stretch(found.pairs[0][1]),
+        encoders=encoders[found.angles],
+        fixture_corrected=corrects and method.fixture == "correct",
+        converted=converts(trace, method) and isinstance(found.quadrants, Quadrants),
+        quadrants=found.quadrants if isinstance(found.quadrants, Quadrants) else None,
     )
 
 
-def _stretch(trace: Trace, run: Run) -> Stretch:
-    samples = sum(piece.stop - piece.start for piece in run.pieces)
-    if trace.t_s is None:
-        return Stretch(samples, math.nan, math.nan)
-    time = run.take(trace.t_s)
-    return Stretch(samples, float(time[0]), float(time[-1] - time[0]))
+def _stretch(samples: BranchSamples) -> Stretch:
+    time = samples.t_s
+    if time is None:
+        return Stretch(samples.torque_nm.size, math.nan, math.nan)
+    return Stretch(samples.torque_nm.size, float(time[0]), float(time[-1] - time[0]))

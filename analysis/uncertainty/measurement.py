@@ -11,10 +11,8 @@ import numpy as np
 
 from analysis.errors import AnalysisError
 from analysis.loop import Loop
-from analysis.method import Method
-from analysis.quadrants import Quadrants
-from analysis.runs import Run
-from analysis.trace import Trace
+from analysis.measured import Measured
+from analysis.stages import StageRecord
 from analysis.uncertainty.budget import Budget, LoopUncertainty, of_scatter
 from analysis.uncertainty.circumstances import Circumstances, circumstances_of
 from analysis.uncertainty.figures import SensorFigures
@@ -49,21 +47,7 @@ class Measurement:
         return ratio_budget(line, unit, self._circumstances, self._figures, of_slope=metric == "torque_ratio_slope")
 
 
-def measurement_of(
-    trace: Trace,
-    method: Method,
-    runs: Sequence[Run],
-    loop: Loop,
-    *,
-    quadrants: Quadrants | AnalysisError,
-    figures: SensorFigures | None,
-    notes: list[str],
-) -> Measurement:
-    """Return what is known of the errors of an evaluated trace, and say in the notes what the uncertainty contains.
-
-    loop: of the first cycle. quadrants: the torque ratio, or why there is none.
-    """
-    ratio = quadrants if isinstance(quadrants, Quadrants) else None
-    circumstances = circumstances_of(trace, method, runs, loop, ratio)
-    notes.append(WITHOUT_FIGURES if figures is None else WITH_FIGURES)
-    return Measurement(loop, circumstances, figures)
+def measurement_of(found: Measured, figures: SensorFigures | None) -> tuple[Measurement, StageRecord]:
+    """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains."""
+    text = WITHOUT_FIGURES if figures is None else WITH_FIGURES
+    return Measurement(found.loops[0], circumstances_of(found), figures), StageRecord("uncertainty", text)

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from analysis.branches import MOST_BLOCKS, Branch, monotone
+from analysis.branches import MOST_BLOCKS, Branch, made_rising
 from analysis.loop import Loop
 from analysis.uncertainty.circumstances import Circumstances
 from analysis.uncertainty.figures import SensorFigures
@@ -38,7 +38,7 @@ def noisy_loops(loop: Loop, circumstances: Circumstances, figures: SensorFigures
     found = []
     for _ in range(NOISY_LOOPS):
         forward, backward = (
-            monotone(
+            made_rising(
                 branch.torque_nm + torque * random.standard_normal(branch.torque_nm.size),
                 branch.angle_arcmin + angle * random.standard_normal(branch.torque_nm.size),
                 np.ones(branch.torque_nm.size),

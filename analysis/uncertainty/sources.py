@@ -12,14 +12,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from analysis.uncertainty.circumstances import Circumstances, Points
+from analysis.uncertainty.circumstances import AngleName, Circumstances, Points
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
 from analysis.units import RAD_PER_ARCMIN, FloatArray
 
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
 TorqueName = Literal["torque_in", "torque_out"]
-AngleName = Literal["angle_in", "angle_out"]
 
 
 class Effect(NamedTuple):
@@ -81,8 +80,11 @@ def _drift(setting: Setting) -> Effect:
 
 
 def _fixture(setting: Setting) -> Effect:
-    stiffness = setting.circumstances.method.fixture_stiffness_nm_per_arcmin
-    return NOTHING if stiffness is None else Effect(angle_arcmin=setting.points.torque_nm / stiffness)
+    method, torque = setting.circumstances.method, setting.points.torque_nm
+    if method.fixture_curve is not None:
+        return Effect(angle_arcmin=method.fixture_curve.at(torque))
+    stiffness = method.fixture_stiffness_nm_per_arcmin
+    return NOTHING if stiffness is None else Effect(angle_arcmin=torque / stiffness)
 
 
 def _encoder(figures: SensorFigures, name: AngleName) -> AngleFigures | None:

@@ -36,7 +36,7 @@ SLOW_BENCH = {
     "interface: socketcand": "interface: socketcan",
     "controller_heartbeat_timeout: 100 ms": "controller_heartbeat_timeout: 5 s",
     "setpoint_timeout: 50 ms": "setpoint_timeout: 5 s",
-    "poll_every: 1 ms": "poll_every: 20 ms",
+    "poll_every: 500 µs": "poll_every: 20 ms",
     "timeout: 5 ms": "timeout: 2 s",
     "timeout: 20 ms": "timeout: 2 s",
     "poll_every: 10 ms": "poll_every: 100 ms",

@@ -7,12 +7,13 @@ Beside this stand `analysis.models` (models of a reducer), `analysis.line` (stat
 from analysis.branches import Branch
 from analysis.errors import AnalysisError
 from analysis.evaluate import COVERAGE_FACTOR, MetricResult, SideValue
+from analysis.fixture import blank_curve
 from analysis.fixture_curve import FixtureCurve, reducer_stiffness, series_stiffness
 from analysis.gates import GATES, GateResult, gate_reasons, judge_gates
 from analysis.measured import Evidence, RunFacts
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import METRIC_UNITS, METRICS, Definition
-from analysis.pipeline import Curves, Result, analyse
+from analysis.pipeline import Curves, Result, analyse, measure
 from analysis.quadrants import Quadrants, TorqueLine, fit_quadrants
 from analysis.runs import commanded_runs
 from analysis.segment_fit import MeanCurve
@@ -52,11 +53,13 @@ __all__ = [
     "Trace",
     "Verdict",
     "analyse",
+    "blank_curve",
     "commanded_runs",
     "fit_quadrants",
     "fit_torque_ratio",
     "gate_reasons",
     "judge_gates",
+    "measure",
     "read_trace",
     "reducer_stiffness",
     "segment_name",

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from analysis.curves import DEFAULT_FIT, FITS
 from analysis.errors import AnalysisError
 from analysis.estimators import Ask
+from analysis.grades import GRADED, backlash_limits, grade_of, grade_uncertainty
 from analysis.loop import Loop
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import Definition, definition
@@ -55,6 +57,8 @@ class MetricResult:
     band: float | None
     torque_nm: float | None
     sides: tuple[SideValue, ...]
+    choices: tuple[str, ...] = ()
+    """What was chosen otherwise than the definition does by itself."""
 
     @property
     def headline(self) -> SideValue:
@@ -90,6 +94,7 @@ class MetricResult:
             "branch": self.branch,
             "side": shown.side,
             "estimator": self.estimator,
+            "choices": list(self.choices),
             "band": self.band,
             "torque_nm": self.torque_nm,
             "cycles": len(cycles),
@@ -104,6 +109,7 @@ class MetricResult:
                     "value": side.value,
                     "uncertainty": side.uncertainty,
                     "standard_deviation": side.standard_deviation,
+                    "per_cycle": list(side.per_cycle),
                     "verdict": side.verdict.value if self.limited or side.value is None else None,
                 }
                 for side in self.sides
@@ -129,20 +135,34 @@ def evaluate(
     band = row.band if wanted.band is None else wanted.band
     torque = _torque(wanted, row, method)
     variant = wanted.variant or row.variants[0]
+    fit = wanted.fit or (row.fits[0] if row.fits else DEFAULT_FIT)
     branch = wanted.branch or row.branch
     found = []
     for side in sides:
-        ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant)
+        ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant, fit)
         of_ratio = row.estimate is None
         measured = _from_ratio(wanted.id, ask.side, quadrants) if of_ratio else _from_loops(row, ask, loops)
-        found.append(_judged(wanted, side, measured, decision, invalid=invalid))
-    return MetricResult(wanted, row, branch, _estimator(row, variant), band, torque, tuple(found))
+        judged = _judged_grade if row.graded else _judged
+        found.append(judged(wanted, side, measured, decision, invalid=invalid))
+    estimator = _estimator(row, variant, fit, method)
+    return MetricResult(wanted, row, branch, estimator, band, torque, tuple(found), _choices(wanted, row))
 
 
-def _estimator(row: Definition, variant: str) -> str:
-    if len(row.variants) == 1:
-        return row.estimator
-    return "branches as measured" if variant == "direct" else f"{row.estimator}, {variant}"
+def _estimator(row: Definition, variant: str, fit: str, method: Method) -> str:
+    """Say how the value is read, with the break torques that it depends on."""
+    if variant == "direct":
+        return "branches as measured"
+    parts = [row.estimator] if len(row.variants) == 1 else [row.estimator, variant]
+    parts += [FITS[fit].called(method)] if row.fits else []
+    parts += ["T1 {:.4g} and T2 {:.4g} N·m".format(*method.stiffness_breaks_nm)] if row.segmented else []
+    return ", ".join(parts)
+
+
+def _choices(wanted: MetricWanted, row: Definition) -> tuple[str, ...]:
+    """Say what of band, variant and fit is not as the definition has it by itself."""
+    found = [] if wanted.band in (None, row.band) else [f"band {100.0 * (wanted.band or 0.0):g} %"]
+    found += [] if wanted.variant in (None, row.variants[0]) else [str(wanted.variant)]
+    return (*found, *([] if wanted.fit is None or wanted.fit == row.fits[0] else [wanted.fit]))
 
 
 def _torque(wanted: MetricWanted, row: Definition, method: Method) -> float | None:
@@ -194,6 +214,29 @@ def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Deci
         verdict, limit = judge(value, expanded, (wanted.min, wanted.max), decision)
         reason = "" if verdict is Verdict.PASS else f"{name}: {_because(wanted, value, expanded, verdict, limit)}"
     return SideValue(side, value, expanded, deviation, values, verdict, reason)
+
+
+def _judged_grade(
+    wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool
+) -> SideValue:
+    """Judge a grade by its backlash [arcmin]: a limit on the one is a limit on the other."""
+    backlash = GRADED[wanted.variant or next(iter(GRADED))]
+    low, high = backlash_limits(wanted.min, wanted.max)
+    found = _judged(MetricWanted(backlash, min=low, max=high), side, measured, decision, invalid=invalid)
+    reason = found.reason and f"{wanted.id}: {found.reason}"
+    if found.value is None:
+        return replace(found, reason=reason)
+    steps = None if found.uncertainty is None else grade_uncertainty(found.value, found.uncertainty)
+    grades = tuple(float(grade_of(one)) for one in found.per_cycle)
+    spread = float(np.std(grades, ddof=1)) if len(grades) > 1 else None
+    return replace(
+        found,
+        value=float(grade_of(found.value)),
+        uncertainty=steps,
+        standard_deviation=spread,
+        per_cycle=grades,
+        reason=reason,
+    )
 
 
 def _because(wanted: MetricWanted, value: float, expanded: float | None, verdict: Verdict, limit: str) -> str:

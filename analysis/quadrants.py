@@ -35,6 +35,9 @@ FIT_BLOCKS = 200
 TRANSITION_BOUNDS_RAD = (1e-6, 0.3)
 """Bounds of the transition length L at the input shaft."""
 
+TRANSITION_POINTS = 20_000
+"""Samples of a run that the transition is fitted to at most, evenly picked."""
+
 TRANSITION_RESIDUAL = 0.03
 """A transition that fits worse than this share of the peak torque is masked instead."""
 
@@ -186,7 +189,9 @@ def _fit_transition(trace: Trace, calibration: Sequence[Run], steady: Quadrants,
         if np.count_nonzero(chosen) > 10 and -run.direction * torque_out[0] > 0.5 * peak:
             angle = run.take(trace.angle_in_rad)
             travel = np.abs(angle - angle[0])[chosen]
-            pieces.append((run.direction, run.take(trace.torque_in_nm)[chosen], travel, torque_out[chosen]))
+            thin = slice(None, None, -(-travel.size // TRANSITION_POINTS))
+            torque_in = run.take(trace.torque_in_nm)[chosen]
+            pieces.append((run.direction, torque_in[thin], travel[thin], torque_out[chosen][thin]))
     if not pieces:
         return None
 

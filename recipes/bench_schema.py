@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from datetime import date
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from recipes.calibration_schema import Calibration, Fixture
 from recipes.quantity import PERIOD, show
 from recipes.section import (
     Age,
@@ -20,9 +20,7 @@ from recipes.section import (
     Port,
     Revision,
     Section,
-    SignedTorque,
     Speed,
-    Stiffness,
     Torque,
     TorqueConstant,
     TorqueSlope,
@@ -156,38 +154,6 @@ class Sensors(Section):
     torque_out: TorqueSensor | None = None
     angle_in: AngleSensor
     angle_out: AngleSensor | None = None
-
-
-class Fixture(Section):
-    """Clamping of the unit; its wind-up is taken out of the measured one."""
-
-    stiffness_nm_per_arcmin: Stiffness
-
-
-class QuadrantLine(Section):
-    """Line T_out = offset + slope · T_in of one quadrant."""
-
-    slope: Annotated[float, Field(gt=0, le=10000)]
-    offset_nm: SignedTorque
-
-
-class Calibration(Section):
-    """Stored torque ratio of one model on this bench, by sign of the torque and loading or unloading."""
-
-    id: Name
-    model: Name
-    made: date
-    due: date
-    load_positive: QuadrantLine
-    unload_positive: QuadrantLine
-    load_negative: QuadrantLine
-    unload_negative: QuadrantLine
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Calibration:
-        if self.due <= self.made:
-            raise refusal(str(self.due), f"a day after {self.made}, when it was made", "Correct one of them.", at="due")
-        return self
 
 
 class Bench(Section):

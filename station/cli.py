@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from station import cli_quality
+from station import cli_blocks, cli_quality
 from station.cli_faults import faults_app
 from station.cli_help import GroupedHelp
 from station.cli_studies import study_app
@@ -58,6 +58,15 @@ UnitOption = Annotated[
 ScenarioOption = Annotated[
     Path | None,
     typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
+]
+
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        metavar="NAME",
+        help="Definitions of static, inverse, measurement, output, nabtesco, spinea or harmonic.",
+    ),
 ]
 
 
@@ -131,13 +140,43 @@ def analyze(
         str | None,
         typer.Option("--bench", metavar="FILE", help="Bench the trace comes from: its fixture and calibrations."),
     ] = None,
+    preset: PresetOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
     """Compute metrics and verdict of a trace. Exit code as run."""
     from station import command_analyze
 
-    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, as_json=as_json))
+    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, preset=preset, as_json=as_json))
+
+
+@app.command()
+def repeatability(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN...", help="Runs or traces of one unit, or its serial.")],
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="Evaluate all by this recipe. Default: each run's own."),
+    ] = None,
+    preset: PresetOption = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Show mean and standard deviation of each metric over cycles and over runs of a unit. Exit code: 0, or 2."""
+    from station import command_repeatability
+
+    raise typer.Exit(command_repeatability.repeat(runs, recipe, preset, data, as_json=as_json))
+
+
+@app.command()
+def metrics(preset: PresetOption = None, as_json: JsonOption = False) -> None:
+    """List the definitions of all metrics and the presets, or of one preset. Exit code: 0, or 2 for no such preset."""
+    from station import command_metrics
+
+    raise typer.Exit(command_metrics.metrics(preset, as_json=as_json))
+
+
+app.command()(cli_blocks.blank)
+app.command()(cli_blocks.calibration)
 
 
 @app.command()

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis import Result, Trace, analyse, commanded_runs, read_trace
-from analysis.branches import measured_windup
 from analysis.method import Method
-from analysis.models import LoopSamples, branch_samples, loop_samples
+from analysis.models import LoopSamples, loop_samples, samples_of_branches
 from analysis.units import ARCMIN_PER_RAD, FloatArray
+from analysis.windup import measured_windup
 from recipes import find_bench, load_bench, load_recipe
-from station.command_analyze import _method as method_elsewhere
+from station.command_analyze import method_without_run
 from station.errors import StationError
 from station.evaluation import decision_of, method_of, wanted_of
 from station.record_store import RunRecord, Store
@@ -53,7 +53,7 @@ def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = 
     trace = read_trace(path)
     if recipe is None:
         return Source(str(path), trace)
-    method = method_elsewhere(
+    method = method_without_run(
         load_recipe(recipe_path(recipe)), None if bench is None else load_bench(find_bench(bench))
     )
     return Source(str(path), trace, method=method)
@@ -85,7 +85,7 @@ def loop_of(source: Source) -> LoopSamples:
     """
     if source.result is not None:
         curves = source.result.curves
-        return branch_samples(curves.forward, curves.backward)
+        return samples_of_branches(curves.forward, curves.backward)
     angle, torque = channels_of(source)
     return loop_samples(angle, torque, commanded_runs(source.trace) or None)
 
@@ -96,6 +96,6 @@ def channels_of(source: Source) -> tuple[FloatArray, FloatArray]:
     if source.method is None:
         what = "the wind-up, where there is no recipe to make it by"
         return source.trace.channel("angle_out_rad", what) * ARCMIN_PER_RAD, torque
-    angle, deflects, _ = measured_windup(source.trace, source.method)
-    fixture = source.method.fixture_stiffness_nm_per_arcmin if deflects else None
-    return (angle if fixture is None else angle - torque / fixture), torque
+    windup = measured_windup(source.trace, source.method)
+    fixture = source.method.fixture_stiffness_nm_per_arcmin if windup.angles == "loaded" else None
+    return (windup.arcmin if fixture is None else windup.arcmin - torque / fixture), torque

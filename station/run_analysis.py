@@ -12,7 +12,7 @@ from station.record_check import check_file, read_table
 from station.record_store import RunRecord
 from station.request import Job, load_job
 from station.seal import alterations
-from station.timing_proof import timing_objections
+from station.timing_proof import run_facts
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,10 @@ def evaluate_run(run: RunRecord, recipe: Recipe, bench: Bench) -> tuple[Trace, R
     read_back = check_file(run.samples, manifest["records"])
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     table = read_table(run.samples)
-    sampling = recipe.sampling
-    objections = broken + timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
+    facts = run_facts(table, timing, recipe.sampling)
     segments = run.read_json("program.json")["segments"]
     trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return trace, evaluate_trace(trace, recipe, bench, objections)
+    return trace, evaluate_trace(trace, recipe, bench, broken, facts)
 
 
 def complete_run(run: RunRecord) -> RunAnalysis:

@@ -104,7 +104,7 @@ def loop_samples(
     return samples
 
 
-def branch_samples(
+def samples_of_branches(
     forward: Sequence[Branch], backward: Sequence[Branch], most_points: int = MOST_POINTS
 ) -> LoopSamples:
     """Join the branches of the cycles, as they were evaluated, to a path: falling, then rising, cycle after cycle.

@@ -112,11 +112,17 @@ def refuse_another(program: Program, recorded: Path) -> None:
 
 
 def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
-    """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end."""
+    """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end.
+
+    A disk that refuses it changes nothing else: how the scan ended stands in the ring too.
+    """
     path = Path(spec["report"])
     beside = path.with_suffix(".part")
-    beside.write_text(json.dumps(report, ensure_ascii=False))
-    beside.replace(path)
+    try:
+        beside.write_text(json.dumps(report, ensure_ascii=False))
+        beside.replace(path)
+    except OSError as error:
+        sys.stderr.write(f"{path}: cannot be written: {error.strerror}\n")
 
 
 def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:

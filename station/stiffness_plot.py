@@ -26,7 +26,7 @@ SPANS: dict[str, tuple[float, float]] = {
     "stiffness_estimate": (0.0, 1.0),
     "stiffness_end_point": (0.0, 1.0),
 }
-"""Metrics that hold over a range of torque, in fractions of the reference torque."""
+"""Metrics that hold over a range of torque, in fractions of the reference torque; that of k1 to k3 is the method's."""
 
 AT_REFERENCE = ("spring_constant",)
 COLOURS = ("#b00020", "#1b7f3b", "#7b1fa2", "#c2571a", "#00796b", "#5d4037", "#9e9d24", "#37474f")
@@ -47,7 +47,7 @@ def stiffness_figure(result: Result, method: Method, metrics: list[dict[str, Any
         if not heights:
             return None
         heights = [value for value in heights if value < 5 * float(np.median(heights))]
-        heights += _metrics(axes, metrics, reference)
+        heights += _metrics(axes, metrics, reference, _spans(method))
         axes.set_xlim(-1.05 * reference, 1.05 * reference)
         axes.set_ylim(0.0, 1.12 * max(heights))
         axes.set_xlabel("torque at the output  [N·m]")
@@ -83,10 +83,18 @@ def _loading(axes: Axes, branch: Branch, side: int, reference: float) -> list[fl
     return [float(value) for value in stiffness[np.isfinite(stiffness)]]
 
 
-def _metrics(axes: Axes, metrics: list[dict[str, Any]], reference: float) -> list[float]:
+def _spans(method: Method) -> dict[str, tuple[float, float]]:
+    """Return the range of torque of each metric that has one, in fractions of the reference torque."""
+    first, second = (torque / method.reference_nm for torque in method.stiffness_breaks_nm)
+    return SPANS | {"k1": (0.0, first), "k2": (first, second), "k3": (second, 1.0)}
+
+
+def _metrics(
+    axes: Axes, metrics: list[dict[str, Any]], reference: float, spans: dict[str, tuple[float, float]]
+) -> list[float]:
     """Draw every stiffness metric over the torque where it holds, both sides; return their heights."""
     drawn: list[float] = []
-    stiff = [one for one in metrics if one["id"] in SPANS or one["id"] in AT_REFERENCE or one["id"] == "stiffness_at"]
+    stiff = [one for one in metrics if one["id"] in spans or one["id"] in AT_REFERENCE or one["id"] == "stiffness_at"]
     for place, metric in enumerate(stiff):
         colour = COLOURS[place % len(COLOURS)]
         sides = metric.get("sides") or {metric["side"]: metric}
@@ -96,8 +104,8 @@ def _metrics(axes: Axes, metrics: list[dict[str, Any]], reference: float) -> lis
                 continue
             side = 1.0 if name == "+" else -1.0
             value = float(found["value"])
-            if metric["id"] in SPANS:
-                low, high = SPANS[metric["id"]]
+            if metric["id"] in spans:
+                low, high = spans[metric["id"]]
                 axes.plot([side * low * reference, side * high * reference], [value, value], color=colour, linewidth=2)
             else:
                 at = metric.get("torque_nm") or reference
@@ -107,7 +115,8 @@ def _metrics(axes: Axes, metrics: list[dict[str, Any]], reference: float) -> lis
         if said:
             branch = f" {metric['branch']}" if metric["id"] == "stiffness_50_100" else ""
             limit = limits_text(metric["limits"])
-            text = f"{metric['id']}{branch}\n{' and '.join(said)}{f'   ({limit})' if limit else ''}"
-            marker = {"linewidth": 2} if metric["id"] in SPANS else {"marker": "o", "linestyle": ""}
+            label = " ".join([metric["id"] + branch, *metric.get("choices", [])])
+            text = f"{label}\n{' and '.join(said)}{f'   ({limit})' if limit else ''}"
+            marker = {"linewidth": 2} if metric["id"] in spans else {"marker": "o", "linestyle": ""}
             axes.plot([], [], color=colour, label=text, **marker)
     return drawn

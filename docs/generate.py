@@ -186,6 +186,8 @@ PRESET_WORDS = """A preset asks for the definitions that belong together at one 
 of them: `presets: [inverse, nabtesco]`. For a trace: `lostmotion analyze TRACE --recipe R --preset nabtesco` reports
 the preset's metrics instead of the recipe's. A preset has no limits; a limit in the recipe for the same
 definition holds, and with `--preset` nothing passes while the recipe limits a definition that the preset leaves out.
+A recipe that asks for one
+metric in several ways has several series of it: `lostmotion capability --metric "spring_constant three_region"`.
 Percentages are always of the recipe's `reference_torque`; Yaskawa's lost motion is `lost_motion` with `band: 5 %`.
 
 """

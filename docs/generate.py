@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from datetime import date
 from pathlib import Path
 from typing import Literal, get_args, get_origin
 
@@ -18,6 +19,17 @@ from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
 from controller.interlocks import INTERLOCKS
 from controller.program import ROLES
 from controller.states import TRANSITIONS
+from recipes.bench_schema import (
+    AngleSensor,
+    BenchHeader,
+    BrakeDevice,
+    CanBus,
+    Drive,
+    ModbusDevice,
+    Sensors,
+    TorqueSensor,
+)
+from recipes.calibration_schema import Calibration, Fixture, FixtureCurve, QuadrantLine
 from recipes.metric_presets import PRESETS, PresetMetric
 from recipes.quantity import show
 from recipes.recipe_schema import (
@@ -219,8 +231,9 @@ def _allowed(field: FieldInfo) -> str:
     }
     words = {"ge": "from", "gt": "above", "le": "up to", "lt": "below"}
     bounds = " ".join(f"{words[key]} {value:g}" for key, value in limits.items())
-    plain = {int: "whole number", float: "number", str: "text", bool: "`true` or `false`"}
-    kind = next((plain[item] for item in (field.annotation, *arguments) if item in plain), "section or list, see there")
+    plain = {int: "whole number", float: "number", str: "text", bool: "`true` or `false`", date: "date"}
+    bare = [getattr(item, "__origin__", item) for item in (field.annotation, *arguments)]
+    kind = next((plain[item] for item in bare if item in plain), "section or list, see there")
     return f"{kind} {bounds}".strip()
 
 
@@ -251,12 +264,27 @@ def recipe_options() -> str:
     return text
 
 
+def bench_options() -> str:
+    """The page of every option of a bench file."""
+    sections = {
+        "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
+        "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
+        "fixture": Fixture, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine,
+    }  # fmt: skip
+    text = "# Every option of a bench file\n\n" + NOTE
+    for name_of, model in sections.items():
+        about = " ".join((model.__doc__ or "").split())
+        text += f"\n## {name_of}\n\n{about}\n\n{_options(model)}"
+    return text
+
+
 PAGES: dict[str, Callable[[], str]] = {
     "states.md": states,
     "faults.md": faults,
     "process-image.md": process_image,
     "metrics.md": metrics,
     "recipe-options.md": recipe_options,
+    "bench-options.md": bench_options,
 }
 
 if __name__ == "__main__":

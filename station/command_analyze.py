@@ -15,7 +15,15 @@ from station.command_run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.command_show import stored_result
 from station.conclusion import NOT_DECIDABLE
 from station.errors import StationError
-from station.evaluation import decision_of, evaluate_trace, method_fields, method_of, trace_of, wanted_of
+from station.evaluation import (
+    decision_of,
+    evaluate_trace,
+    figures_for,
+    method_fields,
+    method_of,
+    trace_of,
+    wanted_of,
+)
 from station.record_check import check_file, read_table
 from station.record_store import INTERRUPTED, RECORDING, RESULT, RunRecord, Store
 from station.request import recipe_path
@@ -127,7 +135,9 @@ def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str 
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
-    found = analyse(read_trace(path), method_without_run(recipe, bench), wanted_of(recipe, preset), decision_of(recipe))
+    method, wanted = method_without_run(recipe, bench), wanted_of(recipe, preset)
+    figures = None if bench is None else figures_for(recipe, bench)
+    found = analyse(read_trace(path), method, wanted, decision_of(recipe), figures=figures)
     return {
         "run": None,
         "serial": None,

@@ -11,7 +11,7 @@ from typing import Any
 from analysis.line import capability, master_part_trend, unit_to_unit
 from station.csv_columns import CsvColumns, read_csv_columns
 from station.errors import StationError
-from station.result_view import limits_text, minus, unit_text
+from station.result_text import limits_text, minus, unit_text
 from station.say import Grid, say
 from station.stored_values import Ask, StoredValues, stored_values
 

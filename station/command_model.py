@@ -28,7 +28,7 @@ from analysis.models.maxwell_slip import EQUATIONS, parameter_units
 from station.csv_columns import read_csv_columns
 from station.errors import StationError
 from station.loop_source import Source, loop_of, loop_source
-from station.result_view import minus
+from station.result_text import minus
 from station.say import Grid, say
 
 KINDS = {"cubic": "cubic", "dahl": "gap_dahl", "bouc-wen": "bouc_wen", "maxwell-slip": "maxwell_slip"}

@@ -15,7 +15,7 @@ from analysis import Result, SegmentInfo, segment_name
 from analysis.method import Method
 from station.errors import RecordError
 from station.record_store import RunRecord
-from station.result_view import metric_name, minus, number, uncertainty_text, unit_text
+from station.result_text import metric_name, minus, number, uncertainty_text, unit_text
 
 LOOP_CSV = "loop.csv"
 LEAST_SHARE = 0.0005
@@ -84,13 +84,15 @@ def uncertainty_kind(metrics: Sequence[Mapping[str, Any]]) -> str:
     """Return in a sentence what the expanded uncertainties of a result contain."""
     known = [one for one in metrics if one.get("uncertainty") is not None]
     if not known:
-        return "No uncertainty is known: one cycle, and no budget."
+        return "No uncertainty is known (no U): one cycle, and no budget." if metrics else ""
     budgeted = [one for one in known if one.get("uncertainty_kind", "budget") == "budget" and one.get("budget")]
+    none = " No U: one cycle, and no budget." if len(known) < len(metrics) else ""
     if not budgeted:
-        return "U = k·u with k = 2 holds the repeatability over the cycles of this run alone, not the sensors."
+        alone = "holds the scatter within this run alone, not the uncertainty of the sensors"
+        return f"± is U = k·u with k = 2: it {alone}.{none}"
     others = [metric_name(dict(one)) for one in known if one not in budgeted]
-    alone = f" Of {', '.join(others)} it holds the repeatability alone." if others else ""
-    return f"U = k·u with k = 2 holds every source of the uncertainty budget.{alone}"
+    scatter = f" Of {', '.join(others)} it holds the scatter within this run alone." if others else ""
+    return f"± is U = k·u with k = 2: it holds every source of the uncertainty budget.{scatter}{none}"
 
 
 def figure_text(value: Any, unit: str = "") -> str:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from analysis import Branch, Result
 from analysis.method import Method
 from station.loop_plot import GRID, INK, LOADING, MEAN, STYLE
-from station.result_view import limits_text, number
+from station.result_text import limits_text, number
 
 SIZE_INCH = (8.4, 4.2)
 POINTS = 241

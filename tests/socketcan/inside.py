@@ -98,6 +98,7 @@ def main_job(folder: Path) -> dict[str, Any]:
         virtual.wait()
     for line in done.stderr.splitlines():
         say(f"run: {line}")
+    assert done.stdout.startswith("{"), f"the run ended with {done.returncode} and said no result"
     result: dict[str, Any] = json.loads(done.stdout)
     return result
 

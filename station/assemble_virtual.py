@@ -23,9 +23,10 @@ from drivers.virtual.config import (
     Socketcand,
     TorqueSensor,
 )
+from drivers.virtual.fault_vocabulary import ONLY_IN_VIRTUAL_TIME, ONLY_OVER_WIRES
 from drivers.virtual.scenario import Scenario
 from drivers.virtual.units import default_unit, find_unit
-from recipes import Bench, load_document, parse_document
+from recipes import Bench, Problem, RecipeError, load_document, parse_document
 from recipes.bench_schema import AngleSensor as AngleSensorFile
 from recipes.bench_schema import ModbusDevice
 from recipes.bench_schema import TorqueSensor as TorqueSensorFile
@@ -48,6 +49,27 @@ def load_scenario(path: Path) -> Scenario:
 def parse_scenario(raw: bytes, path: str) -> Scenario:
     """Load a scenario from the bytes of its file; RecipeError with every problem and its place."""
     return parse_document(raw, path, Scenario)
+
+
+def check_clock(path: Path, scenario: Scenario, *, wires: bool) -> None:
+    """Refuse faults that the clock of the run cannot have; RecipeError with every one of them."""
+    lacking, hint = (ONLY_IN_VIRTUAL_TIME, "leave --wires out") if wires else (ONLY_OVER_WIRES, "run it over wires")
+    where = "virtual time" if wires else "wires"
+    problems = [
+        Problem(
+            str(path),
+            0,
+            0,
+            f"faults.{place}",
+            f"{fault.target} {fault.verb}",
+            f"a fault that is not for {where} only",
+            hint,
+        )
+        for place, fault in enumerate(scenario.faults)
+        if (fault.target, fault.verb) in lacking
+    ]
+    if problems:
+        raise RecipeError(problems)
 
 
 def _plain(path: Path) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from drivers.virtual.fault_vocabulary import FAULTS, ONLY_IN_VIRTUAL_TIME
 from drivers.virtual.scenario import Scenario
 from recipes import Problem, RecipeError
-from station.assemble_virtual import choose_unit, load_scenario
+from station.assemble_virtual import check_clock, choose_unit, load_scenario
 from station.fault_judge import first_action, first_alarm, judge, low_from
 from station.fault_matrix import LOW_SHARE_OF_RATED, RECIPE, Cell, cells, run_matrix
 from station.fault_page import markdown, wires_markdown, write_page
@@ -56,7 +56,7 @@ def run(path: Path, recipe: str | None, unit: str | None, data: Path | None, *, 
 
     """
     scenario = load_scenario(path)
-    _check_targets(path, scenario)
+    _check_targets(path, scenario, wires=wires)
     job = load_job(recipe or scenario.start.recipe or RECIPE, None)
     chosen = choose_unit(unit or scenario.start.unit or None, job.recipe.unit_under_test.model)
     if not wires:
@@ -89,10 +89,11 @@ def _to_stderr(text: str) -> None:
     sys.stderr.write(f"{text}\n")
 
 
-def _check_targets(path: Path, scenario: Scenario) -> None:
+def _check_targets(path: Path, scenario: Scenario, *, wires: bool) -> None:
     if not scenario.faults and not scenario.operator:
         text = "nothing is injected and the operator does nothing: give faults or operator"
         raise RecipeError([Problem(str(path), 1, 1, "faults", "none", text)])
+    check_clock(path, scenario, wires=wires)
 
 
 def _say(

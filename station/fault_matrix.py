@@ -90,7 +90,7 @@ def measure(number: int, state: str) -> Cell:
 def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float, *, wire_scans: int = 0) -> Cell:
     """Compare a run with its row's bounds, longer by `wire_scans` over wires."""
     acted, alarm = first_action(run), first_alarm(run)
-    wrong = [f"{fault} has had no effect" for fault in run.unseen]
+    wrong = list(run.unseen)
     final, rest_nm = run.states[-1], abs(run.torque_nm[-1])
     peak_nm = max(map(abs, run.torque_nm[acted or 0 :]))
     if not row.causes or alarm is None or acted is None:

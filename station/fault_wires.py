@@ -9,15 +9,17 @@ from __future__ import annotations
 import csv
 import json
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from controller.context import Event
-from drivers.virtual.scenario import Scenario
+from drivers.virtual.fault_schedule import never_met
+from drivers.virtual.server import NOT_SEEN
 from station.assemble_virtual import parse_scenario
 from station.command_run import Options, create, refused
 from station.conclusion import Ending, conclude
@@ -26,7 +28,6 @@ from station.errors import BenchFaultError, StationError
 from station.event_log import alarms_in
 from station.fault_companion import Companion
 from station.fault_run import FaultRun
-from station.record_check import read_table
 from station.record_store import RunRecord
 from station.request import Job, Source
 from station.scan_record import RECORD_BYTES, unpack
@@ -68,7 +69,8 @@ def run_over_wires(job: Job, unit: str, scenario_path: Path, data: Path, say: Sa
         str(job.recipe_source.path), serial, None, data, unit, scenario_path, virtual_time=False, json=True
     )
     record = create(options, job, serial, unit, source, notes=[f"faults were injected: {scenario.scenario.name}"])
-    desk = Desk(job, record, _nothing, say, Companion(scenario, judged=True))
+    companion = Companion(scenario, judged=True)
+    desk = Desk(job, record, _nothing, say, companion)
     why_refused = ""
     try:
         ending = desk.run(unit, record.folder / "scenario.yaml")
@@ -77,7 +79,10 @@ def run_over_wires(job: Job, unit: str, scenario_path: Path, data: Path, say: Sa
         record.samples.touch()
         ending = refused(record, error)
     conclude(record, job, ending)
-    found = read_run(record, scenario, ending)
+    found = read_run(record, ending, companion.acted)
+    found.run.unseen += companion.why_unseen()
+    if not found.run.acted and not found.run.unseen:
+        found.run.unseen = [f"{never_met(fault)}: the bench's log does not name it" for fault in scenario.faults]
     found.run.refused = why_refused
     return found
 
@@ -86,8 +91,11 @@ def _nothing(_record: bytes) -> None:
     """Show nothing: nobody watches."""
 
 
-def read_run(record: RunRecord, scenario: Scenario, ending: Ending) -> WireRun:
-    """Return what the judge wants from the record of a run that has ended, and from what its bench said."""
+def read_run(record: RunRecord, ending: Ending, acted: Iterable[tuple[str, int]] = ()) -> WireRun:
+    """Return what the judge wants from the record of a run that has ended, and from what its bench said.
+
+    `acted`: faults that the station brought about itself, each with its monotonic time [ns].
+    """
     period_ns = int(record.manifest()["period_ns"])
     run = FaultRun(period_ns * 1e-9)
     content = record.samples.read_bytes()
@@ -100,10 +108,11 @@ def read_run(record: RunRecord, scenario: Scenario, ending: Ending) -> WireRun:
     run.events = [Event(row["scan"], "alarm", row["state"], row["id"]) for row in alarms_in(events)]
     run.finished = not ending.trouble and bool(run.states) and run.states[-1] in END_STATES
     started_ns = ending.started_ns
-    said = _said(record.folder / BENCH_LOG)
-    _place_actions(run, said, started_ns, period_ns)
-    names = [f"{fault.target} {fault.verb}" for fault in scenario.faults]
-    run.unseen = _without(names, [name for name, _ in run.acted])
+    bench_log = _said(record.folder / BENCH_LOG)
+    said = [line for line in bench_log if line["event"] == "fault_acted"]
+    actions = [*acted, *((line["text"], int(line["monotonic_ns"])) for line in said)]
+    _place_actions(run, actions, started_ns, period_ns)
+    run.unseen = [line["text"] for line in bench_log if line["event"] == NOT_SEEN]
     return WireRun(run, record, _add_truth(run, record.folder / TRUTH, started_ns, period_ns))
 
 
@@ -112,20 +121,11 @@ def _said(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines]
 
 
-def _place_actions(run: FaultRun, said: list[dict[str, Any]], started_ns: int, period_ns: int) -> None:
+def _place_actions(run: FaultRun, actions: list[tuple[str, int]], started_ns: int, period_ns: int) -> None:
     """Put every fault that acted at the last scan that was due before it."""
-    for line in said:
-        if line["event"] == "fault_acted":
-            scan = (int(line["monotonic_ns"]) - started_ns) // period_ns - 1
-            run.acted.append((line["text"], max(bisect_left(run.scans, scan + 1) - 1, 0)))
-
-
-def _without(names: list[str], seen: list[str]) -> list[str]:
-    left = list(names)
-    for name in seen:
-        if name in left:
-            left.remove(name)
-    return left
+    for name, time_ns in sorted(actions, key=itemgetter(1)):
+        scan = (time_ns - started_ns) // period_ns - 1
+        run.acted.append((name, max(bisect_left(run.scans, scan + 1) - 1, 0)))
 
 
 def _add_truth(run: FaultRun, path: Path, started_ns: int, period_ns: int) -> str:
@@ -142,9 +142,3 @@ def _add_truth(run: FaultRun, path: Path, started_ns: int, period_ns: int) -> st
     gaps_ns = np.diff(times_ns[(times_ns >= 0) & (times_ns <= last)])
     worst_ns = float(gaps_ns.max(initial=0.0))
     return "" if worst_ns < HELD_UP_NS else f"the machine held the virtual bench up for {worst_ns * 1e-6:.0f} ms"
-
-
-def lost_scans(record: RunRecord) -> int:
-    """Whole periods that a run has missed."""
-    table = read_table(record.samples)
-    return int(table["image"]["missed_periods"].sum()) if len(table) else 0

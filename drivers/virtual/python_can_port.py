@@ -37,9 +37,14 @@ class PythonCanPort:
 
     async def stop(self) -> None:
         """Leave the bus."""
+        self.cut()
+
+    def cut(self) -> None:
+        """Leave the bus at once: nothing is received or sent any more."""
         if self._bus is not None:
             asyncio.get_running_loop().remove_reader(self._bus.fileno())
             self._bus.shutdown()
+            self._bus = None
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Put a frame on the bus; a full queue or a bus that is off loses it and is reported once."""

@@ -24,6 +24,7 @@ from drivers.virtual.config import ServerConfig, Socketcand
 from drivers.virtual.drive_node import DriveNode
 from drivers.virtual.errors import VirtualBenchError
 from drivers.virtual.fault_injector import Acted
+from drivers.virtual.modbus_faults import ModbusFaults
 from drivers.virtual.modbus_servers import Device, ModbusServer
 from drivers.virtual.plant import Plant, warm_up
 from drivers.virtual.python_can_port import PythonCanPort
@@ -31,8 +32,10 @@ from drivers.virtual.scenario import Scenario
 from drivers.virtual.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
+NOT_SEEN = "fault_not_seen"
 LARGEST_LAG_NS = 500_000_000  # after a longer stop of the process the plant does not make up for the time
 INPUT_CHUNK = 4096
+DEVICE_CYCLE_NS = 1_000_000  # of the remote I/O, which counts its cycles
 
 LogLine = Callable[..., None]
 
@@ -52,7 +55,9 @@ class VirtualBench:
             self.can: SocketcandServer | PythonCanPort = SocketcandServer(config.can.channel, self._frame, log)
         else:
             self.can = PythonCanPort(config.can, self._frame, log)
-        self.drive = DriveNode(self.plant, bench.drive, self.can.send, scenario, self._fault_acted)
+        self.drive = DriveNode(self.plant, bench.drive, self._send, scenario, self._fault_acted)
+        ports = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
+        self.modbus_faults = ModbusFaults(self.drive.faults, {name: port.registers for name, port in ports.items()})
         self.servers = {
             "amplifier": self._serve("amplifier", Device(config.amplifier, self._read_amplifier)),
             "brake": self._serve("brake", Device(config.brake, self._read_brake, self._write_brake)),
@@ -76,20 +81,38 @@ class VirtualBench:
         self.drive.tick()
         if self._keep_truth:
             self._truth.append((self._clock_ns, self.plant.reducer_torque_nm))
-        for name in self.drive.faults.wires.cut - before:
-            self.servers[name].cut()
-            self.drive.faults.seen(f"modbus.{name}")
+        for name, server in self.servers.items():
+            if name in self.drive.faults.wires.cut - before or self.modbus_faults.takes_reset(name):
+                server.cut()
+                self.drive.faults.seen(f"modbus.{name}")
+        self._disturb_bus()
         for event in self.drive.axis.machine.events:
             self._log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
             if event.code == HEARTBEAT_LOST and event.kind == "controller_lost":
                 self._log("controller_vanished", "the controller has vanished: the drive acts on its own")
         self.drive.axis.machine.events.clear()
 
-    def _serve(self, name: str, device: Device) -> ModbusServer:
-        def trouble() -> tuple[str, float]:
-            return self.drive.faults.device(name)
+    def _disturb_bus(self) -> None:
+        """Do what faults do to the CAN port itself."""
+        faults = self.drive.faults
+        if not faults.active:
+            return
+        if faults.value("can.bus", "cut") is not None:
+            self.can.cut()
+            faults.seen("can.bus")
+        step_s = faults.value("clock", "step")
+        if step_s is not None and isinstance(self.can, SocketcandServer):
+            self.can.clock_offset_s = step_s
+            faults.seen("clock")
 
-        return ModbusServer(device, self.advance, trouble)
+    def _serve(self, name: str, device: Device) -> ModbusServer:
+        return ModbusServer(name, device, self.advance, self.modbus_faults)
+
+    def _send(self, cob_id: int, data: bytes) -> None:
+        if isinstance(self.can, SocketcandServer):
+            for _ in range(self.drive.faults.frames.error_frames()):
+                self.can.send_error()
+        self.can.send(cob_id, data)
 
     def _frame(self, cob_id: int, data: bytes) -> None:
         self.advance()
@@ -121,6 +144,7 @@ class VirtualBench:
             "guard_closed": wires.guard_closed,
             "housing_temp_c": self.plant.housing_temp_c + wires.housing_offset_k,
             "ambient_temp_c": self.plant.ambient_temp_c,
+            "life_counter": self.plant.now_ns // DEVICE_CYCLE_NS & 0xFFFF,
         }
 
     def _fault_acted(self, acted: Acted) -> None:
@@ -186,8 +210,8 @@ async def run(
             bench.tick()
             await asyncio.sleep(TICK_S)
     finally:
-        for fault in bench.drive.faults.unseen():
-            log("fault_not_seen", f"{fault.target} {fault.verb} has had no effect")
+        for text in bench.drive.faults.why_unseen():
+            log(NOT_SEEN, text)
         log("stopping", "virtual bench stops")
         if config.truth is not None:
             bench.write_truth(config.truth)

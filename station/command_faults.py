@@ -111,6 +111,7 @@ def _say(
         "alarms": [{"id": event.text, "scan": event.scan, "state": event.state} for event in found.alarms()],
         "detect_scans": None if alarm is None or acted is None else found.waited(acted, alarm),
         "torque_low_s": None if low is None else round(low * found.period_s, 6),
+        "refused": found.refused,
         "record": None if record is None else str(record),
     }
     if as_json:
@@ -124,7 +125,9 @@ def _say(
         lines.append(f"  detected  after {figures['detect_scans']} scans")
     if low is not None:
         lines.append(f"  torque    below 2 % of rated {low * found.period_s:.3f} s after the alarm")
-    lines.append(f"  states    {' → '.join(found.states)}")
+    if found.refused:
+        lines.append(f"  refused   {found.refused}")
+    lines.append(f"  states    {' → '.join(found.states) or 'none: nothing has moved'}")
     if record is not None:
         lines.append(f"  record    {record}")
     sys.stdout.write("\n".join(lines) + "\n")

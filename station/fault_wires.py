@@ -81,7 +81,7 @@ def run_over_wires(job: Job, unit: str, scenario_path: Path, data: Path, say: Sa
     conclude(record, job, ending)
     found = read_run(record, ending, companion.acted)
     found.run.unseen += companion.why_unseen()
-    if not found.run.acted and not found.run.unseen:
+    if not found.run.acted and not found.run.unseen and not why_refused:
         found.run.unseen = [f"{never_met(fault)}: the bench's log does not name it" for fault in scenario.faults]
     found.run.refused = why_refused
     return found
@@ -118,11 +118,13 @@ def read_run(record: RunRecord, ending: Ending, acted: Iterable[tuple[str, int]]
 
 def _said(path: Path) -> list[dict[str, Any]]:
     lines = path.read_text("utf-8").splitlines() if path.exists() else []
-    return [json.loads(line) for line in lines]
+    return [json.loads(line) for line in lines if line.startswith("{")]  # a bench that failed leaves its traceback too
 
 
 def _place_actions(run: FaultRun, actions: list[tuple[str, int]], started_ns: int, period_ns: int) -> None:
     """Put every fault that acted at the last scan that was due before it."""
+    if not run.scans:  # refused: there is no scan to put them at
+        return
     for name, time_ns in sorted(actions, key=itemgetter(1)):
         scan = (time_ns - started_ns) // period_ns - 1
         run.acted.append((name, max(bisect_left(run.scans, scan + 1) - 1, 0)))

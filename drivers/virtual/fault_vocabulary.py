@@ -24,6 +24,8 @@ FRAMES = {
 }
 """Frames that can be lost, by the name of their target."""
 
+CYCLIC = tuple(target for target in FRAMES if target not in ("can.drive.emcy", "can.drive.sdo"))
+
 REGISTERS = (
     "amplifier.torque_out_nm",
     "amplifier.sample_counter",
@@ -50,6 +52,7 @@ def _frames() -> dict[tuple[str, str], Verb]:
     rows = {}
     for target, name in FRAMES.items():
         rows[target, "off"] = _plain(f"no {name}")
+    for target in CYCLIC:
         rows[target, "drop"] = Verb("share of the frames that is lost, 0 to 1", 0.0, 1.0, "frames are missing")
     for target in ("can.drive.tpdo1", "can.setpoint"):
         rows[target, "drop_next"] = Verb("number of frames that are lost", 1, 1_000_000, "frames are missing")
@@ -75,14 +78,15 @@ def _devices() -> dict[tuple[str, str], Verb]:
         rows[target, "exception"] = _plain("every answer is an exception")
         rows[target, "silence"] = _plain("requests stay without answer")
         rows[target, "slow"] = Verb("ms by which answers are late", 0.0, 10_000.0, "answers come late")
-        rows[target, "jitter"] = Verb("ms by which answers are late at most", 0.0, 10_000.0, "late, each by chance")
         rows[target, "freeze"] = _plain("the registers keep their values")
         rows[target, "truncate"] = _plain("answers lack their last register")
-        rows[target, "split"] = _plain("answers come in two pieces")
         rows[target, "wrong_id"] = _plain("answers carry another transaction's number")
         rows[target, "wrong_unit"] = _plain("answers come from another unit")
-        rows[target, "garbage"] = _plain("registers hold chance, but for the identity")
-    rows["modbus.amplifier", "swap"] = _plain("the words of 32-bit values are swapped")
+    target = "modbus.amplifier"
+    rows[target, "jitter"] = Verb("ms by which answers are late at most", 0.0, 10_000.0, "answers are late, by chance")
+    rows[target, "split"] = _plain("answers come in two pieces")
+    rows[target, "garbage"] = _plain("registers hold chance, but for the identity")
+    rows[target, "swap"] = _plain("the words of 32-bit values are swapped")
     for register in REGISTERS:
         rows[f"modbus.{register}", "freeze"] = _plain("the register keeps its value, the others live")
     return rows
@@ -154,9 +158,9 @@ BY_STATION = frozenset({("process.scan", "stop")})
 
 ONLY_OVER_WIRES = (
     BY_STATION
-    | {("can.drive.sdo", verb) for verb in ("off", "drop", "lie", "abort")}
-    | {("can.bus", "errors"), ("can.bus", "babble"), ("clock", "step"), ("modbus.amplifier", "swap")}
-    | {(f"modbus.{device}", verb) for device in DEVICES for verb in ("jitter", "split", "garbage")}
+    | {("can.drive.sdo", verb) for verb in ("off", "lie", "abort")}
+    | {("can.bus", "errors"), ("can.bus", "babble"), ("clock", "step")}
+    | {("modbus.amplifier", verb) for verb in ("jitter", "split", "garbage", "swap")}
     | {(f"modbus.{register}", "freeze") for register in REGISTERS}
 )
 """Needs bytes, a set-up, or a process of its own: what virtual time has none of."""

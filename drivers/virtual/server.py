@@ -24,6 +24,7 @@ from drivers.virtual.config import ServerConfig, Socketcand
 from drivers.virtual.drive_node import DriveNode
 from drivers.virtual.errors import VirtualBenchError
 from drivers.virtual.fault_injector import Acted
+from drivers.virtual.frame_faults import FrameFaults
 from drivers.virtual.modbus_faults import ModbusFaults
 from drivers.virtual.modbus_servers import Device, ModbusServer
 from drivers.virtual.plant import Plant, warm_up
@@ -49,6 +50,7 @@ class VirtualBench:
         self.plant = Plant(bench)
         self._clock_ns = time.monotonic_ns()
         self._brake_on = 0
+        self._frames: FrameFaults | None = None  # from when the drive is there: it says boot-up while it is made
         self._keep_truth = config.truth is not None
         self._truth: list[tuple[int, float]] = []
         if isinstance(config.can, Socketcand):
@@ -56,6 +58,7 @@ class VirtualBench:
         else:
             self.can = PythonCanPort(config.can, self._frame, log)
         self.drive = DriveNode(self.plant, bench.drive, self._send, scenario, self._fault_acted)
+        self._frames = self.drive.faults.frames
         ports = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
         self.modbus_faults = ModbusFaults(self.drive.faults, {name: port.registers for name, port in ports.items()})
         self.servers = {
@@ -109,8 +112,8 @@ class VirtualBench:
         return ModbusServer(name, device, self.advance, self.modbus_faults)
 
     def _send(self, cob_id: int, data: bytes) -> None:
-        if isinstance(self.can, SocketcandServer):
-            for _ in range(self.drive.faults.frames.error_frames()):
+        if self._frames is not None and isinstance(self.can, SocketcandServer):
+            for _ in range(self._frames.error_frames()):
                 self.can.send_error()
         self.can.send(cob_id, data)
 

@@ -72,7 +72,8 @@ def check_clock(path: Path, scenario: Scenario, *, wires: bool) -> None:
         raise RecipeError(problems)
 
 
-def _plain(path: Path) -> Mapping[str, Any]:
+def plain_document(path: Path) -> Mapping[str, Any]:
+    """Return a YAML file as plain data."""
     document: Mapping[str, Any] = YAML(typ="safe").load(path)
     return document
 
@@ -114,7 +115,7 @@ def _drive(bench: Bench, profiles: Profiles) -> DriveConfig:
         controller_node_id=drive.controller_node_id,
         gear_ratio=drive.gear_ratio,
         rated_torque_nm=drive.rated_torque_nm,
-        profile=DriveProfile.from_mapping(_plain(profiles[drive.profile])),
+        profile=DriveProfile.from_mapping(plain_document(profiles[drive.profile])),
         protections=Protections(
             max_torque_nm=drive.max_torque_nm,
             max_speed_rad_s=drive.max_speed_rad_s,
@@ -143,7 +144,7 @@ def server_config(
     can = bench.can
 
     def port(device: ModbusDevice) -> ModbusPort:
-        registers = RegisterMap.from_mapping(_plain(profiles[device.profile]))
+        registers = RegisterMap.from_mapping(plain_document(profiles[device.profile]))
         if embedded:
             return ModbusPort(registers, device.unit_id)
         return ModbusPort(registers, device.unit_id, device.host, device.port)

@@ -19,12 +19,12 @@ import numpy as np
 
 from controller.context import Event
 from drivers.virtual.fault_schedule import never_met
-from drivers.virtual.server import NOT_SEEN
+from drivers.virtual.process_lines import NOT_SEEN
 from station.assemble_virtual import parse_scenario
 from station.command_run import Options, create, refused
 from station.conclusion import Ending, conclude
-from station.desk import TRUTH, Desk
-from station.errors import BenchFaultError, StationError
+from station.desk import BENCH_LOG, TRUTH, Desk
+from station.errors import BenchFaultError
 from station.event_log import alarms_in
 from station.fault_companion import Companion
 from station.fault_run import FaultRun
@@ -36,7 +36,6 @@ WIRE_SCANS = 4
 """Scans by which a bound over wires is longer than in virtual time: the scan in which the fault acted is rounded down,
 the bench looks at its faults every 2 ms, and what it says takes up to a scan to arrive."""
 
-BENCH_LOG = "virtual-bench.jsonl"
 HELD_UP_NS = 8_000_000
 """A bench that did not tick for so long was held up by the machine: what it then did late was not the fault's doing."""
 
@@ -53,15 +52,15 @@ class WireRun:
     held_up: str = ""
 
 
-def run_over_wires(job: Job, unit: str, scenario_path: Path, data: Path, say: Say) -> WireRun:
+def run_over_wires(job: Job, unit: str | None, scenario_path: Path, data: Path, say: Say) -> WireRun:
     """Run a scenario over wires; its record is kept below `data`.
 
+    Without a unit the bench is one on a cable, and a gateway on the way to it brings the faults about.
+
     Raises:
-        StationError: the bench is not an embedded one, or the record cannot be written.
+        StationError: the record cannot be written.
 
     """
-    if not job.bench.bench.embedded:
-        raise StationError(f"{job.bench_source.path}: faults are injected into the embedded virtual bench only")
     source = Source.read(scenario_path)
     scenario = parse_scenario(source.content, str(scenario_path))
     serial = f"fault {scenario.scenario.name}"
@@ -70,7 +69,7 @@ def run_over_wires(job: Job, unit: str, scenario_path: Path, data: Path, say: Sa
     )
     record = create(options, job, serial, unit, source, notes=[f"faults were injected: {scenario.scenario.name}"])
     companion = Companion(scenario, judged=True)
-    desk = Desk(job, record, _nothing, say, companion)
+    desk = Desk(job, record, _nothing, say, companion, gateway=unit is None)
     why_refused = ""
     try:
         ending = desk.run(unit, record.folder / "scenario.yaml")
@@ -132,9 +131,12 @@ def _place_actions(run: FaultRun, actions: list[tuple[str, int]], started_ns: in
 
 def _add_truth(run: FaultRun, path: Path, started_ns: int, period_ns: int) -> str:
     """Add the torque in the reducer at every scan; return how the machine held the bench up, if it did."""
-    if not path.exists() or not run.scans:
-        run.torque_nm = [0.0] * len(run.scans)
-        return "" if not run.scans else "the bench left no trace of its torque"
+    if not path.exists():  # a bench on a cable: there is nothing but its own sensor
+        tared = zip(run.images, run.orders, strict=True)
+        run.torque_nm = [image.torque_out_nm - orders.torque_out_tare_nm for image, orders in tared]
+        return ""
+    if not run.scans:
+        return ""
     with path.open(encoding="ascii", newline="") as stream:
         rows = [(int(row["monotonic_ns"]), float(row["reducer_torque_nm"])) for row in csv.DictReader(stream)]
     times_ns = np.array([row[0] for row in rows], np.float64) - started_ns

@@ -139,6 +139,13 @@ class FrameFaults:
         """Return the identifier of what `answered` returns."""
         return SDO_ANSWER_BASE + self._node_id
 
+    def port_is_cut(self) -> bool:
+        """Tell whether the connection of the bus is gone."""
+        if self._schedule.value(BUS, "cut") is None:
+            return False
+        self._schedule.seen(BUS)
+        return True
+
     def error_frames(self) -> int:
         """Return how many error frames go before the next frame."""
         errors = self._schedule.value(BUS, "errors") if self._schedule.active else None

@@ -10,12 +10,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
-import json
-import os
 import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,22 +22,18 @@ from drivers.virtual.cia402_tables import HEARTBEAT_LOST
 from drivers.virtual.config import ServerConfig, Socketcand
 from drivers.virtual.drive_node import DriveNode
 from drivers.virtual.errors import VirtualBenchError
-from drivers.virtual.fault_injector import Acted
 from drivers.virtual.frame_faults import FrameFaults
 from drivers.virtual.modbus_faults import ModbusFaults
 from drivers.virtual.modbus_servers import Device, ModbusServer
 from drivers.virtual.plant import Plant, warm_up
+from drivers.virtual.process_lines import NOT_SEEN, LogLine, ParentInput, log_line, print_ready, tell_acted
 from drivers.virtual.python_can_port import PythonCanPort
 from drivers.virtual.scenario import Scenario
 from drivers.virtual.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
-NOT_SEEN = "fault_not_seen"
 LARGEST_LAG_NS = 500_000_000  # after a longer stop of the process the plant does not make up for the time
-INPUT_CHUNK = 4096
 DEVICE_CYCLE_NS = 1_000_000  # of the remote I/O, which counts its cycles
-
-LogLine = Callable[..., None]
 
 
 class VirtualBench:
@@ -57,7 +52,7 @@ class VirtualBench:
             self.can: SocketcandServer | PythonCanPort = SocketcandServer(config.can.channel, self._frame, log)
         else:
             self.can = PythonCanPort(config.can, self._frame, log)
-        self.drive = DriveNode(self.plant, bench.drive, self._send, scenario, self._fault_acted)
+        self.drive = DriveNode(self.plant, bench.drive, self._send, scenario, partial(tell_acted, log))
         self._frames = self.drive.faults.frames
         ports = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
         self.modbus_faults = ModbusFaults(self.drive.faults, {name: port.registers for name, port in ports.items()})
@@ -100,9 +95,8 @@ class VirtualBench:
         faults = self.drive.faults
         if not faults.active:
             return
-        if faults.value("can.bus", "cut") is not None:
+        if faults.frames.port_is_cut():
             self.can.cut()
-            faults.seen("can.bus")
         step_s = faults.value("clock", "step")
         if step_s is not None and isinstance(self.can, SocketcandServer):
             self.can.clock_offset_s = step_s
@@ -150,35 +144,10 @@ class VirtualBench:
             "life_counter": self.plant.now_ns // DEVICE_CYCLE_NS & 0xFFFF,
         }
 
-    def _fault_acted(self, acted: Acted) -> None:
-        fault = acted.fault
-        self._log(
-            "fault_acted",
-            f"{fault.target} {fault.verb}",
-            value=fault.value,
-            plant_s=acted.at_s,
-            monotonic_ns=time.monotonic_ns(),
-        )
-
-    def hear(self, line: bytes) -> None:
-        """Take a line about the controller: its state, the scan in which it entered it, and the newest scan."""
-        try:
-            told = json.loads(line)
-            self.drive.faults.tell(str(told["state"]), int(told["scan"]), int(told["entered"]))
-        except (ValueError, KeyError, TypeError):
-            self._log("not_understood", f"on standard input: {line[:80]!r}")
-
     def write_truth(self, path: Path) -> None:
         """Write the torque in the reducer, one line per tick."""
         lines = [f"{time_ns},{torque_nm:.6g}\n" for time_ns, torque_nm in self._truth]
         path.write_text("monotonic_ns,reducer_torque_nm\n" + "".join(lines), encoding="ascii")
-
-
-def log_line(kind: str, text: str, **more: Any) -> None:
-    """Write one JSON line to standard error."""
-    line = {"t_s": round(time.time(), 6), "event": kind, "text": text, **more}
-    sys.stderr.write(json.dumps(line, ensure_ascii=False) + "\n")
-    sys.stderr.flush()
 
 
 async def run(
@@ -203,11 +172,11 @@ async def run(
             loop.add_signal_handler(number, stop.set)
     ready = await _start(bench, config)
     if config.end_with_parent:
-        loop.add_reader(sys.stdin.fileno(), _Input(loop, stop, bench.hear).read)
+        loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.drive.faults, log).read)
     gc.collect()
     gc.freeze()
     bench.advance()
-    (announce or _print_ready)(ready)
+    (announce or print_ready)(ready)
     try:
         while not stop.is_set():
             bench.tick()
@@ -240,26 +209,3 @@ async def _start(bench: VirtualBench, config: ServerConfig) -> dict[str, Any]:
     except OSError as error:
         raise VirtualBenchError(f"virtual bench: {error}. Choose another port, or 0 for a free one.") from error
     return ready
-
-
-def _print_ready(ready: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(ready) + "\n")
-    sys.stdout.flush()
-
-
-class _Input:
-    """Our standard input: lines about the controller; when the parent dies, however it dies, its end closes."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, stop: asyncio.Event, hear: Callable[[bytes], None]) -> None:
-        self._loop, self._stop, self._hear = loop, stop, hear
-        self._rest = b""
-
-    def read(self) -> None:
-        """Take what is there; the end of the input ends the bench."""
-        chunk = os.read(sys.stdin.fileno(), INPUT_CHUNK)
-        if not chunk:
-            self._loop.remove_reader(sys.stdin.fileno())
-            self._stop.set()
-        *lines, self._rest = (self._rest + chunk).split(b"\n")
-        for line in lines:
-            self._hear(line)

@@ -36,7 +36,7 @@ WIRE_SCANS = 4
 """Scans by which a bound over wires is longer than in virtual time: the scan in which the fault acted is rounded down,
 the bench looks at its faults every 2 ms, and what it says takes up to a scan to arrive."""
 
-HELD_UP_NS = 8_000_000
+HELD_UP_NS = 5_000_000
 """A bench that did not tick for so long was held up by the machine: what it then did late was not the fault's doing."""
 
 END_STATES = ("complete", "stopped", "fault")

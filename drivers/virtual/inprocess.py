@@ -20,6 +20,7 @@ from controller.image import (
     NmtState,
     Orders,
 )
+from drivers.can_drive import SILENT_AFTER_SCANS
 from drivers.virtual import cia402_tables as tables
 from drivers.virtual.cia402_tables import PowerState
 from drivers.virtual.config import BenchConfig
@@ -156,7 +157,10 @@ class VirtualTimeBench:
         now_ns = self.plant.now_ns
         if scan % self._beat_every == 0 and fate("can.controller.heartbeat") != LOST:
             self.axis.machine.heartbeat(self._node, now_ns)
-        arrived, synced = fate("can.setpoint") != LOST, fate("can.sync") != LOST
+        age_scans = scan - min(self._status_scan, self._motion_scan)
+        silent = orders.drive_command == DriveCommand.DISABLE_VOLTAGE and SILENT_AFTER_SCANS <= age_scans < AGE_NEVER
+        arrived = not silent and fate("can.setpoint") != LOST
+        synced = fate("can.sync") != LOST
         if arrived:
             self.axis.machine.setpoint_received(now_ns)
         if arrived and synced:  # what is not followed by SYNC waits, and the next set-point takes its place

@@ -97,7 +97,12 @@ def run(path: Path, how: How, *, as_json: bool) -> int:
     if not how.wires:
         found = run_scenario(job, chosen, scenario)
         wrong = judge(found, scenario)
-        _say(scenario, job, found, wrong, None, as_json=as_json)
+        kept = None
+        if how.data is not None:
+            from station.fault_record import keep  # noqa: PLC0415 - brings the analysis
+
+            kept = keep(job, chosen, path, scenario, run=found, data=how.data)
+        _say(scenario, job, found, wrong, kept, as_json=as_json)
         return 1 if wrong else 0
     from station.fault_wires import run_over_wires  # noqa: PLC0415 - brings the analysis
 

@@ -20,16 +20,17 @@ import numpy as np
 from controller.context import Event
 from drivers.virtual.fault_schedule import never_met
 from drivers.virtual.process_lines import NOT_SEEN
-from station.assemble_virtual import parse_scenario
-from station.command_run import Options, create, refused
+from station.assemble_virtual import load_scenario
+from station.command_run import refused
 from station.conclusion import Ending, conclude
 from station.desk import BENCH_LOG, TRUTH, Desk
 from station.errors import BenchFaultError
 from station.event_log import alarms_in
 from station.fault_companion import Companion
+from station.fault_record import create_record
 from station.fault_run import FaultRun
 from station.record_store import RunRecord
-from station.request import Job, Source
+from station.request import Job
 from station.scan_record import RECORD_BYTES, unpack
 
 WIRE_SCANS = 4
@@ -61,13 +62,8 @@ def run_over_wires(job: Job, unit: str | None, scenario_path: Path, data: Path, 
         StationError: the record cannot be written.
 
     """
-    source = Source.read(scenario_path)
-    scenario = parse_scenario(source.content, str(scenario_path))
-    serial = f"fault {scenario.scenario.name}"
-    options = Options(
-        str(job.recipe_source.path), serial, None, data, unit, scenario_path, virtual_time=False, json=True
-    )
-    record = create(options, job, serial, unit, source, notes=[f"faults were injected: {scenario.scenario.name}"])
+    scenario = load_scenario(scenario_path)
+    record = create_record(job, unit, scenario_path, scenario, data, wires=True)
     companion = Companion(scenario, judged=True)
     desk = Desk(job, record, _nothing, say, companion, gateway=unit is None)
     why_refused = ""

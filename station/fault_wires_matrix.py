@@ -73,7 +73,12 @@ def measure_over_wires(job: Job, number: int, data: Path, say: Callable[[str], N
 
 def _disturbed(there: WireRun, row: Row) -> bool:
     alarms = there.run.alarms()
-    return bool(there.held_up) or bool(alarms and alarms[0].text in OF_THE_MACHINE and alarms[0].text not in row.causes)
+    stopped = there.run.states[-1:] == ["stopped"]  # by the scan, because the desk was held up
+    return (
+        bool(there.held_up)
+        or stopped
+        or bool(alarms and alarms[0].text in OF_THE_MACHINE and alarms[0].text not in row.causes)
+    )
 
 
 def write_scenario(path: Path, scenario: Scenario) -> None:

@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from drivers.virtual.config import ServerConfig
 from drivers.virtual.errors import VirtualBenchError
 from drivers.virtual.plant import warm_up
 from drivers.virtual.process_lines import log_line
@@ -38,12 +39,17 @@ def serve(spec: dict[str, Any]) -> None:
         truth=None if spec["truth"] is None else Path(spec["truth"]),
     )
     faults = None if scenario is None else load_scenario(scenario)
+    play_hardware(config)
+    asyncio.run(run(config, faults))
+
+
+def play_hardware(config: ServerConfig) -> None:
+    """Compile the physics, then ask for a priority below the scan's and above everything ordinary."""
     warm_up(config.bench)  # compiling takes seconds: not with a priority that keeps others waiting
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except OSError as error:
         log_line("fifo_refused", str(error))
-    asyncio.run(run(config, faults))
 
 
 def main() -> int:

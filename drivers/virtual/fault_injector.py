@@ -143,7 +143,7 @@ class FaultInjector(FaultSchedule):
     @property
     def node_is_reset(self) -> bool:
         """Whether the drive has booted and waits in pre-operational."""
-        if ("can.drive.node", "reset") not in self.active:
+        if not self.active or ("can.drive.node", "reset") not in self.active:
             return False
         self.seen("can.drive.node")
         return True

@@ -1,4 +1,4 @@
-"""Modbus TCP devices of the virtual bench: measuring amplifier, brake supply, remote I/O.
+"""Modbus devices of the virtual bench and their TCP server: measuring amplifier, brake supply, remote I/O.
 
 pymodbus does the framing, the PDUs and the connections. Requests are answered where they arrive instead of through its
 data store: the values are those of the plant at the moment of the request, and at 1000 requests per second the store's
@@ -126,6 +126,28 @@ class ModbusServer:
         transport: Any = self._server.transport
         return int(transport.sockets[0].getsockname()[1])
 
+    def answer(
+        self, request: ModbusPDU, asked: bytes, build: Callable[[ModbusPDU], bytes], send: Callable[[bytes], None]
+    ) -> None:
+        """Answer a request as the device's faults say: at once, late, wrongly, or not at all.
+
+        `asked` is its frame as on TCP; `build` makes such a frame of the response, and `send` gets what goes out.
+        """
+        faults = self.faults
+        if faults.is_cut(self.name):
+            return
+        pieces = faults.in_place(self.name, asked)
+        if pieces is None:
+            self.before()
+            response = self.device.answer(request)
+            response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
+            pieces = faults.answer(self.name, asked, build(response))
+        for piece in pieces:
+            if piece.delay_s:
+                asyncio.get_running_loop().call_later(piece.delay_s, send, piece.data)
+            else:
+                send(piece.data)
+
     def cut(self) -> None:
         """Drop all connections."""
         for connection in list(self.connections):
@@ -177,7 +199,6 @@ class Connection(ServerRequestHandler):
         if owner.faults.is_cut(owner.name):
             self.drop()
             return len(data)
-        owner.before()
         used = 0
         while used < len(data):
             try:
@@ -189,24 +210,10 @@ class Connection(ServerRequestHandler):
                 return len(data)
             if not length:
                 break
-            asked = data[used : used + length]
             used += length
             if request is not None:
-                self._respond(request, asked)
+                owner.answer(request, data[used - length : used], self.framer.buildFrame, self._send)
         return used
-
-    def _respond(self, request: ModbusPDU, asked: bytes) -> None:
-        owner = self._owner
-        pieces = owner.faults.in_place(owner.name, asked)
-        if pieces is None:
-            response = owner.device.answer(request)
-            response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
-            pieces = owner.faults.answer(owner.name, asked, self.framer.buildFrame(response))
-        for piece in pieces:
-            if piece.delay_s:
-                asyncio.get_running_loop().call_later(piece.delay_s, self._send, piece.data)
-            else:
-                self._send(piece.data)
 
     def _send(self, data: bytes) -> None:
         if isinstance(self.transport, asyncio.Transport) and not self.transport.is_closing():

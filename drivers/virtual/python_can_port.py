@@ -42,9 +42,9 @@ class PythonCanPort:
     def cut(self) -> None:
         """Leave the bus at once: nothing is received or sent any more."""
         if self._bus is not None:
-            asyncio.get_running_loop().remove_reader(self._bus.fileno())
-            self._bus.shutdown()
-            self._bus = None
+            bus, self._bus = self._bus, None  # what is sent from now on reaches nobody, and a closed bus raises
+            asyncio.get_running_loop().remove_reader(bus.fileno())
+            bus.shutdown()
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Put a frame on the bus; a full queue or a bus that is off loses it and is reported once."""
@@ -53,7 +53,7 @@ class PythonCanPort:
         try:
             self._bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
             self._failing = False
-        except (can.CanError, OSError) as error:
+        except (can.CanError, OSError, ValueError) as error:  # ValueError: the bus was closed under it
             if not self._failing:
                 self._failing = True
                 self._log("can_send_failed", f"{self._config.channel}: {error}")

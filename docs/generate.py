@@ -19,6 +19,8 @@ from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
 from controller.interlocks import INTERLOCKS
 from controller.program import ROLES
 from controller.states import TRANSITIONS
+from drivers.virtual.fault_vocabulary import FAULTS as INJECTED
+from drivers.virtual.fault_vocabulary import ONLY_IN_VIRTUAL_TIME, ONLY_OVER_WIRES, on_the_wire
 from recipes.bench_schema import (
     AngleSensor,
     BenchHeader,
@@ -266,6 +268,27 @@ def recipe_options() -> str:
     return text
 
 
+def fault_vocabulary() -> str:
+    """The page of the faults that can be injected."""
+
+    def where(key: tuple[str, str]) -> str:
+        clocks = ["virtual time"] * (key not in ONLY_OVER_WIRES) + ["wires"] * (key not in ONLY_IN_VIRTUAL_TIME)
+        return ", ".join(clocks + ["gateway"] * (on_the_wire(*key) and key not in ONLY_IN_VIRTUAL_TIME))
+
+    rows = (
+        (f"`{target}`", f"`{verb}`", row.value, row.acts_on, where((target, verb)))
+        for (target, verb), row in INJECTED.items()
+    )
+    return (
+        "# Faults that can be injected\n\n"
+        + NOTE
+        + "\nA scenario names target and verb, gives the value where there is "
+        "one, and says when; see [Fault injection](fault-injection.md). *Virtual time*: `faults run` and `faults matrix`. "
+        "*Wires*: the same with `--wires`. *Gateway*: against a real bench.\n\n"
+        + table(("target", "verb", "value", "what a controller finds changed", "where it acts"), rows)
+    )
+
+
 def bench_options() -> str:
     """The page of every option of a bench file."""
     sections = {
@@ -286,6 +309,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "process-image.md": process_image,
     "metrics.md": metrics,
     "recipe-options.md": recipe_options,
+    "fault-vocabulary.md": fault_vocabulary,
     "bench-options.md": bench_options,
 }
 

@@ -139,6 +139,8 @@ def repeat(evidence: Evidence) -> Reading | str:
     if len(found.loops) < 2:
         return "one cycle repeats nothing"
     peak = min(min(-loop.forward.torque_nm[0], loop.backward.torque_nm[-1]) for loop in found.loops)
+    if not peak > 0.0:
+        return "the loops do not pass through zero torque"
     grid = np.linspace(-MIDDLE * peak, MIDDLE * peak, GRID_POINTS)
     worst = 0.0
     for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):
@@ -220,8 +222,8 @@ def points_per_bin(evidence: Evidence) -> Reading | str:
     width = BIN_FRACTION * found.method.reference_nm
     fewest = np.inf
     for one in found.blocks:
-        low = max(float(one.torque_nm.min()), -found.method.reference_nm)
-        high = min(float(one.torque_nm.max()), found.method.reference_nm)
+        low = max(MIDDLE * float(one.torque_nm.min()), -found.method.reference_nm)
+        high = min(MIDDLE * float(one.torque_nm.max()), found.method.reference_nm)
         edges = np.arange(np.ceil(low / width), np.floor(high / width) + 0.5) * width
         if edges.size > 1:
             counts, _ = np.histogram(one.torque_nm, edges, weights=one.counts)

@@ -7,11 +7,11 @@ from typing import Any
 from typer.core import TyperGroup
 
 GROUPS: dict[str, tuple[str, ...]] = {
-    "Measure": ("check", "run", "resume", "recover", "serve"),
+    "Measure": ("check", "run", "resume", "recover"),
     "Look at runs": ("list", "show", "report", "analyze", "metrics", "export", "replay"),
     "Models": ("model", "play-model"),
-    "Line and gage": ("capability", "units", "gage", "master-part", "study"),
-    "Bench": ("virtual-bench", "timing", "faults"),
+    "Line and gage": ("repeatability", "capability", "units", "gage", "master-part", "study"),
+    "Bench": ("virtual-bench", "timing", "blank", "calibration", "faults"),
 }
 """Headings of the help and the commands below each; a name may stand here before its command is there."""
 

@@ -1,8 +1,9 @@
 """What runs beside the desk in a run with faults over wires.
 
 It tells the bench where the controller is, plays the operator of the scenario, and does to the scan process what a
-machine in trouble would do to it. It looks when the desk looks, every 20 ms: moments that wait for a state come up to
-that much late. When a fault acted is known all the same, from whoever injected it, on the monotonic clock.
+machine in trouble would do to it. It looks at records that were written, twice 20 ms after they were made at most:
+moments that wait for a state come up to that much late. When a fault acted is known all the same, from whoever
+injected it, on the monotonic clock.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from analysis.models import LoopSamples, loop_samples, samples_of_branches
 from analysis.units import ARCMIN_PER_RAD, FloatArray
 from analysis.windup import measured_windup
 from recipes import find_bench, load_bench, load_recipe
-from station.command_analyze import _method as method_elsewhere
+from station.command_analyze import method_without_run
 from station.errors import StationError
 from station.evaluation import decision_of, method_of, wanted_of
 from station.record_store import RunRecord, Store
@@ -53,7 +53,7 @@ def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = 
     trace = read_trace(path)
     if recipe is None:
         return Source(str(path), trace)
-    method = method_elsewhere(
+    method = method_without_run(
         load_recipe(recipe_path(recipe)), None if bench is None else load_bench(find_bench(bench))
     )
     return Source(str(path), trace, method=method)

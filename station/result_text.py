@@ -40,6 +40,7 @@ def metric_name(metric: dict[str, Any]) -> str:
     parts = [str(metric["id"])]
     if metric.get("torque_nm") is not None:
         parts.append(f"{metric['torque_nm']:g} N·m")
+    parts += metric.get("choices", [])
     if metric["branch"] in ("load", "unload") or metric["id"] == "stiffness_50_100":
         parts.append(metric["branch"])
     if metric["side"] in ("+", "-"):

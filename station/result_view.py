@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
 from station.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
 from station.result_notes import gate_lines, note_lines, summary_line
-from station.result_text import limits_text, metric_name, number, spread_text, unit_text
+from station.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
 
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
 HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
@@ -77,6 +78,38 @@ def metrics_table(metrics: list[dict[str, Any]]) -> Table:
     return table
 
 
+def definitions_table(metrics: list[dict[str, Any]]) -> Table:
+    """Return every metric, each side of it, with its whole definition below."""
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(ratio=1)
+    for metric in metrics:
+        _add_defined(table, metric)
+    return table
+
+
+def _add_defined(table: Table, metric: dict[str, Any]) -> None:
+    """Add a metric: a line per side, and below them what the numbers are."""
+    for row in _side_rows(metric):
+        head = Text.assemble(
+            metric_name(row),
+            "   ",
+            (f"{number(row['value'], row['uncertainty'])} {unit_text(row['unit'])}".strip(), "bold"),
+            (f" {uncertainty_text(row)}", "dim"),
+            f"   {limits_text(row['limits'])}",
+            f"   {row['verdict'] or ''}",
+        )
+        head.rstrip()
+        table.add_row(head)
+    table.add_row(Padding(Text(definition_text(metric), style="dim"), (0, 0, 0, 4)))
+
+
+def definition_text(metric: dict[str, Any]) -> str:
+    """Return what a number is: definition, branch, estimator and cycles."""
+    cycles = f"{metric['cycles']} {'cycle' if metric['cycles'] == 1 else 'cycles'}"
+    branch = "" if metric["branch"] == "width" else f"{metric['branch']} branch, "
+    return f"{metric['definition']}; {branch}by {metric['estimator']}, {cycles}"
+
+
 def timing_line(timing: dict[str, Any]) -> str:
     """Return the proof of timing as one line."""
     scans, missed = timing["scans"], timing["missed"]
@@ -98,7 +131,11 @@ def result_console() -> Console:
 
 def show_result(console: Console, result: dict[str, Any], *, files: bool = True) -> None:
     """Print a result: the verdict last, where the eye is when the scrolling stops."""
-    if result["metrics"]:
+    if result["metrics"] and result.get("preset"):
+        console.print(f"preset {result['preset']}", style="bold", highlight=False)
+        console.print(definitions_table(result["metrics"]))
+        console.print()
+    elif result["metrics"]:
         console.print(metrics_table(result["metrics"]))
         console.print(summary_line(result), style="dim", highlight=False)
         console.print()

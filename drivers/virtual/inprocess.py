@@ -255,4 +255,4 @@ class VirtualTimeBench:
 
 
 def _clip16(value: int) -> int:
-    return min(max(value, -0x8000), 0x7FFF)
+    return value if -0x8000 <= value <= 0x7FFF else min(max(value, -0x8000), 0x7FFF)

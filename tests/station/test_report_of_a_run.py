@@ -218,9 +218,9 @@ def test_gates_budgets_and_stages_become_rows() -> None:
         {"id": "c", "figure": 3.0, "limit": 2.0, "unit": "1", "passed": False, "text": "too much"},
     ]
     assert gate_rows(gates) == (
-        ("c", "too much", "3", "2", "FAILED"),
-        ("b", "no sensor", "–", "2 %", "not checked"),
-        ("a", "fine", "1 %", "2 %", "in order"),
+        ("c", "too much: 3, limit 2", "FAILED"),
+        ("b", "no sensor", "not checked"),
+        ("a", "fine: 1 %, limit 2 %", "in order"),
     )
     budget = [
         {
@@ -247,7 +247,7 @@ def test_gates_budgets_and_stages_become_rows() -> None:
     assert (table.metric, table.expanded) == ("windup", "9.00 ± 0.20 arcmin")
     assert table.rows == (
         ("gain", "0.001", "−9", "0.1 arcmin", "100.0%"),
-        ("below 0.05% each: q", "", "", "", ""),
+        ("less than 0.5% each: q", "", "", "", "0.0%"),
     )
     stages = [
         {"stage": "drift", "text": "none", "figures": {"slope_here": {"value": 0.5, "unit": "arcmin/min"}}},

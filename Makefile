@@ -5,8 +5,10 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
 KILLS ?= 100
+SEEDS ?= 1000
+SECONDS ?= 600
 
-.PHONY: help setup run test model-check check format docs golden bench kill-tests test-socketcan clean
+.PHONY: help setup run test model-check check format docs golden bench ten-minutes kill-tests seeds test-socketcan clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -17,8 +19,10 @@ help:
 	@echo "make docs    write the reference pages that are tables of the code"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
+	@echo "make seeds   1000 seeded runs in virtual time (SEEDS=N), each made twice and replayed: the same bytes"
 	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
 	@echo "make bench   performance figures, as ratios measured in one run"
+	@echo "make ten-minutes  a long scan over wires with cyclictest beside it (SECONDS=N): periods, records, memory"
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -54,6 +58,9 @@ docs: $(STAMP)
 kill-tests: $(STAMP)
 	$(BIN)/python tests/end_to_end/kills.py $(KILLS)
 
+seeds: $(STAMP)
+	nice $(BIN)/python tests/end_to_end/seeds.py $(SEEDS)
+
 golden: $(STAMP)
 	$(BIN)/python tests/golden/regenerate.py
 
@@ -62,6 +69,9 @@ test-socketcan: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
+
+ten-minutes: $(STAMP)
+	$(BIN)/python -m benchmarks.ten_minutes --seconds $(SECONDS)
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

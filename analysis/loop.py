@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from analysis.method import Method
 from analysis.segment_fit import SixSegmentFit, fit_six_segments
 from analysis.stages import Figure, StageRecord
 from analysis.units import FloatArray
+
+if TYPE_CHECKING:
+    from analysis.curves import FittedCurves
 
 MIDDLE_OF_LOOP = (0.25, 0.75)
 """Share of the angle between the turning points over which the friction torque is read."""
@@ -68,6 +72,11 @@ class Loop:
         """Six-segment fit; AnalysisError when the branches are too short for it."""
         method = self.method
         return fit_six_segments(self.forward, self.backward, method.break_nm, method.fit_nm, self.exclusion_nm)
+
+    @cached_property
+    def curves(self) -> dict[str, FittedCurves]:
+        """Fitted curves by the name of their fit; `analysis.curves` fits each when it is first asked for."""
+        return {}
 
     @property
     def reference_nm(self) -> float:

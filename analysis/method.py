@@ -21,6 +21,11 @@ measurement system"); the inverse loading method takes ±20 % instead."""
 FIT_END_FRACTION = 420.0 / 412.0
 """End of the quadratic segments of the six-segment fit, of the reference torque: ±420 N·m for 412 N·m (same source)."""
 
+STIFFNESS_BREAK_FRACTIONS = (0.2, 0.7)
+"""Break torques T1 and T2 of the three-segment stiffness, of the reference torque, where the recipe gives none.
+
+A choice of this program: every model's catalogue has its own, and those are to be given."""
+
 SPRING_STEP_NM = 10.0
 """Torque step of the spring constant, N·m ("inverse loading test system": 10 N·m near rated torque)."""
 
@@ -68,6 +73,8 @@ class Method:
     fixture_stiffness_nm_per_arcmin: float | None = None
     break_torque_nm: float | None = None
     fit_end_nm: float | None = None
+    stiffness_break_t1_nm: float | None = None
+    stiffness_break_t2_nm: float | None = None
     spring_step_nm: float = SPRING_STEP_NM
     reversal_exclusion: float = REVERSAL_EXCLUSION
     fixture_curve: FixtureCurve | None = None
@@ -80,7 +87,8 @@ class Method:
     def __post_init__(self) -> None:
         """Refuse what is not positive, and names that are not known."""
         for name in ("ratio", "rated_torque_nm", "reference_torque_nm", "fixture_stiffness_nm_per_arcmin",
-                     "break_torque_nm", "fit_end_nm", "spring_step_nm", "reversal_exclusion"):  # fmt: skip
+                     "break_torque_nm", "fit_end_nm", "stiffness_break_t1_nm", "stiffness_break_t2_nm",
+                     "spring_step_nm", "reversal_exclusion"):  # fmt: skip
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise AnalysisError(f"method: {name}: found {value}; needed is a number above zero")
@@ -100,6 +108,12 @@ class Method:
                 f"method: break torque {self.break_nm:g}, reference torque {self.reference_nm:g} and end of the fit "
                 f"{self.fit_nm:g} N·m; needed is break < reference <= end"
             )
+        first, second = self.stiffness_breaks_nm
+        if not first < second < self.reference_nm:
+            raise AnalysisError(
+                f"method: break torques of the three-segment stiffness T1 {first:g}, T2 {second:g} and reference "
+                f"torque {self.reference_nm:g} N·m; needed is T1 < T2 < reference"
+            )
 
     @property
     def reference_nm(self) -> float:
@@ -112,6 +126,15 @@ class Method:
         return BREAK_FRACTION * self.reference_nm if self.break_torque_nm is None else self.break_torque_nm
 
     @property
+    def stiffness_breaks_nm(self) -> tuple[float, float]:
+        """Break torques T1 and T2 of the three-segment stiffness, N·m."""
+        first, second = (fraction * self.reference_nm for fraction in STIFFNESS_BREAK_FRACTIONS)
+        return (
+            first if self.stiffness_break_t1_nm is None else self.stiffness_break_t1_nm,
+            second if self.stiffness_break_t2_nm is None else self.stiffness_break_t2_nm,
+        )
+
+    @property
     def fit_nm(self) -> float:
         """End of the quadratic segments of the six-segment fit, N·m."""
         return FIT_END_FRACTION * self.reference_nm if self.fit_end_nm is None else self.fit_end_nm
@@ -122,8 +145,9 @@ class MetricWanted:
     """A metric asked for by id, with limits in the metric's own unit; None leaves the choice to its definition.
 
     branch: "load", "unload" or "mean"; side: "+" or "-", None judges the worse side; torque_nm: where `stiffness_at`
-    is taken; band: fraction of the reference torque, half width for `lost_motion`; variant: one of the definition's
-    estimators (`spring_constant`: "ending", "centred", "from", "direct").
+    or `hysteresis_angle` is taken; band: fraction of the reference torque, half width for `lost_motion`; variant: one
+    of the definition's estimators (`spring_constant`: "ending", "centred", "from", "direct"); fit: one of
+    `analysis.curves.FITS`, for metrics of a fitted curve.
     """
 
     id: str
@@ -134,6 +158,7 @@ class MetricWanted:
     min: float | None = None
     max: float | None = None
     variant: str | None = None
+    fit: str | None = None
 
 
 @dataclass(frozen=True)

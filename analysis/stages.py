@@ -18,6 +18,7 @@ STAGES: dict[str, str] = {
     "monotone regression": "torque made to rise along each branch; points that it makes equal are averaged",
     "reversal zones": "torque after each turning point that is taken from the fit, where friction still reverses",
     "fits": "linear and quadratic segments of both branches and their mean curve",
+    "uncertainty": "what the uncertainty of the metrics is made of",
 }
 """Name of each stage and what it is for, in the order in which they run."""
 

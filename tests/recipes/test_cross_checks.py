@@ -176,7 +176,10 @@ CASES = {
         INVERSE, {re.search(r"  - torque_cycles.*\n", shipped(INVERSE)[0])[0]: FATIGUE}, {}, "metrics",
         "metrics, but no measured cycles",
     ),
-    "period below the poll": (INVERSE, {"period: 1 ms": "period: 0.5 ms"}, {}, "sampling.period", "from 1 ms"),
+    "period below the poll": (
+        INVERSE, {"period: 1 ms": "period: 0.5 ms"}, {"poll_every: 500 µs": "poll_every: 1 ms"}, "sampling.period",
+        "from 1 ms",
+    ),
     "sample age below the poll": (
         INVERSE, {"sample_age: 10 ms": "sample_age: 1 ms"}, {}, "sampling.sample_age", "at least 2 ms",
     ),

@@ -126,7 +126,8 @@ def test_a_measured_torque_ratio_becomes_a_stored_one(tmp_path: Path) -> None:
     (stored,) = bench.calibrations
     slope = next(metric for metric in result["metrics"] if metric["id"] == "torque_ratio_slope")
     assert stored.load_positive.slope == pytest.approx(slope["value"], rel=1e-5)
-    assert stored.load_positive.u_slope == pytest.approx(slope["uncertainty"] / 2, rel=1e-4)
+    (measured,) = (json.loads(path.read_text(encoding="utf-8")) for path in tmp_path.rglob("calibration.json"))
+    assert stored.load_positive.u_slope == pytest.approx(measured["quadrants"]["load_positive"]["u_slope"], rel=1e-4)
     assert -1 < stored.load_positive.correlation < 0
     assert stored.load_positive.residual_sd_nm > 0
     assert stored.due > stored.made

@@ -21,6 +21,7 @@ from analysis.stages import STAGES, Figure, StageRecord
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
 from analysis.trace_files import read_trace, segment_name
+from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
 from analysis.verdict import Verdict
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "METRIC_UNITS",
     "STAGES",
     "AnalysisError",
+    "AngleFigures",
     "Branch",
     "Curves",
     "Decision",
@@ -38,6 +40,7 @@ __all__ = [
     "Figure",
     "FixtureCurve",
     "GateResult",
+    "LineCovariance",
     "MeanCurve",
     "Method",
     "MetricResult",
@@ -47,8 +50,10 @@ __all__ = [
     "Result",
     "RunFacts",
     "SegmentInfo",
+    "SensorFigures",
     "SideValue",
     "StageRecord",
+    "TorqueFigures",
     "TorqueLine",
     "Trace",
     "Verdict",

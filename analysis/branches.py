@@ -122,6 +122,14 @@ def monotone(blocks: Blocks, direction: int, where: str) -> Branch:
             f"{where}: torque should be {'rising' if direction > 0 else 'falling'} and goes from {first:.4g} to "
             f"{last:.4g} N·m; name the direction of the segment as it was run"
         )
+    return made_rising(torque, angle, counts)
+
+
+def made_rising(torque: FloatArray, angle: FloatArray, counts: FloatArray) -> Branch:
+    """Monotone regression of a torque [N·m] that should rise; points that it makes equal are averaged.
+
+    angle: wind-up [arcmin]; counts: samples behind each point.
+    """
     if not (np.diff(torque) > 0).all():
         fitted = optimize.isotonic_regression(torque, weights=counts)
         starts = fitted.blocks[:-1]

@@ -16,19 +16,20 @@ from analysis.grades import GRADED, backlash_limits, grade_of, grade_uncertainty
 from analysis.loop import Loop
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import Definition, definition
-from analysis.quadrants import Quadrants
+from analysis.quadrants import Quadrants, TorqueLine
+from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, of_scatter
+from analysis.uncertainty.measurement import Measurement
 from analysis.units import RAD_PER_ARCMIN
 from analysis.verdict import Verdict, check_limits, judge, worst
 
-COVERAGE_FACTOR = 2.0
-"""k of the expanded uncertainty U = k·u."""
+__all__ = ["COVERAGE_FACTOR", "MetricResult", "SideValue", "evaluate"]
 
 
 class _Measured(NamedTuple):
-    """Values per cycle, their expanded uncertainty, and what went wrong if there are none."""
+    """Values per cycle, the budget of their mean, and what went wrong if there are none."""
 
     values: tuple[float, ...]
-    expanded: float | None
+    budget: Budget | None
     trouble: str
 
 
@@ -39,11 +40,23 @@ class SideValue:
     side: str
     value: float | None
     uncertainty: float | None
-    """Expanded (k = 2): repeatability 2·s/√n over n cycles; of the fitted line for the torque ratio; None for n < 2."""
+    """Expanded, U = 2·u of the budget; None where nothing is known: no figures of the sensors, and one cycle."""
     standard_deviation: float | None
     per_cycle: tuple[float, ...]
     verdict: Verdict
     reason: str
+    budget: Budget | None = None
+    """Of a grade: the budget of its backlash."""
+
+    @property
+    def budget_rows(self) -> list[dict[str, object]]:
+        """Rows of the budget as plain data, largest contribution first."""
+        return [] if self.budget is None else [row._asdict() for row in self.budget.rows]
+
+    @property
+    def uncertainty_kind(self) -> str | None:
+        """What the uncertainty contains: "budget" every source, "repeatability" scatter alone; None without any."""
+        return None if self.budget is None else self.budget.kind
 
 
 @dataclass(frozen=True)
@@ -91,6 +104,8 @@ class MetricResult:
             "unit": self.definition.unit,
             "uncertainty": shown.uncertainty,
             "coverage_factor": None if shown.uncertainty is None else COVERAGE_FACTOR,
+            "uncertainty_kind": shown.uncertainty_kind,
+            "budget": shown.budget_rows,
             "branch": self.branch,
             "side": shown.side,
             "estimator": self.estimator,
@@ -108,6 +123,7 @@ class MetricResult:
                 side.side: {
                     "value": side.value,
                     "uncertainty": side.uncertainty,
+                    "budget": side.budget_rows,
                     "standard_deviation": side.standard_deviation,
                     "per_cycle": list(side.per_cycle),
                     "verdict": side.verdict.value if self.limited or side.value is None else None,
@@ -122,11 +138,12 @@ class MetricResult:
 
 def evaluate(
     wanted: MetricWanted, loops: Sequence[Loop], quadrants: Quadrants | AnalysisError, method: Method,
-    decision: Decision, *, invalid: bool,
+    decision: Decision, *, invalid: bool, measurement: Measurement | None = None,
 ) -> MetricResult:  # fmt: skip
     """Evaluate one wanted metric over all cycles.
 
     quadrants: the measured torque ratio, or why there is none. invalid: the measurement is, so limits decide nothing.
+    measurement: what is known of its errors; without it the uncertainty is the scatter of the cycles.
     Raises AnalysisError only for a metric that does not exist or limits that make no sense.
     """
     row = definition(wanted)
@@ -141,7 +158,11 @@ def evaluate(
     for side in sides:
         ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant, fit)
         of_ratio = row.estimate is None
-        measured = _from_ratio(wanted.id, ask.side, quadrants) if of_ratio else _from_loops(row, ask, loops)
+        measured = (
+            _from_ratio(row, wanted.id, ask.side, quadrants, measurement)
+            if of_ratio
+            else _from_loops(row, ask, loops, measurement)
+        )
         judged = _judged_grade if row.graded else _judged
         found.append(judged(wanted, side, measured, decision, invalid=invalid))
     estimator = _estimator(row, variant, fit, method)
@@ -171,35 +192,39 @@ def _torque(wanted: MetricWanted, row: Definition, method: Method) -> float | No
     return row.torque * method.reference_nm if wanted.torque_nm is None else wanted.torque_nm
 
 
-def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop]) -> _Measured:
+def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop], measurement: Measurement | None) -> _Measured:
     """Read each cycle's value from its loop."""
-    if row.estimate is None or not loops:
+    estimate = row.estimate
+    if estimate is None or not loops:
         return _Measured((), None, "there is no loop")
     try:
-        values = tuple(float(row.estimate(loop, ask)) for loop in loops)
+        values = tuple(float(estimate(loop, ask)) for loop in loops)
     except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
         return _Measured((), None, str(error))
     if not all(math.isfinite(value) for value in values):
         return _Measured((), None, f"the loop gives {', '.join(f'{value:g}' for value in values)}, which is no number")
-    if len(values) < 2:
-        return _Measured(values, None, "")
-    return _Measured(values, COVERAGE_FACTOR * float(np.std(values, ddof=1)) / math.sqrt(len(values)), "")
+    unit = "arcmin" if row.graded else row.unit  # a grade is read from an angle
+    if measurement is None:
+        return _Measured(values, of_scatter(values, unit), "")
+    return _Measured(values, measurement.of_loops(lambda loop: estimate(loop, ask), values, unit), "")
 
 
-def _from_ratio(name: str, side: int, quadrants: Quadrants | AnalysisError) -> _Measured:
+def _from_ratio(
+    row: Definition, name: str, side: int, quadrants: Quadrants | AnalysisError, measurement: Measurement | None
+) -> _Measured:
     """Read the value from the loading line of one side; the negative side's offset is mirrored."""
     if isinstance(quadrants, AnalysisError):
         return _Measured((), None, str(quadrants))
-    line = quadrants.load_positive if side > 0 else quadrants.load_negative
-    fit = quadrants.fits.get("load_positive" if side > 0 else "load_negative")
-    if name == "torque_ratio_slope":
-        return _Measured((line.slope,), None if fit is None else COVERAGE_FACTOR * fit.u_slope, "")
-    return _Measured((side * line.offset_nm,), None if fit is None else COVERAGE_FACTOR * fit.u_offset_nm, "")
+    which = "load_positive" if side > 0 else "load_negative"
+    line: TorqueLine = getattr(quadrants, which)
+    budget = None if measurement is None else measurement.of_line(which, name, row.unit)
+    return _Measured((line.slope if name == "torque_ratio_slope" else side * line.offset_nm,), budget, "")
 
 
 def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:
     """Judge one side and word the reason when it does not pass."""
-    values, expanded, trouble = measured
+    values, budget, trouble = measured
+    expanded = None if budget is None else budget.expanded
     value = float(np.mean(values)) if values else None
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
     name = wanted.id if side == "both" else f"{wanted.id}, side {side}"
@@ -213,7 +238,7 @@ def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Deci
     else:
         verdict, limit = judge(value, expanded, (wanted.min, wanted.max), decision)
         reason = "" if verdict is Verdict.PASS else f"{name}: {_because(wanted, value, expanded, verdict, limit)}"
-    return SideValue(side, value, expanded, deviation, values, verdict, reason)
+    return SideValue(side, value, expanded, deviation, values, verdict, reason, budget)
 
 
 def _judged_grade(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -18,6 +19,7 @@ STAGES: dict[str, str] = {
     "monotone regression": "torque made to rise along each branch; points that it makes equal are averaged",
     "reversal zones": "torque after each turning point that is taken from the fit, where friction still reverses",
     "fits": "linear and quadratic segments of both branches and their mean curve",
+    "uncertainty": "what the uncertainty of the metrics is made of",
 }
 """Name of each stage and what it is for, in the order in which they run."""
 
@@ -41,5 +43,10 @@ class StageRecord:
 
     def to_dict(self) -> dict[str, object]:
         """Return the object of the JSON contract."""
-        figures = {name: {"value": one.value, "unit": one.unit} for name, one in self.figures.items()}
+        figures = {name: {"value": _finite(one.value), "unit": one.unit} for name, one in self.figures.items()}
         return {"stage": self.name, "text": self.text, "applied": self.applied, "figures": figures}
+
+
+def _finite(value: float | None) -> float | None:
+    """JSON has no other way to say that there is no number."""
+    return value if value is not None and math.isfinite(value) else None

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from recipes.calibration_schema import Calibration, Fixture
 from recipes.quantity import PERIOD, show
 from recipes.section import (
+    ARCSEC_RAD,
     Age,
     AngleNoise,
     BitCount,
@@ -96,6 +97,8 @@ class ModbusDevice(Section):
     port: Port = 502
     serial_port: Word | Literal[""] = ""
     baudrate: Baudrate = 115200
+    parity: Literal["none", "even", "odd"] = "none"
+    stopbits: Literal[1, 2] = 1
     unit_id: Annotated[int, Field(ge=0, le=247)]
     profile: Name
     poll_every_s: Age
@@ -125,13 +128,19 @@ class BrakeDevice(ModbusDevice):
 
 
 class TorqueSensor(Section):
-    """Torque sensor; accuracy, noise and the usable range are fractions of full scale."""
+    """Torque sensor; noise (one standard deviation), usable range, zero and reversibility are fractions of full scale.
+
+    accuracy: limit of the gain error, of the reading. tared_zero: limit of what the tare leaves of the zero, with the
+    friction that stands on the sensor then. reversibility: limit of half the difference between falling and rising.
+    """
 
     full_scale_nm: Torque
     usable_fraction: UsableRange = 1.0
     accuracy_fraction: Fraction
     noise_fraction: Fraction
     lag_s: Lag
+    tared_zero_fraction: Fraction = 0.0002
+    reversibility_fraction: Fraction = 0.0002
 
     @property
     def usable_nm(self) -> float:
@@ -140,20 +149,31 @@ class TorqueSensor(Section):
 
 
 class AngleSensor(Section):
-    """Encoder of a shaft."""
+    """Encoder of a shaft. accuracy: limit of its error over a turn; interpolation: limit of its error within a line."""
 
     resolution_bits: BitCount
     noise_rad: AngleNoise
     lag_s: Lag
+    accuracy_rad: AngleNoise = 10 * ARCSEC_RAD
+    interpolation_rad: AngleNoise = 0.5 * ARCSEC_RAD
 
 
 class Sensors(Section):
-    """Sensors of the bench; what it does not have is left out."""
+    """Sensors of the bench; what it does not have is left out.
+
+    skew: limit of the difference between the delays of torque and angle, where nothing aligns them.
+    """
 
     torque_in: TorqueSensor | None = None
     torque_out: TorqueSensor | None = None
     angle_in: AngleSensor
     angle_out: AngleSensor | None = None
+    skew_s: Lag = 0.0002
+
+
+def _line_text(setting: tuple[int, str, int]) -> str:
+    baudrate, parity, stopbits = setting
+    return f"{baudrate} baud, parity {parity}, {stopbits} stop bit{'s' if stopbits > 1 else ''}"
 
 
 class Bench(Section):
@@ -168,6 +188,21 @@ class Bench(Section):
     sensors: Sensors
     fixture: Fixture
     calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
+
+    @model_validator(mode="after")
+    def _one_setting_per_serial_line(self) -> Bench:
+        lines: dict[str, tuple[str, tuple[int, str, int]]] = {}
+        for name in ("amplifier", "brake", "remote_io"):
+            device: ModbusDevice = getattr(self, name)
+            if device.transport != "rtu":
+                continue
+            setting = (device.baudrate, device.parity, device.stopbits)
+            other, first = lines.setdefault(device.serial_port, (name, setting))
+            if setting != first:
+                found = f"{_line_text(setting)} on {device.serial_port}, where {other} has {_line_text(first)}"
+                hint = "Devices on one serial line talk alike."
+                raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=name)
+        return self
 
     def newest_calibration(self, model: str) -> Calibration | None:
         """Newest stored calibration for a model, None when there is none."""

@@ -9,7 +9,19 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from recipes.quantity import ARCMINUTES, TORQUE, show
-from recipes.section import Deflection, Name, Section, SignedTorque, Stiffness, Travel, refusal
+from recipes.section import (
+    ARCSEC_RAD,
+    AngleNoise,
+    Deflection,
+    Drift,
+    Fraction,
+    Name,
+    Section,
+    SignedTorque,
+    Stiffness,
+    Travel,
+    refusal,
+)
 
 
 class FixturePoint(Section):
@@ -44,14 +56,26 @@ class FixtureCurve(Section):
 
 
 class Fixture(Section):
-    """Clamping of the unit; its wind-up is taken out of the measured one."""
+    """Clamping of the unit; its wind-up is taken out of the measured one.
+
+    accuracy: limit of the error of its stiffness. drift: limit of the wind-up's creep that is left while a cycle runs.
+    lock_width, lock_windup: limits of what another locking of the shaft changes in the width of the loop and in the
+    wind-up; declare what a lock angle study found when results shall speak of the whole unit, not of one position.
+    """
 
     stiffness_nm_per_arcmin: Stiffness
     curve: FixtureCurve | None = None
+    accuracy_fraction: Fraction = 0.05
+    drift_arcmin_min: Drift = 0.005
+    lock_width_rad: AngleNoise = 0.12 * ARCSEC_RAD
+    lock_windup_fraction: Fraction = 0.0005
 
 
 class QuadrantLine(Section):
-    """Line T_out = offset + slope · T_in of one quadrant, and what its fit said of it where that is known."""
+    """Line T_out = offset + slope · T_in of one quadrant, and what its fit said of it where that is known.
+
+    Without standard uncertainties 0.5 % of the slope and 0.5 N·m are assumed.
+    """
 
     slope: Annotated[float, Field(gt=0, le=10000)]
     offset_nm: SignedTorque

@@ -101,6 +101,7 @@ CURRENT = Kind("a current", "A", "A", "10 A")
 TEMPERATURE = Kind("a temperature", "degC", "degC", "60 degC")
 TEMPERATURE_CHANGE = Kind("a temperature difference", "K", "K", "5 K")
 FRACTION = Kind("a fraction", "one", "%", "0.1 %")
+DRIFT = Kind("a drift", "arcmin/min", "arcmin/min", "0.005 arcmin/min")
 RESOLUTION = Kind("a resolution", "bit", "bit", "20 bit")
 
 KINDS = (
@@ -121,6 +122,7 @@ KINDS = (
     TEMPERATURE,
     TEMPERATURE_CHANGE,
     FRACTION,
+    DRIFT,
     RESOLUTION,
 )
 

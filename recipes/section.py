@@ -7,6 +7,7 @@ names and with numbers.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from recipes.quantity import (
     ANGLE,
     ARCMINUTES,
     CURRENT,
+    DRIFT,
     DURATION,
     FRACTION,
     PERIOD,
@@ -41,7 +43,7 @@ from recipes.quantity import (
 )
 
 UNIT_SUFFIX = re.compile(
-    r"_(nm_per_arcmin|nm_per_a|nm_s|nm|arcmin|rad_s2|rad_s|rad|ns|s|a|c|k|fraction|bits)$",
+    r"_(nm_per_arcmin|nm_per_a|nm_s|nm|arcmin_min|arcmin|rad_s2|rad_s|rad|ns|s|a|c|k|fraction|bits)$",
 )
 """Units at the end of attribute names."""
 
@@ -137,6 +139,9 @@ class Quantity:
         return text
 
 
+ARCSEC_RAD = math.pi / 648_000
+"""One arcsec in rad."""
+
 RATED = "rated_torque_nm"
 REFERENCE = "reference_torque_nm"
 
@@ -166,6 +171,7 @@ TemperatureChange = Annotated[float, Quantity(TEMPERATURE_CHANGE, above=0, up_to
 Deflection = Annotated[float, Quantity(ARCMINUTES, at_least=-600, up_to=600)]
 Fraction = Annotated[float, Quantity(FRACTION, at_least=0, up_to=100)]
 UsableRange = Annotated[float, Quantity(FRACTION, at_least=100, up_to=200)]
+Drift = Annotated[float, Quantity(DRIFT, at_least=0, up_to=100)]
 Band = Annotated[float, Quantity(FRACTION, above=0, up_to=50)]
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$", max_length=60)]

@@ -15,6 +15,7 @@ from analysis import (
     Result,
     RunFacts,
     SegmentInfo,
+    SensorFigures,
     TorqueLine,
     Trace,
     analyse,
@@ -25,6 +26,7 @@ from recipes import Bench, Calibration, Recipe
 from recipes.section import option_name
 from station.assemble import CHANNEL_OF_SENSOR, channels
 from station.errors import StationError
+from station.figures import figures_of
 from station.record_check import Table
 
 LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
@@ -183,7 +185,14 @@ def evaluate_trace(  # noqa: PLR0917 - what was measured, by what, on what, and 
     preset: report its metrics instead of the recipe's.
     """
     method, wanted = method_of(recipe, bench), wanted_of(recipe, preset)
-    return analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts)
+    figures = figures_for(recipe, bench)
+    return analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts, figures=figures)
+
+
+def figures_for(recipe: Recipe, bench: Bench) -> SensorFigures:
+    """Return what the bench declares of its sensors, and of the stored calibration when the recipe goes by one."""
+    stored = recipe.measurement.output_torque == "calibrated" and recipe.measurement.calibration == "stored"
+    return figures_of(bench, newest_calibration(recipe, bench) if stored else None)
 
 
 def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:

@@ -29,7 +29,8 @@ from station.pdf_layout import (
 )
 from station.report import FIRST, completed, explained, guarded_text, metric_groups, rule_text, side_text
 from station.report_content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, Content
-from station.result_view import limits_text, number, timing_line, uncertainty_text, unit_text
+from station.result_text import limits_text, number, spread_text, unit_text
+from station.result_view import timing_line
 
 LEAST_BELOW_HEADING = 35 * mm
 """A heading with less room than this below it goes to the next page."""
@@ -137,7 +138,7 @@ def _metrics(result: dict[str, Any], content: Content) -> list[Any]:
                 paragraph(metric["name"], bold=True),
                 paragraph("\n".join(side_text(side) for side in sides), "soft"),
                 paragraph(values, "right", bold=True),
-                paragraph("\n".join(uncertainty_text(side) for side in sides), "soft"),
+                paragraph("\n".join(spread_text(side) for side in sides), "soft"),
                 unit_text(metric["unit"]),
                 limit,
                 [_tag(side["verdict"]) for side in sides],
@@ -169,7 +170,7 @@ def _gates(content: Content) -> list[Any]:
         for place, row in enumerate(content.gates, 1)
         if row[-1] == "FAILED"
     ]
-    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (25, 70, 22, 22, 18), red)]
+    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (30, 110, 18), red)]
 
 
 def _alarms(result: dict[str, Any]) -> list[Any]:
@@ -191,9 +192,9 @@ def _alarms(result: dict[str, Any]) -> list[Any]:
 def _budgets(content: Content) -> list[Any]:
     parts: list[Any] = []
     for budget in content.budgets:
-        table = grid(BUDGET_HEADS, budget.rows, (75, 24, 22, 26, 14))
+        table = grid(BUDGET_HEADS, budget.rows, (75, 27, 18, 30, 12))
         parts.append(KeepTogether([paragraph(f"{budget.metric} = {budget.expanded}", "subhead"), table]))
-    return _section("Uncertainty budgets", *parts) if parts else []
+    return [*_heading("Uncertainty budgets"), *parts] if parts else []
 
 
 def _evaluation(result: dict[str, Any], content: Content, pictures: dict[str, bytes]) -> list[Any]:

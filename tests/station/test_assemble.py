@@ -12,9 +12,7 @@ from station.request import find_profile
 def test_a_serial_lines_settings_reach_the_driver() -> None:
     path = shipped_benches()["example-socketcan"]
     text = (
-        path.read_text(encoding="utf-8")
-        .replace("parity: none ", "parity: even ")
-        .replace("stopbits: 1", "stopbits: 2")
+        path.read_text(encoding="utf-8").replace("parity: none ", "parity: even ").replace("stopbits: 1", "stopbits: 2")
     )
     bench = parse_bench(text.encode(), str(path))
     names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)

@@ -39,7 +39,7 @@ def wire_config(bench: Bench, profiles: Mapping[str, Path], period_ns: int, port
     """
     return WireBenchConfig(
         period_ns=period_ns,
-        can=_can(bench, ports),
+        can=can_config(bench, ports),
         drive=_drive(bench, load_document(profiles[bench.drive.profile], DriveProfile)),
         amplifier=_modbus(bench.amplifier, profiles, ports, "amplifier"),
         brake=_modbus(bench.brake, profiles, ports, "brake"),
@@ -48,7 +48,8 @@ def wire_config(bench: Bench, profiles: Mapping[str, Path], period_ns: int, port
     )
 
 
-def _can(bench: Bench, ports: Ports | None) -> CanConfig:
+def can_config(bench: Bench, ports: Ports | None = None) -> CanConfig:
+    """Return how to reach the CAN bus of a bench file; `ports` of a started virtual bench replace the file's."""
     can = bench.can
     if ports is not None:
         there = ports["can"]

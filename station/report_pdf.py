@@ -170,7 +170,7 @@ def _gates(content: Content) -> list[Any]:
         for place, row in enumerate(content.gates, 1)
         if row[-1] == "FAILED"
     ]
-    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (25, 70, 22, 22, 18), red)]
+    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (30, 110, 18), red)]
 
 
 def _alarms(result: dict[str, Any]) -> list[Any]:
@@ -192,7 +192,7 @@ def _alarms(result: dict[str, Any]) -> list[Any]:
 def _budgets(content: Content) -> list[Any]:
     parts: list[Any] = []
     for budget in content.budgets:
-        table = grid(BUDGET_HEADS, budget.rows, (75, 24, 22, 26, 14))
+        table = grid(BUDGET_HEADS, budget.rows, (75, 27, 18, 30, 12))
         parts.append(KeepTogether([paragraph(f"{budget.metric} = {budget.expanded}", "subhead"), table]))
     return [*_heading("Uncertainty budgets"), *parts] if parts else []
 

@@ -124,7 +124,8 @@ def _metrics(axes: Axes, metrics: list[dict[str, Any]], method: Method) -> list[
         if said:
             branch = f" {metric['branch']}" if metric["id"] == "stiffness_50_100" else ""
             limit = limits_text(metric["limits"])
-            text = f"{metric['id']}{branch}\n{' and '.join(said)}{f'   ({limit})' if limit else ''}"
+            label = " ".join([metric["id"] + branch, *metric.get("choices", [])])
+            text = f"{label}\n{' and '.join(said)}{f'   ({limit})' if limit else ''}"
             marker = {"linewidth": 2} if span is not None else {"marker": "o", "linestyle": ""}
             axes.plot([], [], color=colour, label=text, **marker)
     return drawn

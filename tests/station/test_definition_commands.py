@@ -9,13 +9,14 @@ from typing import Any
 
 import pytest
 
-from analysis import METRICS
+from analysis import METRICS, Method, MetricWanted, analyse, read_trace
 from recipes import PRESETS
 from recipes.recipe_schema import preset_metrics
 from station.command_analyze import analyze
 from station.command_metrics import metrics
 from station.command_repeatability import repeat
 from station.errors import StationError
+from station.stiffness_plot import stiffness_figure
 
 ROOT = Path(__file__).parents[2]
 TRACE = str(ROOT / "tests/data/loop_published_curve.csv")
@@ -101,6 +102,22 @@ def test_a_limit_of_the_recipe_fails_by_a_preset_too(printed: Print) -> None:
     found = json.loads(printed(analyze, TRACE, RECIPE, None, NO_RUNS, code=1, preset="measurement", as_json=True))
     assert found["verdict"] == "FAIL"
     assert "spring_constant, side -: 45.74 N·m/arcmin is below the limit of 108 N·m/arcmin" in found["reasons"][0]
+
+
+def test_the_stiffness_curve_shows_what_was_chosen() -> None:
+    method = Method(ratio=121, rated_torque_nm=412, stiffness_break_t1_nm=60.0, stiffness_break_t2_nm=240.0)
+    wanted = [MetricWanted("k1"), MetricWanted("k3"), MetricWanted("spring_constant", fit="three_region")]
+    result = analyse(read_trace(Path(TRACE)), method, wanted)
+    figure = stiffness_figure(result, method, [metric.to_dict() for metric in result.metrics])
+    assert figure is not None
+    (axes,) = figure.axes
+    named = [text.get_text().split("\n")[0] for text in axes.get_legend().get_texts()]
+    assert {"k1", "k3", "spring_constant three_region"} <= set(named)
+    k1, k3 = (result.metrics[place].sides[0].value for place in (0, 1))
+    lines = [(line.get_xdata(), line.get_ydata()) for line in axes.lines if len(line.get_xdata()) == 2]
+    spans = {(round(x[0], 6), round(x[1], 6)): y[0] for x, y in lines}
+    assert spans[0.0, 60.0] == pytest.approx(k1)
+    assert spans[240.0, 412.0] == pytest.approx(k3)
 
 
 @pytest.fixture

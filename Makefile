@@ -5,6 +5,9 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
 KILLS ?= 100
+FUZZ_SECONDS ?= 60
+FUZZ_FRAMES ?= 1000000
+FUZZ_REPLIES ?= 100000
 
 .PHONY: help setup run test model-check check format docs golden bench kill-tests test-socketcan clean
 
@@ -17,6 +20,8 @@ help:
 	@echo "make docs    write the reference pages that are tables of the code"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
+	@echo "make fuzz    coverage-guided fuzzing of every input (FUZZ_SECONDS=N each)"
+	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"
 	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
 	@echo "make bench   performance figures, as ratios measured in one run"
 
@@ -53,6 +58,13 @@ docs: $(STAMP)
 
 kill-tests: $(STAMP)
 	$(BIN)/python tests/end_to_end/kills.py $(KILLS)
+
+fuzz: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,fuzz]'
+	$(BIN)/python tests/fuzz/coverage_guided.py $(FUZZ_SECONDS)
+
+fuzz-wires: $(STAMP)
+	$(BIN)/python tests/fuzz/wires.py $(FUZZ_FRAMES) $(FUZZ_REPLIES)
 
 golden: $(STAMP)
 	$(BIN)/python tests/golden/regenerate.py

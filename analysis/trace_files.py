@@ -206,5 +206,5 @@ def _parse(text: str, where: str) -> SegmentInfo:
 
 
 def _is_whole(text: str) -> bool:
-    digits = text.lstrip("+-")
+    digits = text[1:] if text[:1] in ("+", "-") else text
     return digits.isascii() and digits.isdigit() and len(digits) < 10

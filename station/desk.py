@@ -12,7 +12,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -58,11 +58,24 @@ def _if_possible(tell: Callable[[Told], None]) -> Callable[[Told], None]:
 
 
 class Desk:
-    """One real-time run of a job."""
+    """One real-time run of a job.
 
-    def __init__(self, job: Job, record: RunRecord, show: Show, say: Say) -> None:
+    A recovery is one too: `left` says how the bench was left, and `attend` is called at every look, to tell and to ask.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        record: RunRecord,
+        show: Show,
+        say: Say,
+        *,
+        left: Mapping[str, float] | None = None,
+        attend: Callable[[RingReader], None] | None = None,
+    ) -> None:
         self._job, self._record = job, record
         self._show, self._say = _if_possible(show), _if_possible(say)
+        self._left, self._attend = left, attend
         self._interrupts = 0
         self._sent = 0
         self._newest = b""
@@ -143,6 +156,7 @@ class Desk:
             "ports": ports,
             "desk": os.getpid(),
             "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
+            "left": None if self._left is None else dict(self._left),
         }
         path = folder / "scan-spec.json"
         path.write_text(json.dumps(spec))
@@ -175,6 +189,8 @@ class Desk:
             if not armed and now - started > ARM_TIMEOUT_S:
                 raise BenchFaultError(f"the scan process did not come up within {ARM_TIMEOUT_S:.0f} s")
             self._pass_on(ring, process, armed=armed)
+            if self._attend is not None and self._newest:
+                self._attend(ring)
             if now - synced > SYNC_EVERY_S:
                 synced = now
                 file.sync()

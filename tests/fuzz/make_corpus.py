@@ -80,12 +80,14 @@ def seeds() -> dict[str, bytes]:
         **{f"recipe_file/{name}": recipes[name] for name in ("rv-40e-121-faults", "static-50nm")},
         **{f"bench_file/{name}": benches[name] for name in ("virtual", "example-socketcan")},
         "trace_csv/segments": CSV,
+        "trace_csv/two_signs": CSV.replace(b"measure -1 1", b"measure --1 1"),
         "trace_csv/branches": CSV.replace(b"measure 1 1", b"forward").replace(b"measure -1 1", b"return"),
         **_tables(),
         "mailbox/start": word(1) + bytes(56) + word(0) + bytes(56) + word(1),
         "mailbox/full": word(16) + bytes(120) + b"".join(map(word, range(16))),
         "socketcand_client/frame": _pieces(b"< frame 185 1.5 37160A7B0000 >", b"< frame 705 2.0 05 >< error 1 2.0 >"),
         "socketcand_client/cut": _pieces(b"< frame 185 1.5 3716", b"0A7B0000 >", b"> <", b"< >"),
+        "socketcand_server/negative": _pieces(b"< send -80 0 >", b"< send 80 -0 >", b"< send 205 1 -1 >"),
         "socketcand_server/send": _pieces(b"< send 205 4 f 0 a 0 >", b"< echo >", b"< send 80 0 >"),
     }
 

@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
 KILLS ?= 100
+CUTS ?= 50
 FUZZ_SECONDS ?= 60
 FUZZ_FRAMES ?= 1000000
 FUZZ_REPLIES ?= 100000
@@ -20,6 +21,7 @@ help:
 	@echo "make docs    write the reference pages that are tables of the code"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
+	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"
 	@echo "make fuzz    coverage-guided fuzzing of every input (FUZZ_SECONDS=N each)"
 	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"
 	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
@@ -58,6 +60,9 @@ docs: $(STAMP)
 
 kill-tests: $(STAMP)
 	$(BIN)/python tests/end_to_end/kills.py $(KILLS)
+
+power-cuts: $(STAMP)
+	$(BIN)/python tests/end_to_end/power_cuts.py $(CUTS)
 
 fuzz: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,fuzz]'

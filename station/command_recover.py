@@ -22,7 +22,7 @@ from station.errors import BenchFaultError, RecordError, StationError
 from station.left_state import left_state
 from station.program_file import PROGRAM, plain_program
 from station.record_check import read_table
-from station.record_store import RunRecord, Store
+from station.record_store import INTERRUPTED, RunRecord, Store
 from station.recovery import recover_all
 from station.recovery_guide import Guide
 from station.request import Job, load_job
@@ -46,7 +46,7 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
     table = read_table(run.samples)
     if not len(table):
         raise StationError(f"{run.id}: has no records: nothing moved in this run, there is nothing to take back")
-    before = left_state(table, run.read_json(PROGRAM))
+    before = left_state(table, run.read_json(PROGRAM), to_its_end=run.state() != INTERRUPTED)
     stream = sys.stderr if as_json else sys.stdout
 
     def say(line: str) -> None:

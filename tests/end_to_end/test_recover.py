@@ -141,8 +141,7 @@ def says_no(bench: Apart, data: Path) -> None:
 def test_recover_releases_a_unit_that_was_left_wound_up(apart, tmp_path):
     data = torn_off(apart, tmp_path)
     again = subprocess.run(
-        [*COMMAND, "run", str(recipe(tmp_path)), "--bench", str(apart.path), "--serial", "X", "--json"]
-        + ["--data", str(data)],
+        [*COMMAND, "run", str(recipe(tmp_path)), "--serial", "X", "--json", "--bench", str(apart.path), "--data", data],
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert again.returncode == 4

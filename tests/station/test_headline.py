@@ -125,5 +125,11 @@ def test_what_to_do_follows_from_how_the_bench_was_left(changes: dict[str, Any],
 )
 def test_a_fault_on_a_real_bench_names_the_way_back(changes: dict[str, Any], command: str) -> None:
     left = LEFT | {"text": left_text(LEFT), "next_action": left_action(LEFT)}
-    there = {"bench": {"embedded": False}, "clock": "real", "record": "/srv/line/runs/x", "left": left, "state": "fault"}
+    there = {
+        "bench": {"embedded": False},
+        "clock": "real",
+        "record": "/srv/line/runs/x",
+        "left": left,
+        "state": "fault",
+    }
     assert way_back_command(result(**there | changes)) == command

@@ -9,8 +9,10 @@ CUTS ?= 50
 FUZZ_SECONDS ?= 60
 FUZZ_FRAMES ?= 1000000
 FUZZ_REPLIES ?= 100000
+SEEDS ?= 1000
+SECONDS ?= 600
 
-.PHONY: help setup run test model-check check format docs golden bench kill-tests test-socketcan clean
+.PHONY: help setup run test model-check check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -24,8 +26,10 @@ help:
 	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"
 	@echo "make fuzz    coverage-guided fuzzing of every input (FUZZ_SECONDS=N each)"
 	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"
+	@echo "make seeds   1000 seeded runs in virtual time (SEEDS=N), each made twice and replayed: the same bytes"
 	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
 	@echo "make bench   performance figures, as ratios measured in one run"
+	@echo "make ten-minutes  a long scan over wires with cyclictest beside it (SECONDS=N): periods, records, memory"
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -71,6 +75,9 @@ fuzz: $(STAMP)
 fuzz-wires: $(STAMP)
 	$(BIN)/python tests/fuzz/wires.py $(FUZZ_FRAMES) $(FUZZ_REPLIES)
 
+seeds: $(STAMP)
+	nice $(BIN)/python tests/end_to_end/seeds.py $(SEEDS)
+
 golden: $(STAMP)
 	$(BIN)/python tests/golden/regenerate.py
 
@@ -79,6 +86,9 @@ test-socketcan: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
+
+ten-minutes: $(STAMP)
+	$(BIN)/python -m benchmarks.ten_minutes --seconds $(SECONDS)
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -7,26 +7,40 @@ Beside this stand `analysis.models` (models of a reducer), `analysis.line` (stat
 from analysis.branches import Branch
 from analysis.errors import AnalysisError
 from analysis.evaluate import COVERAGE_FACTOR, MetricResult, SideValue
+from analysis.fixture import blank_curve
+from analysis.fixture_curve import FixtureCurve, reducer_stiffness, series_stiffness
+from analysis.gates import GATES, GateResult, gate_reasons, judge_gates
+from analysis.measured import Evidence, RunFacts
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import METRIC_UNITS, METRICS, Definition
-from analysis.pipeline import Curves, Result, analyse
+from analysis.pipeline import Curves, Result, analyse, measure
 from analysis.quadrants import Quadrants, TorqueLine, fit_quadrants
 from analysis.runs import commanded_runs
 from analysis.segment_fit import MeanCurve
+from analysis.stages import STAGES, Figure, StageRecord
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
 from analysis.trace_files import read_trace, segment_name
+from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
 from analysis.verdict import Verdict
 
 __all__ = [
     "COVERAGE_FACTOR",
+    "GATES",
     "METRICS",
     "METRIC_UNITS",
+    "STAGES",
     "AnalysisError",
+    "AngleFigures",
     "Branch",
     "Curves",
     "Decision",
     "Definition",
+    "Evidence",
+    "Figure",
+    "FixtureCurve",
+    "GateResult",
+    "LineCovariance",
     "MeanCurve",
     "Method",
     "MetricResult",
@@ -34,15 +48,25 @@ __all__ = [
     "Quadrants",
     "RatioFit",
     "Result",
+    "RunFacts",
     "SegmentInfo",
+    "SensorFigures",
     "SideValue",
+    "StageRecord",
+    "TorqueFigures",
     "TorqueLine",
     "Trace",
     "Verdict",
     "analyse",
+    "blank_curve",
     "commanded_runs",
     "fit_quadrants",
     "fit_torque_ratio",
+    "gate_reasons",
+    "judge_gates",
+    "measure",
     "read_trace",
+    "reducer_stiffness",
     "segment_name",
+    "series_stiffness",
 ]

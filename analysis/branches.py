@@ -6,15 +6,17 @@ tilt the curve), then the torque is made to rise with the branch by monotone reg
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize
 
 from analysis.errors import AnalysisError
-from analysis.method import Method
-from analysis.trace import Trace
-from analysis.units import ARCMIN_PER_RAD, FloatArray
+from analysis.samples import BranchSamples
+from analysis.stages import Figure, StageRecord
+from analysis.units import FloatArray
 
 MOST_BLOCKS = 3000
 """Points per branch at most; a branch with fewer samples keeps them all."""
@@ -75,34 +77,59 @@ def interpolate(x: FloatArray, y: FloatArray, wanted: FloatArray) -> FloatArray:
     return result
 
 
-def make_branch(torque_nm: FloatArray, windup_arcmin: FloatArray, direction: int, where: str) -> Branch:
-    """Reduce the samples of one run, in order of time, to a branch.
+class Blocks(NamedTuple):
+    """Means of a branch's samples in blocks along time; time is None when it was not measured."""
 
-    direction: +1 torque rising, -1 falling. Raises AnalysisError for too few samples or a torque that runs the other
-    way, naming where.
+    torque_nm: FloatArray
+    angle_arcmin: FloatArray
+    t_s: FloatArray | None
+    counts: FloatArray
+
+
+def binned(samples: BranchSamples) -> Blocks:
+    """Average the samples of a branch in at most `MOST_BLOCKS` blocks along time.
+
+    Raises AnalysisError for too few samples, naming the branch.
     """
-    if torque_nm.size < LEAST_POINTS:
+    found = samples.torque_nm.size
+    if found < LEAST_POINTS:
         raise AnalysisError(
-            f"{where}: found {torque_nm.size} samples; needed are {LEAST_POINTS} or more; sample faster or load slower"
+            f"{samples.where}: found {found} samples; needed are {LEAST_POINTS} or more; sample faster or load slower"
         )
-    size = -(-torque_nm.size // MOST_BLOCKS)
-    edges = np.arange(0, torque_nm.size, size)
-    counts = np.diff(np.append(edges, torque_nm.size)).astype(np.float64)
-    torque = np.add.reduceat(torque_nm, edges) / counts
-    angle = np.add.reduceat(windup_arcmin, edges) / counts
+    size = -(-found // MOST_BLOCKS)
+    if size == 1:
+        return Blocks(samples.torque_nm, samples.windup_arcmin, samples.t_s, np.ones(found))
+    edges = np.arange(0, found, size)
+    counts = np.diff(np.append(edges, found)).astype(np.float64)
+    time = None if samples.t_s is None else np.add.reduceat(samples.t_s, edges) / counts
+    torque = np.add.reduceat(samples.torque_nm, edges) / counts
+    return Blocks(torque, np.add.reduceat(samples.windup_arcmin, edges) / counts, time, counts)
+
+
+def monotone(blocks: Blocks, direction: int, where: str) -> Branch:
+    """Make a branch of its blocks by monotone regression of the torque along it.
+
+    direction: +1 torque rising, -1 falling. Points that the regression makes equal are averaged. Raises AnalysisError
+    for a torque that runs the other way, naming where.
+    """
+    torque, angle, counts = blocks.torque_nm, blocks.angle_arcmin, blocks.counts
+    first, last = float(torque[0]), float(torque[-1])
     if direction < 0:
         torque, angle, counts = torque[::-1], angle[::-1], counts[::-1]
     tenth = max(1, torque.size // 10)
     if not torque[-tenth:].mean() > torque[:tenth].mean():
         raise AnalysisError(
-            f"{where}: torque should be {'rising' if direction > 0 else 'falling'} and goes from {torque_nm[0]:.4g} to "
-            f"{torque_nm[-1]:.4g} N·m; name the direction of the segment as it was run"
+            f"{where}: torque should be {'rising' if direction > 0 else 'falling'} and goes from {first:.4g} to "
+            f"{last:.4g} N·m; name the direction of the segment as it was run"
         )
-    return _monotone(torque, angle, counts)
+    return made_rising(torque, angle, counts)
 
 
-def _monotone(torque: FloatArray, angle: FloatArray, counts: FloatArray) -> Branch:
-    """Monotone regression of the torque along the branch; points that it makes equal are averaged."""
+def made_rising(torque: FloatArray, angle: FloatArray, counts: FloatArray) -> Branch:
+    """Monotone regression of a torque [N·m] that should rise; points that it makes equal are averaged.
+
+    angle: wind-up [arcmin]; counts: samples behind each point.
+    """
     if not (np.diff(torque) > 0).all():
         fitted = optimize.isotonic_regression(torque, weights=counts)
         starts = fitted.blocks[:-1]
@@ -112,25 +139,26 @@ def _monotone(torque: FloatArray, angle: FloatArray, counts: FloatArray) -> Bran
     return Branch(np.ascontiguousarray(torque), np.ascontiguousarray(angle))
 
 
-def measured_windup(trace: Trace, method: Method) -> tuple[FloatArray, bool, str]:
-    """Wind-up of the whole trace [arcmin], whether the fixture's deflection is still in it, and how it was made.
-
-    With both encoders: loaded shaft minus locked shaft, at the output. With one: the input angle over the ratio when
-    the input is loaded, or the output angle; with input loading an output angle alone is a wind-up that somebody has
-    made already. AnalysisError when there is no angle to take.
-    """
-    angle_in, angle_out = trace.angle_in_rad, trace.angle_out_rad
-    to_output = ARCMIN_PER_RAD / method.ratio
-    if angle_in is not None and angle_out is not None:
-        windup = angle_in * to_output - angle_out * ARCMIN_PER_RAD
-        if method.loading == "input":
-            return windup, False, "wind-up = angle_in / ratio − angle_out"
-        return -windup, False, "wind-up = angle_out − angle_in / ratio"
-    if method.loading == "input" and angle_in is not None:
-        return angle_in * to_output, True, "wind-up = angle_in / ratio; the locked output was not measured"
-    if method.loading == "output":
-        windup = trace.channel("angle_out_rad", "the wind-up") * ARCMIN_PER_RAD
-        return windup, True, "wind-up = angle_out; the locked input was not measured"
-    if angle_out is not None:
-        return angle_out * ARCMIN_PER_RAD, False, "wind-up = angle_out as given; there is no input angle in the trace"
-    return trace.channel("angle_in_rad", "the wind-up"), True, ""
+def branch_records(
+    pairs: Sequence[tuple[BranchSamples, BranchSamples]], blocks: Sequence[Blocks], branches: Sequence[Branch]
+) -> list[StageRecord]:
+    """Say how samples became branches: pairing, blocks, and points that monotone regression made equal."""
+    samples = sum(one.torque_nm.size for pair in pairs for one in pair)
+    points = sum(one.torque_nm.size for one in blocks)
+    kept = sum(one.torque_nm.size for one in branches)
+    largest = max(float(one.counts.max()) for one in blocks)
+    return [
+        StageRecord("branches", f"cycles: {len(pairs)}", {"cycles": Figure(len(pairs), "1")}),
+        StageRecord(
+            "binning",
+            f"binning: {samples} samples to {points} blocks of {largest:.0f} samples at most",
+            {"samples": Figure(samples, "1"), "blocks": Figure(points, "1"), "largest block": Figure(largest, "1")},
+            applied=points < samples,
+        ),
+        StageRecord(
+            "monotone regression",
+            f"monotone regression: {points} points to {kept} of strictly rising torque",
+            {"points": Figure(kept, "1"), "made equal": Figure((points - kept) / points * 100.0, "%")},
+            applied=kept < points,
+        ),
+    ]

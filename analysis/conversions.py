@@ -25,6 +25,28 @@ def nm_per_rad(stiffness_nm_per_arcmin: float) -> float:
     return stiffness_nm_per_arcmin / RAD_PER_ARCMIN
 
 
+def series_stiffness(*stiffnesses: float) -> float:
+    """Stiffness of springs behind one another, all referred to one shaft and in one unit: 1/K = Σ 1/K_n."""
+    return 1.0 / sum(1.0 / _above_zero(one, "stiffness") for one in stiffnesses)
+
+
+def compensated_stiffness(measured: float, output_side: float, input_side: float, ratio: float) -> float:
+    """Stiffness of the unit alone, 1/K = 1/K_r − 1/K_1 − 1/(K_i i²), all in one unit.
+
+    measured: K_r, of unit and fixture together; output_side: K_1, of shaft and connections at the output; input_side:
+    K_i, of shaft and lock at the input. AnalysisError when the fixture alone is as soft as what was measured. Source:
+    "stiffness characterization", 2. It holds for a stiffness alone: for lost motion, correct the angle trace.
+    """
+    fixture = series_stiffness(output_side, stiffness_at_output(input_side, ratio))
+    left = 1.0 / _above_zero(measured, "measured stiffness") - 1.0 / fixture
+    if left <= 0.0:
+        raise AnalysisError(
+            f"measured stiffness: found {measured:g}, and the fixture alone has {fixture:g}; needed is less than that: "
+            "check the fixture's stiffness"
+        )
+    return 1.0 / left
+
+
 def angle_at_output(angle_at_input: float, ratio: float) -> float:
     """Angle at the output for one at the input, in the same unit; AnalysisError unless the ratio is above zero."""
     return angle_at_input / _above_zero(ratio, "ratio")

@@ -7,12 +7,15 @@ the reason, where the loop does not carry the metric.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.conversions import ARCSEC_PER_ARCMIN
+from analysis.curves import DEFAULT_FIT, Curve, fitted_curve
 from analysis.errors import AnalysisError
 from analysis.loop import Loop
+from analysis.segment_stiffness import three_segments
 
 LSQ_BAND = (0.2, 0.8)
 """Band of the least squares and the two-point stiffness, of the reference torque ("stiffness characterization", 4)."""
@@ -23,19 +26,61 @@ LSQ_POINTS = 200
 
 @dataclass(frozen=True)
 class Ask:
-    """What is asked of a loop: side +1, -1 or 0 (both together), branch, torque [N·m], band (fraction), variant."""
+    """What is asked of a loop: side +1, -1 or 0 (both), branch, torque [N·m], band (fraction), variant, fit."""
 
     side: int
     branch: str
     torque_nm: float
     band: float
     variant: str
+    fit: str = DEFAULT_FIT
 
 
 def backlash_width(loop: Loop, ask: Ask) -> float:
     """Width of the loop at a band of the reference torque: |f(T) − r(T)|, arcmin."""
     torque = ask.side * ask.band * loop.reference_nm
     return abs(loop.rising_at(torque) - loop.falling_at(torque))
+
+
+def backlash_branches(loop: Loop, ask: Ask) -> float:
+    """Return branch at plus the band minus forward branch at minus the band: r(+b·T) − f(−b·T), arcmin."""
+    torque = ask.band * loop.reference_nm
+    return loop.falling_at(torque) - loop.rising_at(-torque)
+
+
+def gear_clearance(loop: Loop, ask: Ask) -> float:
+    """Unloading branches at zero torque, arcmin: half their distance, or one side's own.
+
+    Unloading the positive side ends at r(0), unloading the negative side at f(0). Variant "centred" takes a side from
+    the mean of the two, so that both sides have half the width; "intercept" from the zero of the angle as recorded.
+    """
+    positive, negative = loop.falling_at(0.0), loop.rising_at(0.0)
+    if ask.variant == "intercept" and ask.side:
+        return positive if ask.side > 0 else -negative
+    return (positive - negative) / 2.0
+
+
+def hysteresis_angle(loop: Loop, ask: Ask) -> float:
+    """Width of the loop at a torque within one side: |f(T) − r(T)|, arcsec."""
+    torque = ask.side * ask.torque_nm
+    return ARCSEC_PER_ARCMIN * abs(loop.rising_at(torque) - loop.falling_at(torque))
+
+
+def asymmetry(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
+    """Return |m(+T_r) + m(−T_r) − 2 m(0)| / 2, arcsec."""
+    torque = loop.reference_nm
+    return ARCSEC_PER_ARCMIN * abs(loop.mean_at(torque) + loop.mean_at(-torque) - 2.0 * loop.mean_at(0.0)) / 2.0
+
+
+def graded_backlash(loop: Loop, ask: Ask) -> float:
+    """Backlash that a grade is read off (see `analysis.grades.GRADED`), arcmin; the wider side where it has sides."""
+    if ask.variant == "lost_motion":
+        return lost_motion(loop, ask)
+    if ask.variant == "branches":
+        return backlash_branches(loop, ask)
+    if ask.variant == "width_zero":
+        return backlash_width(loop, replace(ask, band=0.0))
+    return max(backlash_width(loop, replace(ask, side=side)) for side in (1, -1))
 
 
 def lost_motion(loop: Loop, ask: Ask) -> float:
@@ -67,28 +112,53 @@ def stiffness_end_point(loop: Loop, ask: Ask) -> float:
     return _ratio(loop.reference_nm, turned)
 
 
+def stiffness_estimate(loop: Loop, ask: Ask) -> float:
+    """Chord of the whole loading branch, T_r / (load(T_r) − load(0)), N·m/arcmin."""
+    turned = loop.branch_at("load", ask.side, loop.reference_nm) - loop.branch_at("load", ask.side, 0.0)
+    return _ratio(loop.reference_nm, turned)
+
+
+def stiffness_segment(loop: Loop, ask: Ask, segment: int) -> float:
+    """Stiffness of one of three segments, 0 … T1 … T2 … T_r of a branch, N·m/arcmin; segment: 0, 1 or 2.
+
+    Variant "fitted": three straight lines that meet at the break torques, least squares; "chord": ΔT / Δφ of each.
+    """
+    ends = (0.0, *loop.method.stiffness_breaks_nm, loop.reference_nm)
+    if ask.variant == "chord":
+        low, high = ends[segment], ends[segment + 1]
+        turned = loop.branch_at(ask.branch, ask.side, high) - loop.branch_at(ask.branch, ask.side, low)
+        return _ratio(high - low, turned)
+    torque = np.linspace(0.0, loop.reference_nm, LSQ_POINTS)
+    if ask.branch == "load":
+        windup = loop.loading(ask.side, torque)
+    else:
+        windup = np.array([loop.branch_at(ask.branch, ask.side, float(one)) for one in torque])
+    return _ratio(1.0, three_segments(torque, windup, loop.method.stiffness_breaks_nm)[segment])
+
+
 def stiffness_at(loop: Loop, ask: Ask) -> float:
-    """1 / F′(T) of the fitted mean curve, N·m/arcmin."""
+    """1 / F′(T) of a fitted curve: the mean curve or one branch's own, N·m/arcmin."""
     if ask.torque_nm > loop.method.fit_nm:
         raise AnalysisError(
-            f"the mean curve is fitted to {loop.method.fit_nm:.4g} N·m and asked for {ask.torque_nm:.4g} N·m; choose a "
+            f"the curve is fitted to {loop.method.fit_nm:.4g} N·m and asked for {ask.torque_nm:.4g} N·m; choose a "
             "torque within, or a higher reference torque"
         )
-    return loop.fit.mean.stiffness_at(ask.side * ask.torque_nm)
+    return _curve(loop, ask).stiffness_at(ask.side * ask.torque_nm)
 
 
 def spring_constant(loop: Loop, ask: Ask) -> float:
     """ΔT / ΔF over a small step that ends at, starts from, or is centred on the reference torque, N·m/arcmin.
 
-    Variant "direct" takes the mean of the branches as measured instead of the fit, over the step that ends there.
+    Of a fitted curve, the mean one or a branch's own. Variant "direct" takes the branches as measured instead of the
+    fit, over the step that ends there.
     """
     step = loop.method.spring_step_nm
     end = loop.reference_nm + {"ending": 0.0, "centred": 0.5, "from": 1.0, "direct": 0.0}[ask.variant] * step
     torques = ask.side * np.array([end - step, end])
     if ask.variant == "direct":
-        angles = np.array([loop.raw_mean_at(float(torque)) for torque in torques])
+        angles = np.array([_measured(loop, ask, float(torque)) for torque in torques])
     else:
-        angles = loop.fit.mean.at(torques)
+        angles = _curve(loop, ask).at(torques)
     return _ratio(ask.side * step, float(angles[1] - angles[0]))
 
 
@@ -97,13 +167,25 @@ def windup(loop: Loop, ask: Ask) -> float:
     torque = loop.reference_nm
     if ask.variant == "direct":
         return loop.raw_mean_at(torque) - loop.raw_mean_at(-torque)
-    low, high = loop.fit.mean.at(np.array([-torque, torque]))
+    low, high = _curve(loop, ask).at(np.array([-torque, torque]))
     return float(high - low)
 
 
 def hysteresis_energy(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
     """Area of the whole loop, N·m·arcmin."""
     return loop.energy_nm_arcmin
+
+
+def _curve(loop: Loop, ask: Ask) -> Curve:
+    return fitted_curve(loop, ask.fit, ask.branch, ask.side)
+
+
+def _measured(loop: Loop, ask: Ask, torque_nm: float) -> float:
+    """Wind-up of the branch or of the mean, as measured next to the turning points too."""
+    if ask.branch == "mean":
+        return loop.raw_mean_at(torque_nm)
+    branch = loop.forward if (ask.branch == "load") == (ask.side > 0) else loop.backward
+    return float(branch.at(np.array([torque_nm]))[0])
 
 
 def _ratio(torque_nm: float, angle_arcmin: float) -> float:

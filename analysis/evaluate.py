@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from analysis.curves import DEFAULT_FIT, FITS
 from analysis.errors import AnalysisError
 from analysis.estimators import Ask
+from analysis.grades import GRADED, backlash_limits, grade_of, grade_uncertainty
 from analysis.loop import Loop
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import Definition, definition
-from analysis.quadrants import Quadrants
+from analysis.quadrants import Quadrants, TorqueLine
+from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, of_scatter
+from analysis.uncertainty.measurement import Measurement
 from analysis.units import RAD_PER_ARCMIN
 from analysis.verdict import Verdict, check_limits, judge, worst
 
-COVERAGE_FACTOR = 2.0
-"""k of the expanded uncertainty U = k·u."""
+__all__ = ["COVERAGE_FACTOR", "MetricResult", "SideValue", "evaluate"]
 
 
 class _Measured(NamedTuple):
-    """Values per cycle, their expanded uncertainty, and what went wrong if there are none."""
+    """Values per cycle, the budget of their mean, and what went wrong if there are none."""
 
     values: tuple[float, ...]
-    expanded: float | None
+    budget: Budget | None
     trouble: str
 
 
@@ -37,11 +40,23 @@ class SideValue:
     side: str
     value: float | None
     uncertainty: float | None
-    """Expanded (k = 2): repeatability 2·s/√n over n cycles; of the fitted line for the torque ratio; None for n < 2."""
+    """Expanded, U = 2·u of the budget; None where nothing is known: no figures of the sensors, and one cycle."""
     standard_deviation: float | None
     per_cycle: tuple[float, ...]
     verdict: Verdict
     reason: str
+    budget: Budget | None = None
+    """Of a grade: the budget of its backlash."""
+
+    @property
+    def budget_rows(self) -> list[dict[str, object]]:
+        """Rows of the budget as plain data, largest contribution first."""
+        return [] if self.budget is None else [row._asdict() for row in self.budget.rows]
+
+    @property
+    def uncertainty_kind(self) -> str | None:
+        """What the uncertainty contains: "budget" every source, "repeatability" scatter alone; None without any."""
+        return None if self.budget is None else self.budget.kind
 
 
 @dataclass(frozen=True)
@@ -55,6 +70,8 @@ class MetricResult:
     band: float | None
     torque_nm: float | None
     sides: tuple[SideValue, ...]
+    choices: tuple[str, ...] = ()
+    """What was chosen otherwise than the definition does by itself."""
 
     @property
     def headline(self) -> SideValue:
@@ -87,9 +104,12 @@ class MetricResult:
             "unit": self.definition.unit,
             "uncertainty": shown.uncertainty,
             "coverage_factor": None if shown.uncertainty is None else COVERAGE_FACTOR,
+            "uncertainty_kind": shown.uncertainty_kind,
+            "budget": shown.budget_rows,
             "branch": self.branch,
             "side": shown.side,
             "estimator": self.estimator,
+            "choices": list(self.choices),
             "band": self.band,
             "torque_nm": self.torque_nm,
             "cycles": len(cycles),
@@ -103,7 +123,9 @@ class MetricResult:
                 side.side: {
                     "value": side.value,
                     "uncertainty": side.uncertainty,
+                    "budget": side.budget_rows,
                     "standard_deviation": side.standard_deviation,
+                    "per_cycle": list(side.per_cycle),
                     "verdict": side.verdict.value if self.limited or side.value is None else None,
                 }
                 for side in self.sides
@@ -116,11 +138,12 @@ class MetricResult:
 
 def evaluate(
     wanted: MetricWanted, loops: Sequence[Loop], quadrants: Quadrants | AnalysisError, method: Method,
-    decision: Decision, *, invalid: bool,
+    decision: Decision, *, invalid: bool, measurement: Measurement | None = None,
 ) -> MetricResult:  # fmt: skip
     """Evaluate one wanted metric over all cycles.
 
     quadrants: the measured torque ratio, or why there is none. invalid: the measurement is, so limits decide nothing.
+    measurement: what is known of its errors; without it the uncertainty is the scatter of the cycles.
     Raises AnalysisError only for a metric that does not exist or limits that make no sense.
     """
     row = definition(wanted)
@@ -129,20 +152,38 @@ def evaluate(
     band = row.band if wanted.band is None else wanted.band
     torque = _torque(wanted, row, method)
     variant = wanted.variant or row.variants[0]
+    fit = wanted.fit or (row.fits[0] if row.fits else DEFAULT_FIT)
     branch = wanted.branch or row.branch
     found = []
     for side in sides:
-        ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant)
+        ask = Ask({"+": 1, "-": -1}.get(side, 0), branch, torque or 0.0, band or 0.0, variant, fit)
         of_ratio = row.estimate is None
-        measured = _from_ratio(wanted.id, ask.side, quadrants) if of_ratio else _from_loops(row, ask, loops)
-        found.append(_judged(wanted, side, measured, decision, invalid=invalid))
-    return MetricResult(wanted, row, branch, _estimator(row, variant), band, torque, tuple(found))
+        measured = (
+            _from_ratio(row, wanted.id, ask.side, quadrants, measurement)
+            if of_ratio
+            else _from_loops(row, ask, loops, measurement)
+        )
+        judged = _judged_grade if row.graded else _judged
+        found.append(judged(wanted, side, measured, decision, invalid=invalid))
+    estimator = _estimator(row, variant, fit, method)
+    return MetricResult(wanted, row, branch, estimator, band, torque, tuple(found), _choices(wanted, row))
 
 
-def _estimator(row: Definition, variant: str) -> str:
-    if len(row.variants) == 1:
-        return row.estimator
-    return "branches as measured" if variant == "direct" else f"{row.estimator}, {variant}"
+def _estimator(row: Definition, variant: str, fit: str, method: Method) -> str:
+    """Say how the value is read, with the break torques that it depends on."""
+    if variant == "direct":
+        return "branches as measured"
+    parts = [row.estimator] if len(row.variants) == 1 else [row.estimator, variant]
+    parts += [FITS[fit].called(method)] if row.fits else []
+    parts += ["T1 {:.4g} and T2 {:.4g} N·m".format(*method.stiffness_breaks_nm)] if row.segmented else []
+    return ", ".join(parts)
+
+
+def _choices(wanted: MetricWanted, row: Definition) -> tuple[str, ...]:
+    """Say what of band, variant and fit is not as the definition has it by itself."""
+    found = [] if wanted.band in (None, row.band) else [f"band {100.0 * (wanted.band or 0.0):g} %"]
+    found += [] if wanted.variant in (None, row.variants[0]) else [str(wanted.variant)]
+    return (*found, *([] if wanted.fit is None or wanted.fit == row.fits[0] else [wanted.fit]))
 
 
 def _torque(wanted: MetricWanted, row: Definition, method: Method) -> float | None:
@@ -151,35 +192,39 @@ def _torque(wanted: MetricWanted, row: Definition, method: Method) -> float | No
     return row.torque * method.reference_nm if wanted.torque_nm is None else wanted.torque_nm
 
 
-def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop]) -> _Measured:
+def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop], measurement: Measurement | None) -> _Measured:
     """Read each cycle's value from its loop."""
-    if row.estimate is None or not loops:
+    estimate = row.estimate
+    if estimate is None or not loops:
         return _Measured((), None, "there is no loop")
     try:
-        values = tuple(float(row.estimate(loop, ask)) for loop in loops)
+        values = tuple(float(estimate(loop, ask)) for loop in loops)
     except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
         return _Measured((), None, str(error))
     if not all(math.isfinite(value) for value in values):
         return _Measured((), None, f"the loop gives {', '.join(f'{value:g}' for value in values)}, which is no number")
-    if len(values) < 2:
-        return _Measured(values, None, "")
-    return _Measured(values, COVERAGE_FACTOR * float(np.std(values, ddof=1)) / math.sqrt(len(values)), "")
+    unit = "arcmin" if row.graded else row.unit  # a grade is read from an angle
+    if measurement is None:
+        return _Measured(values, of_scatter(values, unit), "")
+    return _Measured(values, measurement.of_loops(lambda loop: estimate(loop, ask), values, unit), "")
 
 
-def _from_ratio(name: str, side: int, quadrants: Quadrants | AnalysisError) -> _Measured:
+def _from_ratio(
+    row: Definition, name: str, side: int, quadrants: Quadrants | AnalysisError, measurement: Measurement | None
+) -> _Measured:
     """Read the value from the loading line of one side; the negative side's offset is mirrored."""
     if isinstance(quadrants, AnalysisError):
         return _Measured((), None, str(quadrants))
-    line = quadrants.load_positive if side > 0 else quadrants.load_negative
-    fit = quadrants.fits.get("load_positive" if side > 0 else "load_negative")
-    if name == "torque_ratio_slope":
-        return _Measured((line.slope,), None if fit is None else COVERAGE_FACTOR * fit.u_slope, "")
-    return _Measured((side * line.offset_nm,), None if fit is None else COVERAGE_FACTOR * fit.u_offset_nm, "")
+    which = "load_positive" if side > 0 else "load_negative"
+    line: TorqueLine = getattr(quadrants, which)
+    budget = None if measurement is None else measurement.of_line(which, name, row.unit)
+    return _Measured((line.slope if name == "torque_ratio_slope" else side * line.offset_nm,), budget, "")
 
 
 def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:
     """Judge one side and word the reason when it does not pass."""
-    values, expanded, trouble = measured
+    values, budget, trouble = measured
+    expanded = None if budget is None else budget.expanded
     value = float(np.mean(values)) if values else None
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
     name = wanted.id if side == "both" else f"{wanted.id}, side {side}"
@@ -193,7 +238,30 @@ def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Deci
     else:
         verdict, limit = judge(value, expanded, (wanted.min, wanted.max), decision)
         reason = "" if verdict is Verdict.PASS else f"{name}: {_because(wanted, value, expanded, verdict, limit)}"
-    return SideValue(side, value, expanded, deviation, values, verdict, reason)
+    return SideValue(side, value, expanded, deviation, values, verdict, reason, budget)
+
+
+def _judged_grade(
+    wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool
+) -> SideValue:
+    """Judge a grade by its backlash [arcmin]: a limit on the one is a limit on the other."""
+    backlash = GRADED[wanted.variant or next(iter(GRADED))]
+    low, high = backlash_limits(wanted.min, wanted.max)
+    found = _judged(MetricWanted(backlash, min=low, max=high), side, measured, decision, invalid=invalid)
+    reason = found.reason and f"{wanted.id}: {found.reason}"
+    if found.value is None:
+        return replace(found, reason=reason)
+    steps = None if found.uncertainty is None else grade_uncertainty(found.value, found.uncertainty)
+    grades = tuple(float(grade_of(one)) for one in found.per_cycle)
+    spread = float(np.std(grades, ddof=1)) if len(grades) > 1 else None
+    return replace(
+        found,
+        value=float(grade_of(found.value)),
+        uncertainty=steps,
+        standard_deviation=spread,
+        per_cycle=grades,
+        reason=reason,
+    )
 
 
 def _because(wanted: MetricWanted, value: float, expanded: float | None, verdict: Verdict, limit: str) -> str:

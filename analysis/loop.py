@@ -6,8 +6,10 @@ branch is forward and the unloading branch is return; on the negative side it is
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +17,11 @@ from analysis.branches import Branch
 from analysis.errors import AnalysisError
 from analysis.method import Method
 from analysis.segment_fit import SixSegmentFit, fit_six_segments
+from analysis.stages import Figure, StageRecord
 from analysis.units import FloatArray
+
+if TYPE_CHECKING:
+    from analysis.curves import FittedCurves
 
 MIDDLE_OF_LOOP = (0.25, 0.75)
 """Share of the angle between the turning points over which the friction torque is read."""
@@ -66,6 +72,11 @@ class Loop:
         """Six-segment fit; AnalysisError when the branches are too short for it."""
         method = self.method
         return fit_six_segments(self.forward, self.backward, method.break_nm, method.fit_nm, self.exclusion_nm)
+
+    @cached_property
+    def curves(self) -> dict[str, FittedCurves]:
+        """Fitted curves by the name of their fit; `analysis.curves` fits each when it is first asked for."""
+        return {}
 
     @property
     def reference_nm(self) -> float:
@@ -128,3 +139,43 @@ def _area(branch: Branch, low_nm: float, high_nm: float) -> float:
     inside = (branch.torque_nm > low_nm) & (branch.torque_nm < high_nm)
     torque = np.concatenate(([low_nm], branch.torque_nm[inside], [high_nm]))
     return float(np.trapezoid(branch.at(torque), torque))
+
+
+def reversal_record(loops: Sequence[Loop]) -> StageRecord:
+    """Say how much torque after each turning point is taken from the fit."""
+    first = loops[0]
+    below, above = first.exclusion_nm
+    friction = f"{first.method.reversal_exclusion:g} × friction of {first.friction_nm:.3g} N·m where it reverses"
+    text = (
+        f"reversal: {below:.3g} N·m after the negative and {above:.3g} N·m after the positive turning point are taken "
+        f"from the fit ({friction})"
+    )
+    figures = {
+        "friction": Figure(first.friction_nm, "N·m"),
+        "excluded after the negative turn": Figure(below, "N·m"),
+        "excluded after the positive turn": Figure(above, "N·m"),
+    }
+    return StageRecord("reversal zones", text, figures, applied=below > 0.0 or above > 0.0)
+
+
+def fit_record(loops: Sequence[Loop]) -> StageRecord:
+    """Say what the six-segment fit of the first cycle found, or why there is none."""
+    try:
+        fit = loops[0].fit
+    except AnalysisError as error:
+        return StageRecord("fits", f"fit: none: {error}")
+    below, above = fit.mean.gaps_arcmin
+    figures = {
+        "break torque": Figure(fit.mean.break_nm, "N·m"),
+        "gap at the negative seam": Figure(below, "arcmin"),
+        "gap at the positive seam": Figure(above, "arcmin"),
+        "rising branch from": Figure(fit.forward_end_nm[0], "N·m"),
+        "rising branch to": Figure(fit.forward_end_nm[1], "N·m"),
+        "falling branch from": Figure(fit.backward_end_nm[0], "N·m"),
+        "falling branch to": Figure(fit.backward_end_nm[1], "N·m"),
+    }
+    text = (
+        f"fit: six segments, linear to ±{fit.mean.break_nm:.4g} N·m and quadratic beyond; seams differ by {below:.2g} "
+        f"and {above:.2g} arcmin"
+    )
+    return StageRecord("fits", text, figures)

@@ -6,10 +6,12 @@ Plain data; whoever reads recipes fills these.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from analysis.errors import AnalysisError
+from analysis.fixture_curve import FixtureCurve
 from analysis.quadrants import Quadrants
 
 BREAK_FRACTION = 90.0 / 412.0
@@ -19,6 +21,11 @@ measurement system"); the inverse loading method takes ±20 % instead."""
 FIT_END_FRACTION = 420.0 / 412.0
 """End of the quadratic segments of the six-segment fit, of the reference torque: ±420 N·m for 412 N·m (same source)."""
 
+STIFFNESS_BREAK_FRACTIONS = (0.2, 0.7)
+"""Break torques T1 and T2 of the three-segment stiffness, of the reference torque, where the recipe gives none.
+
+A choice of this program: every model's catalogue has its own, and those are to be given."""
+
 SPRING_STEP_NM = 10.0
 """Torque step of the spring constant, N·m ("inverse loading test system": 10 N·m near rated torque)."""
 
@@ -27,6 +34,16 @@ REVERSAL_EXCLUSION = 2.25
 
 ONE_SIDED_95 = 1.645 / 2.0
 """Guard factor r of w = r·U for 95 % one-sided confidence when U is expanded with k = 2."""
+
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "loading": ("input", "output"),
+    "output_torque": ("reaction", "calibrated"),
+    "alignment": ("correct", "two_speeds", "report"),
+    "drift": ("correct", "report"),
+    "fixture": ("correct", "report"),
+}
+"""What a method may choose between."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +57,11 @@ class Method:
     reference_torque_nm: what percentages refer to; the rated torque when None.
     fixture_stiffness_nm_per_arcmin: of lock and couplings; corrects the wind-up where the locked shaft's own angle is
     not in the trace (where it is, subtracting it has removed the deflection already).
+    fixture_curve: the same as measured by a blank test; it comes before the stiffness.
+    lags_s: delay of each channel behind what it measures, by channel; None when they are not known.
+    alignment: "correct" moves channels by their lags, "two_speeds" estimates the skew of torque and angle from cycles
+    of different speed instead and corrects it, "report" moves nothing. drift, fixture: "correct" or "report".
+    gate_limits: limits of validity gates that differ from the table's, by gate.
     """
 
     ratio: float
@@ -51,19 +73,31 @@ class Method:
     fixture_stiffness_nm_per_arcmin: float | None = None
     break_torque_nm: float | None = None
     fit_end_nm: float | None = None
+    stiffness_break_t1_nm: float | None = None
+    stiffness_break_t2_nm: float | None = None
     spring_step_nm: float = SPRING_STEP_NM
     reversal_exclusion: float = REVERSAL_EXCLUSION
+    fixture_curve: FixtureCurve | None = None
+    lags_s: Mapping[str, float] | None = None
+    alignment: Literal["correct", "two_speeds", "report"] = "correct"
+    drift: Literal["correct", "report"] = "correct"
+    fixture: Literal["correct", "report"] = "correct"
+    gate_limits: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what is not positive, and names that are not known."""
         for name in ("ratio", "rated_torque_nm", "reference_torque_nm", "fixture_stiffness_nm_per_arcmin",
-                     "break_torque_nm", "fit_end_nm", "spring_step_nm", "reversal_exclusion"):  # fmt: skip
+                     "break_torque_nm", "fit_end_nm", "stiffness_break_t1_nm", "stiffness_break_t2_nm",
+                     "spring_step_nm", "reversal_exclusion"):  # fmt: skip
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise AnalysisError(f"method: {name}: found {value}; needed is a number above zero")
-        for name, allowed in (("loading", ("input", "output")), ("output_torque", ("reaction", "calibrated"))):
+        for name, allowed in CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise AnalysisError(f"method: {name}: found '{getattr(self, name)}'; allowed are {', '.join(allowed)}")
+        for channel, lag_s in (self.lags_s or {}).items():
+            if not (math.isfinite(lag_s) and lag_s >= 0):
+                raise AnalysisError(f"method: lags_s: {channel}: found {lag_s}; needed is a time of 0 s or more")
         if self.loading == "output" and self.output_torque == "calibrated":
             raise AnalysisError(
                 "method: output_torque: found 'calibrated' with loading 'output'; the torque is applied at the output "
@@ -73,6 +107,12 @@ class Method:
             raise AnalysisError(
                 f"method: break torque {self.break_nm:g}, reference torque {self.reference_nm:g} and end of the fit "
                 f"{self.fit_nm:g} N·m; needed is break < reference <= end"
+            )
+        first, second = self.stiffness_breaks_nm
+        if not first < second < self.reference_nm:
+            raise AnalysisError(
+                f"method: break torques of the three-segment stiffness T1 {first:g}, T2 {second:g} and reference "
+                f"torque {self.reference_nm:g} N·m; needed is T1 < T2 < reference"
             )
 
     @property
@@ -86,6 +126,15 @@ class Method:
         return BREAK_FRACTION * self.reference_nm if self.break_torque_nm is None else self.break_torque_nm
 
     @property
+    def stiffness_breaks_nm(self) -> tuple[float, float]:
+        """Break torques T1 and T2 of the three-segment stiffness, N·m."""
+        first, second = (fraction * self.reference_nm for fraction in STIFFNESS_BREAK_FRACTIONS)
+        return (
+            first if self.stiffness_break_t1_nm is None else self.stiffness_break_t1_nm,
+            second if self.stiffness_break_t2_nm is None else self.stiffness_break_t2_nm,
+        )
+
+    @property
     def fit_nm(self) -> float:
         """End of the quadratic segments of the six-segment fit, N·m."""
         return FIT_END_FRACTION * self.reference_nm if self.fit_end_nm is None else self.fit_end_nm
@@ -96,8 +145,9 @@ class MetricWanted:
     """A metric asked for by id, with limits in the metric's own unit; None leaves the choice to its definition.
 
     branch: "load", "unload" or "mean"; side: "+" or "-", None judges the worse side; torque_nm: where `stiffness_at`
-    is taken; band: fraction of the reference torque, half width for `lost_motion`; variant: one of the definition's
-    estimators (`spring_constant`: "ending", "centred", "from", "direct").
+    or `hysteresis_angle` is taken; band: fraction of the reference torque, half width for `lost_motion`; variant: one
+    of the definition's estimators (`spring_constant`: "ending", "centred", "from", "direct"); fit: one of
+    `analysis.curves.FITS`, for metrics of a fitted curve.
     """
 
     id: str
@@ -108,6 +158,7 @@ class MetricWanted:
     min: float | None = None
     max: float | None = None
     variant: str | None = None
+    fit: str | None = None
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,14 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from analysis import estimators
+from analysis.curves import FITS
 from analysis.errors import AnalysisError
 from analysis.estimators import Ask
+from analysis.grades import GRADED
 from analysis.loop import Loop
 from analysis.method import MetricWanted
 
@@ -48,6 +51,12 @@ class Definition(NamedTuple):
     """Of "band" and "torque_nm", what may be chosen; the others are part of the definition."""
     too_low: str
     too_high: str
+    fits: tuple[str, ...] = ()
+    """Fitted curves that may be chosen, the first one unless another is; none for a metric read off the branches."""
+    graded: bool = False
+    """The estimate is a backlash [arcmin], and the value is its grade."""
+    segmented: bool = False
+    """The break torques T1 and T2 of the method are part of what is read."""
 
 
 _SOFT, _STIFF = "the unit is softer than allowed", "the unit is stiffer than allowed: bound, preloaded or jammed"
@@ -69,14 +78,34 @@ def _row(
     torque: float | None = None,
     free: tuple[str, ...] = (),
     words: tuple[str, str] = (_SOFT, _STIFF),
+    fits: tuple[str, ...] = (),
+    graded: bool = False,
+    segmented: bool = False,
 ) -> Definition:
     allowed = branches or (branch,)
     return Definition(
-        unit, text, source, estimate, sides, branch, allowed, estimator, variants, band, torque, free, *words
-    )
+        unit, text, source, estimate, sides, branch, allowed, estimator, variants, band, torque, free, *words, fits,
+        graded, segmented,
+    )  # fmt: skip
+
+
+_FITS = tuple(FITS)
+_CURVE = ("mean", "load", "unload")
 
 
 STIFFNESS = "N·m/arcmin"
+
+
+def _segment(number: int, torques: str) -> Definition:
+    return _row(
+        STIFFNESS,
+        f"stiffness {torques}, of three straight lines that meet at the break torques T1 and T2 (20 % and 70 % of the "
+        "reference torque unless given), on the chosen branch",
+        "Harmonic Drive",
+        partial(estimators.stiffness_segment, segment=number - 1), sides=SIDED, branch="load", branches=BRANCHES,
+        estimator="three-segment fit", variants=("fitted", "chord"), segmented=True,
+    )  # fmt: skip
+
 
 METRICS: dict[str, Definition] = {
     "backlash_width_3pct": _row(
@@ -90,6 +119,30 @@ METRICS: dict[str, Definition] = {
         "loop width at zero torque: |f(0) − r(0)|",
         "stiffness characterization; Nabtesco backlash; gear clearance of the standard",
         estimators.backlash_width, branch="width", band=0.0, words=(_TIGHT, _PLAY),
+    ),
+    "backlash_branches_3pct": _row(
+        "arcmin",
+        "return branch at +3 % minus forward branch at −3 % of the reference torque: r(+b·T) − f(−b·T); lost motion "
+        "and loop width together",
+        "static testing",
+        estimators.backlash_branches, branch="width", band=0.03, words=(_TIGHT, _PLAY),
+    ),
+    "gear_clearance": _row(
+        "arcmin",
+        "unloading branches at zero torque: half the distance of r(0) and f(0), and each side from their mean (so both "
+        "sides read half the width), or from the zero of the angle by variant intercept",
+        "static testing",
+        estimators.gear_clearance, sides=("both", *SIDED), branch="unload", variants=("centred", "intercept"),
+        words=(_TIGHT, _PLAY),
+    ),
+    "grade": _row(
+        "1",
+        "precision grade of the mean backlash: 1 up to 1 arcmin, 2 above (not grade 1); the backlash is the loop width "
+        "at zero torque unless another is chosen",
+        "stiffness characterization",
+        estimators.graded_backlash, branch="width", estimator="table of grades", band=0.03,
+        variants=tuple(GRADED),
+        words=("the unit has a better grade than asked for", _PLAY), graded=True,
     ),
     "lost_motion": _row(
         "arcmin",
@@ -116,6 +169,12 @@ METRICS: dict[str, Definition] = {
         "stiffness characterization 4.2",
         estimators.stiffness_end_point, sides=SIDED, branch="load", estimator="chord",
     ),
+    "stiffness_estimate": _row(
+        STIFFNESS,
+        "chord of the whole loading branch, zero to the reference torque: what reading the slope by eye aims at",
+        "stiffness characterization 4.1",
+        estimators.stiffness_estimate, sides=SIDED, branch="load", estimator="chord",
+    ),
     "stiffness_50_100": _row(
         STIFFNESS,
         "secant between 50 % and 100 % of the reference torque on the chosen branch",
@@ -125,17 +184,23 @@ METRICS: dict[str, Definition] = {
     ),
     "stiffness_at": _row(
         STIFFNESS,
-        "1 / F′(T) of the six-segment mean curve at the chosen torque (50 % of the reference torque unless chosen)",
+        "1 / F′(T) of the fitted mean curve, or of a branch's own, at the chosen torque (50 % of the reference torque "
+        "unless chosen)",
         "inverse loading",
-        estimators.stiffness_at, sides=SIDED, estimator="six-segment fit", torque=0.5, free=("torque_nm",),
+        estimators.stiffness_at, sides=SIDED, branches=_CURVE, estimator="slope", torque=0.5, free=("torque_nm",),
+        fits=_FITS,
     ),
     "spring_constant": _row(
         STIFFNESS,
-        "ΔT / ΔF over a small torque step of the six-segment mean curve ending at the reference torque",
+        "ΔT / ΔF over 10 N·m of the fitted mean curve, or of a branch's own, ending at the reference torque (centred "
+        "on it or starting from it by variant)",
         "inverse loading; backlash and stiffness measurement",
-        estimators.spring_constant, sides=SIDED, estimator="six-segment fit",
-        variants=("ending", "centred", "from", "direct"),
+        estimators.spring_constant, sides=SIDED, branches=_CURVE, estimator="chord",
+        variants=("ending", "centred", "from", "direct"), fits=_FITS,
     ),
+    "k1": _segment(1, "from zero to T1"),
+    "k2": _segment(2, "from T1 to T2"),
+    "k3": _segment(3, "from T2 to the reference torque"),
     "hysteresis_energy": _row(
         "N·m·arcmin",
         "area of the loop between its turning points: energy lost per cycle",
@@ -143,12 +208,27 @@ METRICS: dict[str, Definition] = {
         estimators.hysteresis_energy, branch="width", estimator="trapezoid",
         words=("less energy is lost than expected", "more energy is lost in friction than allowed"),
     ),
+    "hysteresis_angle": _row(
+        "arcsec",
+        "loop width within one side at the chosen torque (50 % of the reference torque unless chosen): |f(T) − r(T)|",
+        "stiffness characterization",
+        estimators.hysteresis_angle, sides=SIDED, branch="width", torque=0.5, free=("torque_nm",),
+        words=("less hysteresis than expected", "more hysteresis than allowed: friction"),
+    ),
     "windup": _row(
         "arcmin",
-        "F(+T) − F(−T) of the six-segment mean curve at the reference torque",
+        "F(+T) − F(−T) of the fitted mean curve at the reference torque",
         "all",
-        estimators.windup, estimator="six-segment fit", variants=("fitted", "direct"),
+        estimators.windup, estimator="difference", variants=("fitted", "direct"), fits=_FITS,
         words=("the unit winds up less than allowed", "the unit winds up more than allowed"),
+    ),
+    "asymmetry_at_rated": _row(
+        "arcsec",
+        "half of what the two sides wind up differently at the reference torque: |m(+T) + m(−T) − 2 m(0)| / 2; no "
+        "transmission error, which needs rotation",
+        "static testing, there called transmission accuracy",
+        estimators.asymmetry,
+        words=("the sides are more alike than expected", "one side winds up more than the other"),
     ),
     "torque_ratio_slope": _row(
         "1",
@@ -184,9 +264,12 @@ def definition(wanted: MetricWanted) -> Definition:
         ("branch", wanted.branch, row.branches),
         ("side", wanted.side, row.sides),
         ("variant", wanted.variant, row.variants),
+        ("fit", wanted.fit, row.fits),
     ):
         if found is not None and found not in allowed:
             raise AnalysisError(f"metric {wanted.id}: {name}: found '{found}'; allowed: {', '.join(allowed) or 'none'}")
+    if wanted.fit is not None and wanted.variant == "direct":
+        raise AnalysisError(f"metric {wanted.id}: fit: found '{wanted.fit}' with variant direct, which reads no fit")
     for name, chosen, most in (("band", wanted.band, 1.0), ("torque_nm", wanted.torque_nm, math.inf)):
         if chosen is not None and name not in row.free:
             raise AnalysisError(

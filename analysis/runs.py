@@ -52,7 +52,7 @@ def commanded_runs(trace: Trace) -> list[Run]:
     """
     if trace.segment is None or not trace.segments:
         return []
-    borders = np.flatnonzero(np.diff(trace.segment)) + 1
+    borders = np.flatnonzero(trace.segment[1:] != trace.segment[:-1]) + 1
     starts = [0, *borders.tolist()]
     stops = [*borders.tolist(), trace.segment.size]
     runs: list[Run] = []

@@ -35,8 +35,8 @@ class MeanCurve:
         """Gap at the negative and at the positive seam: outside minus middle."""
         below, above = np.array([-self.break_nm]), np.array([self.break_nm])
         return (
-            float((_poly(self.negative, below) - _poly(self.middle, below))[0]),
-            float((_poly(self.positive, above) - _poly(self.middle, above))[0]),
+            float((polynomial(self.negative, below) - polynomial(self.middle, below))[0]),
+            float((polynomial(self.positive, above) - polynomial(self.middle, above))[0]),
         )
 
     @property
@@ -47,8 +47,8 @@ class MeanCurve:
     def at(self, torque_nm: FloatArray | float) -> FloatArray:
         """Wind-up F(T) [arcmin]."""
         torque = np.asarray(torque_nm, dtype=np.float64)
-        middle = _poly(self.middle, torque) + self.offset_arcmin
-        outside = np.where(torque < 0, _poly(self.negative, torque), _poly(self.positive, torque))
+        middle = polynomial(self.middle, torque) + self.offset_arcmin
+        outside = np.where(torque < 0, polynomial(self.negative, torque), polynomial(self.positive, torque))
         return np.where(np.abs(torque) <= self.break_nm, middle, outside)
 
     def stiffness_at(self, torque_nm: float) -> float:
@@ -108,14 +108,17 @@ def _fit_branch(
             f"at the reversal; it has {low:.4g} to {high:.4g} N·m; load the unit further"
         )
     return (
-        _fit_segment(branch, low, -break_nm, 2),
-        _fit_segment(branch, -break_nm, break_nm, 1),
-        _fit_segment(branch, break_nm, high, 2),
+        fit_segment(branch, low, -break_nm, 2),
+        fit_segment(branch, -break_nm, break_nm, 1),
+        fit_segment(branch, break_nm, high, 2),
     )
 
 
-def _fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> FloatArray:
-    """Least squares polynomial of the wind-up over torque; a segment sees only its own points."""
+def fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> FloatArray:
+    """Least squares polynomial (rising powers) of the wind-up over torque; a segment sees only its own points.
+
+    Raises AnalysisError when the branch has too few points between the two torques [N·m].
+    """
     inside = (branch.torque_nm >= low_nm) & (branch.torque_nm <= high_nm)
     if np.count_nonzero(inside) < degree + 2:
         raise AnalysisError(
@@ -130,5 +133,6 @@ def _fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> 
     return coefficients
 
 
-def _poly(coefficients: FloatArray, torque_nm: FloatArray) -> FloatArray:
+def polynomial(coefficients: FloatArray, torque_nm: FloatArray | float) -> FloatArray:
+    """Value of a polynomial with rising powers."""
     return np.asarray(np.polynomial.polynomial.polyval(torque_nm, coefficients))

@@ -87,7 +87,9 @@ class Trace:
                     f"roles are {', '.join(ROLES)}, directions -1, 0, 1"
                 )
         if self.segment is not None and self.segments:
-            for key in np.unique(self.segment):
+            # A long segment is one value: only where the id changes is looked at.
+            changes = np.flatnonzero(self.segment[1:] != self.segment[:-1]) + 1
+            for key in np.unique(self.segment[np.concatenate(([0], changes))]):
                 if int(key) not in self.segments:
                     row = int(np.flatnonzero(self.segment == key)[0]) + 1
                     raise AnalysisError(
@@ -124,9 +126,9 @@ def _as_floats(values: FloatArray, source: str, name: str) -> FloatArray:
         raise AnalysisError(f"{source}: column {name}: {error}; needed are numbers") from error
     if array.ndim != 1:
         raise AnalysisError(f"{source}: column {name} has {array.ndim} dimensions; needed is one value per sample")
-    bad = ~(np.abs(array) <= LARGEST_VALUE)
-    if bad.any():
-        row = first_bad_row(bad)
+    # Comparisons with NaN are false; minimum and maximum need no copy of the array.
+    if array.size and not (array.min() >= -LARGEST_VALUE and array.max() <= LARGEST_VALUE):
+        row = first_bad_row(~(np.abs(array) <= LARGEST_VALUE))
         raise AnalysisError(
             f"{source}: row {row}, column {name}: found {array[row - 1]}; needed is a finite number within "
             f"±{LARGEST_VALUE:g}; remove the row or repair the value"
@@ -136,7 +138,7 @@ def _as_floats(values: FloatArray, source: str, name: str) -> FloatArray:
 
 def _check_time(t_s: FloatArray | None, source: str) -> None:
     if t_s is not None and t_s.size > 1:
-        backwards = np.diff(t_s) < 0
+        backwards = t_s[1:] < t_s[:-1]
         if backwards.any():
             row = first_bad_row(backwards) + 1
             raise AnalysisError(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -15,15 +16,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from benchmarks import virtual_time
+from benchmarks import analysis_speed, virtual_time
 from benchmarks.wakeups import HEAD, ROOT, Lateness, cyclictest, full_scan, in_child, of_report
+from station.timing_rates import HEAD as RATES_HEAD
+from station.timing_rates import bus_us, limit, measured
 
-MISSED_ALLOWED = 0.001
-PERIODS_US = (1000, 667, 500, 400)
-FRAME_BITS = 135
-"""An 8-byte frame with worst-case bit stuffing; a SYNC without data has 55."""
-
-SYNC_BITS = 55
 BITRATE = 1_000_000
 
 
@@ -68,38 +65,31 @@ def work(report: dict[str, Any]) -> None:
     for name, row in {"work": report["work_us"], **report["parts_us"]}.items():
         print(f"  {name:34}{row['p50']:9.1f}{row['p99']:9.1f}{row['p999']:9.1f}{row['max']:9.1f}")
     memory = report["resident_kb"]
-    print(f"  resident {memory['after'] / 1024:.0f} MiB, grown by {memory['after'] - memory['before']} KiB")
+    resident = (
+        f"{memory['before'] / 1024:.1f} MiB at the start of the scan, {memory['after'] / 1024:.1f} MiB at its end"
+    )
+    print(f"  memory of the scan process: {resident} (grown by {memory['after'] - memory['before']} KiB)")
 
 
 def highest_rate(seconds: float) -> None:
-    """Print which scan rates hold, and what limits them."""
-    frame_us = (SYNC_BITS + 3 * FRAME_BITS) * 1e6 / BITRATE
-    print(
-        f"\nscan rate (bus: SYNC, RPDO and 2 TPDO take {frame_us:.0f} µs at 1 Mbit/s: {1e6 / frame_us:.0f} Hz at most)"
-    )
-    print(f"  {'rate':>9}{'missed':>10}{'work p99':>11}{'of period':>11}{'bench CPU':>11}{'bus':>7}   limit")
-    for period_us in PERIODS_US:
-        report = full_scan(seconds, period_us=period_us)
-        share = report["missed"] / report["periods"]
-        duration_s = report["periods"] * period_us * 1e-6
-        used, cpu = report["work_us"]["p99"] / period_us, report["virtual_bench_cpu_s"] / duration_s
-        causes = [gap["before"]["cause"] for gap in report["gaps"]]
-        limit = "holds" if share < MISSED_ALLOWED else f"fails: {max(set(causes), key=causes.count)}"
-        rate = f"{1e6 / period_us:.0f} Hz"
-        print(
-            f"  {rate:>9}{share:>10.3%}{report['work_us']['p99']:>8.0f} µs{used:>11.0%}{cpu:>11.0%}"
-            f"{frame_us / period_us:>7.0%}   {limit}",
-            flush=True,
-        )
+    """Print which scan rates hold, what a bus carries, and which of the two is the limit."""
+    print(f"\nscan rate (bus: SYNC, RPDO and 2 TPDO take {bus_us(BITRATE):.0f} µs at {BITRATE / 1e6:g} Mbit/s)")
+    print(RATES_HEAD)
+    rates = []
+    for rate in measured(lambda period_us: full_scan(seconds, period_us=period_us)):
+        rates.append(rate)
+        print(rate.row(BITRATE), flush=True)
+    print("\n".join(f"  {line}" for line in limit(rates, BITRATE)))
 
 
 def help_time() -> float:
-    """Return how long `lostmotion --help` takes, the best of three [s]."""
+    """Return the processor time that `lostmotion --help` takes, the best of three [s]."""
     best = float("inf")
     for _ in range(3):
-        start = time.perf_counter()
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run([sys.executable, "-m", "station", "--help"], stdout=subprocess.DEVNULL, check=True, cwd=ROOT)
-        best = min(best, time.perf_counter() - start)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        best = min(best, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     return best
 
 
@@ -121,7 +111,9 @@ def main() -> None:
     factor, replayed, scans = virtual_time.measure()
     print(f"\nvirtual time: {factor:.0f} x real time at 1 ms on one core ({scans} scans)")
     print(f"replay: {replayed:.0f} scans/s, {replayed / 1000:.0f} x real time at 1 ms")
-    print(f"lostmotion --help: {help_time():.2f} s\n")
+    print(f"lostmotion --help: {help_time():.2f} s of processor time")
+    analysis_speed.show()
+    print()
     sys.stdout.flush()
     subprocess.run([sys.executable, "benchmarks/virtual_bench_load.py", "3"], check=True, cwd=ROOT)
 

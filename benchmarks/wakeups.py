@@ -49,23 +49,57 @@ def of_counts(name: str, counts: Counts) -> Lateness:
     return Lateness(name, found[0], found[1], found[2], counts.largest_ns / 1000.0)
 
 
-def cyclictest(seconds: float) -> Lateness | None:
-    """Return what cyclictest (rt-tests) sees at the scan's priority and period; None where it is missing or refused."""
+@dataclass(frozen=True)
+class Histogram:
+    """What cyclictest counted: pairs of latency [µs] and count, how many were beyond the last, and the largest."""
+
+    counted: list[tuple[int, int]]
+    beyond: int
+    largest_us: float
+
+    @classmethod
+    def parse(cls, text: str) -> Histogram | None:
+        """Read the output of `cyclictest -q -h`; None when it has no counts."""
+        lines = text.splitlines()
+        rows = [line.split() for line in lines if line[:1].isdigit()]
+        counted = [(int(row[0]), int(row[1])) for row in rows if len(row) == 2]
+        if not any(count for _, count in counted):
+            return None
+        named = {
+            key: line.split(":")[1].split() for line in lines for key in ("Max", "Overflows") if f"# {key}" in line
+        }
+        beyond = sum(int(word) for word in named.get("Overflows", [])[:1])
+        seen = float(max(us for us, count in counted if count))
+        return cls(counted, beyond, float(named["Max"][0]) if named.get("Max") else seen)
+
+    @property
+    def total(self) -> int:
+        """How many wake-ups there were."""
+        return sum(count for _, count in self.counted) + self.beyond
+
+    def lateness(self, name: str) -> Lateness:
+        """Return percentiles and maximum."""
+        p50, p99, p999 = (_percentile(self.counted, self.total, percent) for percent in (50.0, 99.0, 99.9))
+        return Lateness(name, p50, p99, p999, self.largest_us)
+
+
+def cyclictest_command(seconds: float) -> list[str] | None:
+    """Return cyclictest (rt-tests) at the scan's priority and period; None where it is not installed."""
     program = shutil.which("cyclictest")
     if program is None:
         return None
     command = [program, "-q", "-m", "-t1", f"-p{realtime.FIFO_PRIORITY}", f"-i{PERIOD_NS // 1000}", "--default-system"]
-    command += [f"-l{round(seconds * 1e9 / PERIOD_NS)}", f"-h{LARGEST_US}"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=seconds + 60)  # noqa: S603
-    rows = [line.split() for line in done.stdout.splitlines() if line[:1].isdigit()]
-    counted = [(int(row[0]), int(row[1])) for row in rows if len(row) == 2]
-    total = sum(count for _, count in counted)
-    if not total:
+    return [*command, f"-l{round(seconds * 1e9 / PERIOD_NS)}", f"-h{LARGEST_US}"]
+
+
+def cyclictest(seconds: float) -> Lateness | None:
+    """Return what cyclictest sees; None where it is missing or refused."""
+    command = cyclictest_command(seconds)
+    if command is None:
         return None
-    maxima = [line.split(":")[1] for line in done.stdout.splitlines() if line.startswith("# Max Latencies")]
-    largest = float(maxima[0]) if maxima else float(max(us for us, count in counted if count))
-    p50, p99, p999 = (_percentile(counted, total, percent) for percent in (50.0, 99.0, 99.9))
-    return Lateness("cyclictest", p50, p99, p999, largest)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=seconds + 60)  # noqa: S603
+    histogram = Histogram.parse(done.stdout)
+    return None if histogram is None else histogram.lateness("cyclictest")
 
 
 def _percentile(counted: list[tuple[int, int]], total: int, percent: float) -> float:

@@ -10,8 +10,8 @@ an interlock of its own.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from math import inf, isfinite
 from typing import NamedTuple
 
 from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
@@ -28,6 +28,15 @@ from controller.image import (
     State,
 )
 from controller.program import Limits, Program
+
+# What the checks compare with in every scan. A member looked up by its class costs as much as a whole check.
+_QUICK_STOP = Command.QUICK_STOP
+_CAN, _AMPLIFIER, _BRAKE, _REMOTE_IO = int(Link.CAN), int(Link.AMPLIFIER), int(Link.BRAKE), int(Link.REMOTE_IO)
+_OPERATIONAL = NmtState.OPERATIONAL
+_ENABLED = DriveState.OPERATION_ENABLED
+_DRIVE_FAULTS = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+_SATURATED = int(SampleStatus.TORQUE_IN_SATURATED | SampleStatus.TORQUE_OUT_SATURATED)
+_NOT_READY = int(SampleStatus.NOT_READY)
 
 
 class Measured:
@@ -56,7 +65,7 @@ class Measured:
     def __init__(self) -> None:
         self.torque_in_nm = self.torque_out_nm = self.controlled_nm = 0.0
         self.travel_rad = self.locked_motion_rad = self.speed_rad_s = 0.0
-        self.lock_motion_limit_rad = math.inf
+        self.lock_motion_limit_rad = inf
         self.brake_current_expected_a = self.brake_tolerance_a = 0.0
         self.drive_enabled_expected = self.counter_stands = self.agreement_live = False
         self.mode_expected = 0
@@ -74,11 +83,11 @@ def _guard_open(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
 
 
 def _operator_quick_stop(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return i.command == Command.QUICK_STOP
+    return i.command == _QUICK_STOP
 
 
 def _can_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & Link.CAN)
+    return bool(i.links_lost & _CAN)
 
 
 def _drive_heartbeat_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
@@ -86,11 +95,11 @@ def _drive_heartbeat_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bo
 
 
 def _drive_data_stale(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.drive_age_scans - i.missed_periods > li.drive_stale_scans or i.drive_nmt_state != NmtState.OPERATIONAL
+    return i.drive_age_scans - i.missed_periods > li.drive_stale_scans or i.drive_nmt_state != _OPERATIONAL
 
 
 def _amplifier_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & Link.AMPLIFIER)
+    return bool(i.links_lost & _AMPLIFIER)
 
 
 def _sample_stale(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
@@ -106,15 +115,15 @@ def _sample_frozen(_i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
 
 
 def _brake_link_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & Link.BRAKE) or i.brake_age_scans - i.missed_periods > li.brake_stale_scans
+    return bool(i.links_lost & _BRAKE) or i.brake_age_scans - i.missed_periods > li.brake_stale_scans
 
 
 def _remote_io_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & Link.REMOTE_IO) or i.io_age_scans - i.missed_periods > li.io_stale_scans
+    return bool(i.links_lost & _REMOTE_IO) or i.io_age_scans - i.missed_periods > li.io_stale_scans
 
 
 def _drive_fault(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return i.drive_state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+    return i.drive_state in _DRIVE_FAULTS
 
 
 def _drive_emergency(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
@@ -122,7 +131,7 @@ def _drive_emergency(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
 
 
 def _drive_dropped_out(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return m.drive_enabled_expected and i.drive_state != DriveState.OPERATION_ENABLED
+    return m.drive_enabled_expected and i.drive_state != _ENABLED
 
 
 def _drive_mode_refused(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
@@ -179,7 +188,7 @@ def _missed_periods(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
 
 def _sensor_not_a_number(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
     # a sum is finite only when every term is: one test instead of eight
-    return not math.isfinite(
+    return not isfinite(
         i.torque_in_nm
         + i.torque_out_nm
         + i.angle_in_rad
@@ -193,11 +202,11 @@ def _sensor_not_a_number(i: Image, _m: Measured, _l: Limits, _p: Program) -> boo
 
 
 def _sensor_saturated(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return bool(i.sample_status & (SampleStatus.TORQUE_IN_SATURATED | SampleStatus.TORQUE_OUT_SATURATED))
+    return bool(i.sample_status & _SATURATED)
 
 
 def _sample_not_ready(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return bool(i.sample_status & SampleStatus.NOT_READY)
+    return bool(i.sample_status & _NOT_READY)
 
 
 def _torque_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
@@ -317,6 +326,7 @@ class Watch:
             )
             for state in State
         }
+        self._checks = {state: tuple(row[0] for row in rows) for state, rows in self._rows.items()}
         self._counts = [0] * 64
         self._counting = 0
         self.active = 0
@@ -324,6 +334,19 @@ class Watch:
 
     def look(self, image: Image, measured: Measured, state: State) -> int:
         """Evaluate the live interlocks; the strongest reaction of all active ones (`Reaction` as int)."""
+        limits, program = self._limits, self._program
+        for check in self._checks[state]:
+            if check(image, measured, limits, program):
+                return self._weigh(image, measured, state)
+        # the usual scan: no condition is present, so nothing counts
+        if self._counting:
+            self._start_anew(self._counting)
+            self._counting = 0
+        self.active = 0
+        return 0
+
+    def _weigh(self, image: Image, measured: Measured, state: State) -> int:
+        """Debounce the conditions that are present."""
         limits, program, counts = self._limits, self._program, self._counts
         active = counting = strongest = 0
         for check, number, debounce, reaction in self._rows[state]:
@@ -333,15 +356,18 @@ class Watch:
                 if counts[number] > debounce:
                     active |= 1 << number
                     strongest = max(strongest, reaction)
-        fell = self._counting & ~counting
-        while fell:
-            bit = fell & -fell
-            counts[bit.bit_length() - 1] = 0
-            fell ^= bit
+        self._start_anew(self._counting & ~counting)
         self._counting = counting
         self.active = active
         self.latched |= active
         return strongest
+
+    def _start_anew(self, fell: int) -> None:
+        """Set the counts of conditions that are gone back to zero."""
+        while fell:
+            bit = fell & -fell
+            self._counts[bit.bit_length() - 1] = 0
+            fell ^= bit
 
     def first_out(self, raised: int) -> int:
         """Number of the fault that counts as the cause of those raised together: the most severe, then the first."""

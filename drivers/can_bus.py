@@ -1,6 +1,6 @@
 """The CAN bus: opened by python-can, then used by the scan through `CanLink`, which never raises and never waits.
 
-python-can's socketcand client needs care in three places, all of them here:
+Its slcan bus needs care in four places (`slcan_bus`), its socketcand client in three, which are all here:
 - connecting spins for 10 s on a refused port and then waits for ever for a greeting: both are bounded;
 - a send is a blocking `sendall`: the kernel bounds it (SO_SNDTIMEO), a peer that stopped reading is a lost bus;
 - after the peer closed, `recv` returns None for ever: a silent scan peeks at the socket.
@@ -16,13 +16,13 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
-from typing import Any
 
 import can
 from can.interfaces.socketcand import socketcand
 
 from drivers.config import CanConfig
 from drivers.errors import BusError, Problem
+from drivers.slcan_bus import ScanSlcanBus
 
 SOCKETCAND_SOCKET = "_SocketCanDaemonBus__socket"
 """The client's private socket; a contract test holds python-can to it."""
@@ -153,16 +153,14 @@ def open_can(config: CanConfig) -> CanLink:
 def _open_bus(config: CanConfig) -> can.BusABC:
     if config.interface == "socketcand":
         return _open_socketcand(config)
-    options: dict[str, Any] = {"interface": config.interface, "channel": config.channel}
     if config.interface == "slcan":
-        # timeout 0: with its default of 1 ms every byte that is not there yet would hold the scan
-        options |= {
-            "channel": config.serial_port,
-            "tty_baudrate": config.serial_baudrate,
-            "bitrate": config.bitrate,
-            "timeout": 0,
-        }
-    return can.Bus(**options)
+        return ScanSlcanBus(
+            config.serial_port,
+            tty_baudrate=config.serial_baudrate,
+            bitrate=config.bitrate,
+            settle_s=config.serial_settle_s,
+        )
+    return can.Bus(interface=config.interface, channel=config.channel)
 
 
 def _open_socketcand(config: CanConfig) -> can.BusABC:

@@ -25,6 +25,8 @@ class CanConfig:
     bitrate: int = 1_000_000
     serial_port: str = ""
     serial_baudrate: int = 115_200
+    serial_settle_s: float = 2.0
+    """slcan: wait after the port was opened; many adapters restart then."""
     connect_timeout_s: float = 3.0
     send_timeout_s: float = 0.002
     """Longest time that one send may hold the scan; beyond it the bus is lost. Kernels round up to their tick."""

@@ -36,6 +36,7 @@ from pymodbus.pdu.register_message import (
 
 from drivers.config import ModbusConfig
 from drivers.errors import ModbusError, Problem
+from drivers.hung_up import hung_up
 from drivers.modbus_port import open_port
 
 READ_SIZE = 4096
@@ -226,8 +227,11 @@ class ModbusLine:
         except OSError as error:
             self._lose(f"the connection broke: {error}")
             return b""
-        if not arrived and not self.rtu:  # a terminal reads empty when nothing is there, a socket when it was closed
-            self._lose("the device closed the connection")
+        if not arrived:  # a terminal reads empty when nothing is there too, a socket only when it was closed
+            if not self.rtu:
+                self._lose("the device closed the connection")
+            elif hung_up(self._descriptor):
+                self._lose("the serial port was hung up: its adapter was unplugged")
         return arrived
 
     def _match_tcp(self, request: Request) -> Reply | None:

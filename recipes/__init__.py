@@ -5,9 +5,11 @@ path, bench = default_bench(recipe)                 # or load_bench("my-bench.ya
 problems = check(recipe, bench)                     # empty when this bench can run this recipe
 """
 
-from recipes.bench_schema import Bench, Calibration
+from recipes.bench_schema import Bench
+from recipes.calibration_schema import Calibration
 from recipes.cross_check import check
 from recipes.loader import load_document, parse_document
+from recipes.metric_presets import PRESETS
 from recipes.metric_units import METRIC_UNITS
 from recipes.problems import Problem, RecipeError
 from recipes.recipe_schema import Decision, MetricWanted, Recipe
@@ -26,6 +28,7 @@ from recipes.yaml_source import read_bytes
 
 __all__ = [
     "METRIC_UNITS",
+    "PRESETS",
     "Bench",
     "Calibration",
     "Decision",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from datetime import date
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from recipes.calibration_schema import Calibration, Fixture
 from recipes.quantity import PERIOD, show
 from recipes.section import (
+    ARCSEC_RAD,
     Age,
     AngleNoise,
     BitCount,
@@ -20,9 +21,7 @@ from recipes.section import (
     Port,
     Revision,
     Section,
-    SignedTorque,
     Speed,
-    Stiffness,
     Torque,
     TorqueConstant,
     TorqueSlope,
@@ -127,13 +126,19 @@ class BrakeDevice(ModbusDevice):
 
 
 class TorqueSensor(Section):
-    """Torque sensor; accuracy, noise and the usable range are fractions of full scale."""
+    """Torque sensor; noise (one standard deviation), usable range, zero and reversibility are fractions of full scale.
+
+    accuracy: limit of the gain error, of the reading. tared_zero: limit of what the tare leaves of the zero, with the
+    friction that stands on the sensor then. reversibility: limit of half the difference between falling and rising.
+    """
 
     full_scale_nm: Torque
     usable_fraction: UsableRange = 1.0
     accuracy_fraction: Fraction
     noise_fraction: Fraction
     lag_s: Lag
+    tared_zero_fraction: Fraction = 0.0002
+    reversibility_fraction: Fraction = 0.0002
 
     @property
     def usable_nm(self) -> float:
@@ -142,52 +147,26 @@ class TorqueSensor(Section):
 
 
 class AngleSensor(Section):
-    """Encoder of a shaft."""
+    """Encoder of a shaft. accuracy: limit of its error over a turn; interpolation: limit of its error within a line."""
 
     resolution_bits: BitCount
     noise_rad: AngleNoise
     lag_s: Lag
+    accuracy_rad: AngleNoise = 10 * ARCSEC_RAD
+    interpolation_rad: AngleNoise = 0.5 * ARCSEC_RAD
 
 
 class Sensors(Section):
-    """Sensors of the bench; what it does not have is left out."""
+    """Sensors of the bench; what it does not have is left out.
+
+    skew: limit of the difference between the delays of torque and angle, where nothing aligns them.
+    """
 
     torque_in: TorqueSensor | None = None
     torque_out: TorqueSensor | None = None
     angle_in: AngleSensor
     angle_out: AngleSensor | None = None
-
-
-class Fixture(Section):
-    """Clamping of the unit; its wind-up is taken out of the measured one."""
-
-    stiffness_nm_per_arcmin: Stiffness
-
-
-class QuadrantLine(Section):
-    """Line T_out = offset + slope · T_in of one quadrant."""
-
-    slope: Annotated[float, Field(gt=0, le=10000)]
-    offset_nm: SignedTorque
-
-
-class Calibration(Section):
-    """Stored torque ratio of one model on this bench, by sign of the torque and loading or unloading."""
-
-    id: Name
-    model: Name
-    made: date
-    due: date
-    load_positive: QuadrantLine
-    unload_positive: QuadrantLine
-    load_negative: QuadrantLine
-    unload_negative: QuadrantLine
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Calibration:
-        if self.due <= self.made:
-            raise refusal(str(self.due), f"a day after {self.made}, when it was made", "Correct one of them.", at="due")
-        return self
+    skew_s: Lag = 0.0002
 
 
 class Bench(Section):

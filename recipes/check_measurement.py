@@ -75,6 +75,26 @@ def check_stored_calibration(recipe: Recipe, bench: Bench, today: date) -> Itera
         yield Finding(option, found, "a calibration that was made", "Correct the date or the clock.")
 
 
+def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding]:  # noqa: ARG001
+    """The blank test of the fixture, where there is one, is in date."""
+    curve, name, option = bench.fixture.curve, bench.bench.name, ("measurement",)
+    if curve is None:
+        return
+    allowed, hint = (
+        "a blank test in date",
+        "Repeat the blank test on this bench and enter 'lostmotion blank' in its file.",
+    )
+    test = f"the fixture's blank test '{curve.id}' of bench '{name}'"
+    if curve.due < today:
+        found = f"{test}, which was due on {curve.due.isoformat()}"
+        yield Finding(option, found, allowed, hint)
+    elif curve.made > today:
+        found = (
+            f"the fixture's blank test '{curve.id}' of bench '{name}' is from {curve.made.isoformat()}, a day to come"
+        )
+        yield Finding(option, found, allowed, "Correct the date or the clock.")
+
+
 def check_metrics(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     """Every metric comes out of what is measured, and none is asked twice."""
     peaks = [step.peak_torque_nm for step in recipe.sequence if isinstance(step, MEASURED)]
@@ -85,11 +105,12 @@ def check_metrics(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     both_sensors = bench.sensors.torque_in is not None and bench.sensors.torque_out is not None
     reference_nm = recipe.measurement.reference_torque_nm
     asked: set[tuple[object, ...]] = set()
-    for index, metric in enumerate(recipe.metrics):
-        option, needs = ("metrics", index), METRIC_NEEDS[metric.id]
+    for place, metric in recipe.wanted():
+        needs = METRIC_NEEDS[metric.id]
+        option = (*place, "id") if place[0] == "metrics" else place
         if needs.calibration and not (calibrates and both_sensors):
             found = f"'{metric.id}', which is measured in calibrate only"
-            yield Finding((*option, "id"), found, "a sequence with calibrate", "Delete it or add the step.")
+            yield Finding(option, found, "a sequence with calibrate", "Delete it or add the step.")
         reach_nm = needs.reach * reference_nm
         if "torque" in needs.free and metric.torque_nm is not None:
             reach_nm = metric.torque_nm
@@ -98,10 +119,10 @@ def check_metrics(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
         if peaks and not needs.calibration and reach_nm > min(peaks) * ROUNDING:
             found = f"'{metric.id}', which is read at {show(reach_nm, TORQUE)}"
             allowed = f"metrics up to {show(min(peaks), TORQUE)}, where the cycles turn"
-            yield Finding((*option, "id"), found, allowed, "Raise peak_torque or lower reference_torque.")
-        key = (metric.id, metric.branch, metric.side, metric.torque_nm, metric.band)
+            yield Finding(option, found, allowed, "Raise peak_torque or lower reference_torque.")
+        key = metric.key(reference_nm)
         if key in asked:
-            yield Finding((*option, "id"), f"'{metric.id}' a second time", "each metric once", "Delete one of the two.")
+            yield Finding(option, f"'{metric.id}' a second time", "each metric once", "Delete one of the two.")
         asked.add(key)
 
 

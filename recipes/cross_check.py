@@ -14,6 +14,7 @@ from recipes.bench_schema import Bench
 from recipes.check_measurement import (
     check_ages,
     check_calibration,
+    check_fixture,
     check_metrics,
     check_sensors,
     check_stored_calibration,
@@ -57,6 +58,12 @@ CHECKS: tuple[Check, ...] = (
 """All checks that need a recipe and a bench that load the same side."""
 
 
+DatedCheck = Callable[[Recipe, Bench, date], Iterator[Finding]]
+
+DATED_CHECKS: tuple[DatedCheck, ...] = (check_stored_calibration, check_fixture)
+"""Checks that depend on the day too."""
+
+
 def check(recipe: Recipe, bench: Bench, path: str | Path | None = None, today: date | None = None) -> list[Problem]:
     """Return everything that speaks against this recipe on this bench, sorted by its place in the recipe.
 
@@ -65,7 +72,8 @@ def check(recipe: Recipe, bench: Bench, path: str | Path | None = None, today: d
     findings = list(_other_side(recipe, bench))
     if not findings:
         findings += [finding for row in CHECKS for finding in row(recipe, bench)]
-        findings += check_stored_calibration(recipe, bench, today or datetime.now(tz=UTC).date())
+        day = today or datetime.now(tz=UTC).date()
+        findings += [finding for row in DATED_CHECKS for finding in row(recipe, bench, day)]
     problems = {recipe.problem(*finding) for finding in findings}
     if path is not None:
         problems = {

@@ -92,13 +92,16 @@ TORQUE_CONSTANT = Kind("a torque constant", "N*m/A", "N·m/A", "100 N·m/A")
 ANGLE = Kind("an angle", "rad", "arcmin", "1 arcmin")
 TRAVEL = Kind("an angle", "rad", "deg", "60 deg")
 ARCMINUTES = Kind("an angle", "arcmin", "arcmin", "1 arcmin")
+ARCSECONDS = Kind("an angle", "arcsec", "arcsec", "30 arcsec")
 SPEED = Kind("a speed", "rad/s", "rpm", "0.05 rpm")
 ACCELERATION = Kind("an acceleration", "rad/s^2", "rad/s²", "2 rad/s²")
 DURATION = Kind("a time", "s", "s", "200 ms")
 PERIOD = Kind("a time", "s", "ms", "1 ms")
 CURRENT = Kind("a current", "A", "A", "10 A")
 TEMPERATURE = Kind("a temperature", "degC", "degC", "60 degC")
+TEMPERATURE_CHANGE = Kind("a temperature difference", "K", "K", "5 K")
 FRACTION = Kind("a fraction", "one", "%", "0.1 %")
+DRIFT = Kind("a drift", "arcmin/min", "arcmin/min", "0.005 arcmin/min")
 RESOLUTION = Kind("a resolution", "bit", "bit", "20 bit")
 
 KINDS = (
@@ -110,13 +113,16 @@ KINDS = (
     ANGLE,
     TRAVEL,
     ARCMINUTES,
+    ARCSECONDS,
     SPEED,
     ACCELERATION,
     DURATION,
     PERIOD,
     CURRENT,
     TEMPERATURE,
+    TEMPERATURE_CHANGE,
     FRACTION,
+    DRIFT,
     RESOLUTION,
 )
 

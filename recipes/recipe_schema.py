@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from recipes.metric_presets import PRESETS, PresetMetric
 from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
 from recipes.problems import Problem, did_you_mean, excerpt, one_of
-from recipes.quantity import TORQUE, QuantityError, read_quantity, show
+from recipes.quantity import TEMPERATURE, TORQUE, QuantityError, read_quantity, show
 from recipes.section import (
     FROM_DOCUMENT,
     Age,
@@ -23,6 +24,7 @@ from recipes.section import (
     Speed,
     Stiffness,
     Temperature,
+    TemperatureChange,
     Text,
     Torque,
     TorqueOfRated,
@@ -69,6 +71,31 @@ class Measurement(Section):
     output_torque: Literal["reaction", "calibrated"]
     calibration: Literal["measured", "stored"] = "measured"
     reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)
+    break_torque_nm: TorqueOfReference | None = None
+    """Of the six-segment fit, where the linear middle ends."""
+    break_torque_t1_nm: TorqueOfReference | None = None
+    """Of the three-segment stiffness, end of k1."""
+    break_torque_t2_nm: TorqueOfReference | None = None
+    """Of the three-segment stiffness, end of k2."""
+
+    @model_validator(mode="after")
+    def _breaks_below_reference(self) -> Measurement:
+        reference = show(self.reference_torque_nm, TORQUE)
+        for option in ("break_torque", "break_torque_t1", "break_torque_t2"):
+            torque_nm = getattr(self, f"{option}_nm")
+            if torque_nm is not None and torque_nm >= self.reference_torque_nm:
+                hint = "Lower it, or raise the reference torque."
+                raise refusal(
+                    show(torque_nm, TORQUE), f"a torque below the reference torque, {reference}", hint, option
+                )
+        first, second = self.break_torque_t1_nm, self.break_torque_t2_nm
+        if (first is None) != (second is None):
+            given, other = ("break_torque_t2", "T1") if first is None else ("break_torque_t1", "T2")
+            raise refusal(f"{given} without {other}", "both break torques or none", "Give both.", at=given)
+        if first is not None and second is not None and first >= second:
+            allowed = f"a torque above break_torque_t1, {show(first, TORQUE)}"
+            raise refusal(show(second, TORQUE), allowed, "Exchange the two or correct one.", at="break_torque_t2")
+        return self
 
 
 class Sampling(Section):
@@ -115,12 +142,16 @@ class Interlocks(Section):
 class MetricWanted(Section):
     """One metric to report, with the limits that decide; limits are in the metric's own unit."""
 
-    id: str
+    id: str = Field(description="a metric of the [table](metrics.md)")
     branch: Literal["load", "unload", "mean", "width"] | None = None
     side: Literal["+", "-", "both"] | None = None
     torque_nm: TorqueOfReference | None = None
     band: Band | None = None
     """Fraction of the reference torque."""
+    variant: str | None = Field(default=None, description="a variant of the metric, see its [row](metrics.md)")
+    fit: str | None = Field(
+        default=None, description="the [fit](metrics.md#fits-of-the-stiffness-curve) that the curve is read from"
+    )
     min: float | None = None
     max: float | None = None
 
@@ -160,15 +191,37 @@ class MetricWanted(Section):
     @model_validator(mode="after")
     def _possible_choices(self) -> MetricWanted:
         needs = METRIC_NEEDS[self.id]
-        for option, chosen, choices in (("branch", self.branch, needs.branches), ("side", self.side, needs.sides)):
+        for option, chosen, choices in (
+            ("branch", self.branch, needs.branches),
+            ("side", self.side, needs.sides),
+            ("variant", self.variant, needs.variants),
+            ("fit", self.fit, needs.fits),
+        ):
             if chosen is not None and chosen not in choices:
-                raise refusal(f"'{chosen}' for {self.id}", one_of(choices), "It is part of the definition.", at=option)
+                allowed = one_of(choices) if choices else f"nothing: {self.id} has no {option} to choose"
+                hint = did_you_mean(chosen, choices) or "It is part of the definition."
+                raise refusal(f"{excerpt(chosen)} for {self.id}", allowed, hint, at=option)
+        if self.fit is not None and self.variant == "direct":
+            raise refusal(f"'{self.fit}' with variant direct", "no fit", "Direct reads the branches: delete it.", "fit")
         for option, given in (("band", self.band), ("torque", self.torque_nm)):
             if given is not None and option not in needs.free:
                 allowed = one_of([name for name, other in METRIC_NEEDS.items() if option in other.free])
                 hint = f"Delete it: the {option} of {self.id} is part of its definition."
                 raise refusal(f"a {option} for {self.id}", f"a {option} for {allowed}", hint, at=option)
         return self
+
+    def key(self, reference_nm: float) -> tuple[object, ...]:
+        """Return what tells this definition from others: the choices, with what is taken where none is made."""
+        needs = METRIC_NEEDS[self.id]
+        return (
+            self.id,
+            self.branch or needs.branches[0],
+            None if self.side == "both" else self.side,
+            needs.reach * reference_nm if self.torque_nm is None else self.torque_nm,
+            needs.band if self.band is None else self.band,
+            self.variant or next(iter(needs.variants), None),
+            (self.fit or next(iter(needs.fits), None)) if self.variant != "direct" else None,
+        )
 
 
 class Decision(Section):
@@ -191,6 +244,47 @@ class Decision(Section):
         return value
 
 
+class Validity(Section):
+    """Limits of the validity gates: what may be seen of a measurement that is judged; beyond, NOT DECIDABLE.
+
+    Fractions are of the wind-up between the turning points, unless the gate says otherwise.
+    """
+
+    clipping_fraction: Fraction = 0.01
+    loop_closure_fraction: Fraction = 0.02
+    drift_fraction: Fraction = 0.01
+    repeat_fraction: Fraction = 0.02
+    lag_fraction: Fraction = 0.01
+    ramp_rate_fraction: Fraction = 0.5
+    points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3
+    monotone_loading_fraction: Fraction = 0.05
+    torque_agreement_fraction: Fraction = 0.6
+    temperature_change_k: TemperatureChange = 5.0
+    temperature_low_c: Temperature = 10.0
+    temperature_high_c: Temperature = 50.0
+
+    @model_validator(mode="after")
+    def _temperatures_in_order(self) -> Validity:
+        if self.temperature_low_c >= self.temperature_high_c:
+            found = f"a lowest temperature of {show(self.temperature_low_c, TEMPERATURE)}"
+            allowed = f"one below temperature_high, {show(self.temperature_high_c, TEMPERATURE)}"
+            raise refusal(found, allowed, "Exchange the two or correct one.", at="temperature_low")
+        return self
+
+
+PresetName = Literal["static", "inverse", "measurement", "output", "nabtesco", "spinea", "harmonic"]
+"""Names of `PRESETS`."""
+
+
+def preset_metrics(name: str) -> list[MetricWanted]:
+    """Return the metrics of a preset, without limits."""
+    return [_of_preset(row) for row in PRESETS[name].metrics]
+
+
+def _of_preset(row: PresetMetric) -> MetricWanted:
+    return MetricWanted.model_validate({"id": row.id, **{key: value for key, value in row._asdict().items() if value}})
+
+
 class Recipe(Section):
     """A recipe as loaded: everything that a run does and decides by."""
 
@@ -201,10 +295,43 @@ class Recipe(Section):
     sequence: Annotated[tuple[Step, ...], Field(min_length=1, max_length=50)]
     sampling: Sampling
     interlocks: Interlocks
-    metrics: Annotated[tuple[MetricWanted, ...], Field(min_length=1, max_length=100)]
+    presets: Annotated[tuple[PresetName, ...], Field(max_length=len(PRESETS))] = ()
+    metrics: Annotated[tuple[MetricWanted, ...], Field(max_length=100)] = ()
     decision: Decision
+    validity: Validity = Validity()
 
     _source: Source | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _something_is_asked(self) -> Recipe:
+        if not self.metrics and not self.presets:
+            hint = "Add 'metrics:' with what is to be reported."
+            raise refusal("neither metrics nor presets", "metrics, presets or both", hint, at="metrics")
+        for index, name in enumerate(self.presets):
+            if name in self.presets[:index]:
+                hint = "Delete one of the two."
+                raise refusal(f"'{name}' a second time", "each preset once", hint, at=f"presets.{index}")
+        return self
+
+    def wanted(self) -> list[tuple[OptionPath, MetricWanted]]:
+        """Return every metric to report, each with the option that asks for it: the recipe's own, then the presets'.
+
+        What the recipe asks for itself, with its limits, takes the place of the same definition in a preset.
+        """
+        reference_nm = self.measurement.reference_torque_nm
+        found: dict[tuple[object, ...], tuple[OptionPath, MetricWanted]] = {}
+        own = [(("metrics", index), metric) for index, metric in enumerate(self.metrics)]
+        for index, name in enumerate(self.presets):
+            for metric in preset_metrics(name):
+                found.setdefault(metric.key(reference_nm), (("presets", index), metric))
+        mine = {metric.key(reference_nm) for _, metric in own}
+        return [*own, *(entry for key, entry in found.items() if key not in mine)]
+
+    def wanted_of_preset(self, name: str) -> list[MetricWanted]:
+        """Return the metrics of one preset; a limit that the recipe gives for the same definition holds."""
+        reference_nm = self.measurement.reference_torque_nm
+        mine = {metric.key(reference_nm): metric for metric in self.metrics}
+        return [mine.get(metric.key(reference_nm), metric) for metric in preset_metrics(name)]
 
     def problem(self, option: OptionPath, found: str, allowed: str, hint: str = "") -> Problem:
         """Return a problem at one of the options, with its place when the recipe was loaded from a file."""

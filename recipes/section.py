@@ -7,6 +7,7 @@ names and with numbers.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +20,9 @@ from recipes.problems import excerpt
 from recipes.quantity import (
     ACCELERATION,
     ANGLE,
+    ARCMINUTES,
     CURRENT,
+    DRIFT,
     DURATION,
     FRACTION,
     PERIOD,
@@ -27,6 +30,7 @@ from recipes.quantity import (
     SPEED,
     STIFFNESS,
     TEMPERATURE,
+    TEMPERATURE_CHANGE,
     TORQUE,
     TORQUE_CONSTANT,
     TORQUE_RATE,
@@ -39,7 +43,7 @@ from recipes.quantity import (
 )
 
 UNIT_SUFFIX = re.compile(
-    r"_(nm_per_arcmin|nm_per_a|nm_s|nm|rad_s2|rad_s|rad|ns|s|a|c|fraction|bits)$",
+    r"_(nm_per_arcmin|nm_per_a|nm_s|nm|arcmin_min|arcmin|rad_s2|rad_s|rad|ns|s|a|c|k|fraction|bits)$",
 )
 """Units at the end of attribute names."""
 
@@ -135,6 +139,9 @@ class Quantity:
         return text
 
 
+ARCSEC_RAD = math.pi / 648_000
+"""One arcsec in rad."""
+
 RATED = "rated_torque_nm"
 REFERENCE = "reference_torque_nm"
 
@@ -160,8 +167,11 @@ PeriodNs = Annotated[int, Quantity(PERIOD, at_least=0.5, up_to=20, scale=1e9, wh
 BitCount = Annotated[int, Quantity(RESOLUTION, at_least=8, up_to=40, whole=True)]
 Current = Annotated[float, Quantity(CURRENT, above=0, up_to=100)]
 Temperature = Annotated[float, Quantity(TEMPERATURE, at_least=-40, up_to=150)]
+TemperatureChange = Annotated[float, Quantity(TEMPERATURE_CHANGE, above=0, up_to=100)]
+Deflection = Annotated[float, Quantity(ARCMINUTES, at_least=-600, up_to=600)]
 Fraction = Annotated[float, Quantity(FRACTION, at_least=0, up_to=100)]
 UsableRange = Annotated[float, Quantity(FRACTION, at_least=100, up_to=200)]
+Drift = Annotated[float, Quantity(DRIFT, at_least=0, up_to=100)]
 Band = Annotated[float, Quantity(FRACTION, above=0, up_to=50)]
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$", max_length=60)]

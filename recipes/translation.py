@@ -90,7 +90,8 @@ def problem_of(error: Mapping[str, Any], source: Source, model: type[BaseModel])
 
 def _refused(detail: Detail) -> Problem:
     context = detail.context
-    inside = tuple(context["at"].split(".")) if context["at"] else ()
+    parts = context["at"].split(".") if context["at"] else ()
+    inside = tuple(int(part) if part.isdigit() else part for part in parts)
     option = (*detail.option, *inside)
     return detail.source.problem(option, context["found"], context["allowed"], context["hint"])
 

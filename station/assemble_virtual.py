@@ -19,6 +19,7 @@ from drivers.virtual.config import (
     Protections,
     RegisterMap,
     ServerConfig,
+    SlcanPort,
     SlowPoll,
     Socketcand,
     TorqueSensor,
@@ -115,6 +116,7 @@ def server_config(
     *,
     scenario: Path | None,
     embedded: bool,
+    truth: Path | None = None,
 ) -> ServerConfig:
     """Return the virtual bench as a process; an embedded one takes free loopback ports and ends with its parents."""
     can = bench.can
@@ -123,11 +125,15 @@ def server_config(
         registers = RegisterMap.from_mapping(_plain(profiles[device.profile]))
         if embedded:
             return ModbusPort(registers, device.unit_id)
+        if device.transport == "rtu":
+            return ModbusPort(registers, device.unit_id, rtu=True, serial_port=device.serial_port)
         return ModbusPort(registers, device.unit_id, device.host, device.port)
 
-    bus: Socketcand | CanBus = CanBus(can.interface, can.channel, can.bitrate)
+    bus: Socketcand | CanBus | SlcanPort = CanBus(can.interface, can.channel, can.bitrate)
     if embedded or can.interface == "socketcand":
         bus = Socketcand(channel=can.channel) if embedded else Socketcand(can.host, can.port, can.channel)
+    elif can.interface == "slcan":
+        bus = SlcanPort(can.channel, bitrate=can.bitrate)
     return ServerConfig(
         bench=virtual_config(bench, profiles, unit),
         amplifier=port(bench.amplifier),
@@ -136,4 +142,5 @@ def server_config(
         can=bus,
         scenario=scenario,
         end_with_parent=embedded,
+        truth=truth,
     )

@@ -25,10 +25,19 @@ ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 class LifeLine:
-    """A pipe that nobody writes to: the virtual bench ends when everyone who holds its other end is gone."""
+    """A pipe to the virtual bench, which ends when everyone who holds its other end is gone.
+
+    The desk may write lines into it: what state its controller is in, for faults that wait for a state.
+    """
 
     def __init__(self) -> None:
         self.reader, self.writer = os.pipe()
+        os.set_blocking(self.writer, False)  # a bench that does not read must not hold the desk
+
+    def tell(self, line: bytes) -> None:
+        """Write a line for the bench; one that is gone or does not read misses it."""
+        with contextlib.suppress(OSError):
+            os.write(self.writer, line)
 
     def close(self) -> None:
         """Let go of both ends."""

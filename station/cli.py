@@ -13,7 +13,10 @@ from typing import Annotated
 
 import typer
 
+from station import cli_blocks, cli_quality
 from station.cli_faults import faults_app
+from station.cli_help import GroupedHelp
+from station.cli_studies import study_app
 from station.errors import BenchFaultError, StationError
 
 EXIT_BAD_INPUT = 2
@@ -29,6 +32,7 @@ DEFAULT_DATA = Path("runs")
 app = typer.Typer(
     name="lostmotion",
     help="End-of-line test bench for precision gear reducers: torsional stiffness, backlash and lost motion.",
+    cls=GroupedHelp,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -37,6 +41,8 @@ app = typer.Typer(
 )
 
 app.add_typer(faults_app, name="faults")
+app.add_typer(study_app, name="study")
+cli_quality.register(app)
 
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
 BenchOption = Annotated[
@@ -52,6 +58,15 @@ UnitOption = Annotated[
 ScenarioOption = Annotated[
     Path | None,
     typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
+]
+
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        metavar="NAME",
+        help="Definitions of static, inverse, measurement, output, nabtesco, spinea or harmonic.",
+    ),
 ]
 
 
@@ -125,13 +140,43 @@ def analyze(
         str | None,
         typer.Option("--bench", metavar="FILE", help="Bench the trace comes from: its fixture and calibrations."),
     ] = None,
+    preset: PresetOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
     """Compute metrics and verdict of a trace. Exit code as run."""
     from station import command_analyze
 
-    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, as_json=as_json))
+    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, preset=preset, as_json=as_json))
+
+
+@app.command()
+def repeatability(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN...", help="Runs or traces of one unit, or its serial.")],
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="Evaluate all by this recipe. Default: each run's own."),
+    ] = None,
+    preset: PresetOption = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Show mean and standard deviation of each metric over cycles and over runs of a unit. Exit code: 0, or 2."""
+    from station import command_repeatability
+
+    raise typer.Exit(command_repeatability.repeat(runs, recipe, preset, data, as_json=as_json))
+
+
+@app.command()
+def metrics(preset: PresetOption = None, as_json: JsonOption = False) -> None:
+    """List the definitions of all metrics and the presets, or of one preset. Exit code: 0, or 2 for no such preset."""
+    from station import command_metrics
+
+    raise typer.Exit(command_metrics.metrics(preset, as_json=as_json))
+
+
+app.command()(cli_blocks.blank)
+app.command()(cli_blocks.calibration)
 
 
 @app.command()
@@ -159,11 +204,11 @@ def virtual_bench(
     bench: BenchOption = None,
     can: Annotated[
         str | None,
-        typer.Option("--can", metavar="WHERE", help="HOST:PORT to serve socketcand, socketcan:CHANNEL to join."),
+        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan: be an adapter."),
     ] = None,
     modbus: Annotated[
         str | None,
-        typer.Option("--modbus", metavar="HOST:PORT", help="Amplifier; brake and remote I/O take the next two ports."),
+        typer.Option("--modbus", metavar="WHERE", help="HOST:PORT, also the next two; rtu: serial ports."),
     ] = None,
     unit: UnitOption = None,
     scenario: ScenarioOption = None,
@@ -238,7 +283,8 @@ def replay(
 ) -> None:
     """Step the controller through a record and compare every order, byte for byte.
 
-    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record.
+    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record, 3 identical,
+    but the record was altered after the run.
     """
     from station import command_replay
 
@@ -263,11 +309,15 @@ def timing(
         int | None,
         typer.Option("--spin-us", metavar="N", min=0, max=1000, help="Spin this long before each deadline [µs]."),
     ] = None,
+    highest_rate: Annotated[
+        bool, typer.Option("--highest-rate", help="Measure one scan rate after the other, N seconds each.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure what this machine can do: the whole scan without a unit under test. Nothing moves.
 
-    Exit code: 0, or 1 when more than 0.1 % of the periods were missed; 2 bad input.
+    Exit code: 0, or 1 when more than 0.1 % of the periods were missed (at 1 kHz with --highest-rate) or a record was
+    lost; 2 bad input.
     """
     from station import command_timing
     from station.timing_run import Asked
@@ -277,7 +327,8 @@ def timing(
         None if period_us is None else period_us * 1000,
         None if spin_us is None else spin_us * 1000,
     )
-    raise typer.Exit(command_timing.timing(recipe, bench, asked, as_json=as_json))
+    command = command_timing.rates if highest_rate else command_timing.timing
+    raise typer.Exit(command(recipe, bench, asked, as_json=as_json))
 
 
 def _bad_input() -> tuple[type[Exception], ...]:

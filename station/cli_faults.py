@@ -1,6 +1,6 @@
 """`lostmotion faults ...` on the command line."""
 
-# ruff: noqa: PLC0415, FBT002 - imports inside the commands keep --help fast; typer reads these signatures
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 UnitOption = Annotated[
     str | None,
     typer.Option("--unit", metavar="NAME[:SEED]", help="Unit on the virtual bench: P1, worn, soft, tight, cracked ..."),
+]
+FaultDataOption = Annotated[
+    Path | None,
+    typer.Option("--data", metavar="DIR", help="Keep the records there; 'lostmotion show' and 'replay' read them."),
 ]
 
 faults_app = typer.Typer(help="Break the virtual bench on purpose, and judge what comes of it.", no_args_is_help=True)
@@ -33,12 +37,16 @@ def faults_run(
         str | None, typer.Option("--recipe", metavar="RECIPE", help="Recipe. Default: the scenario's, or a short one.")
     ] = None,
     unit: UnitOption = None,
+    wires: Annotated[
+        bool, typer.Option("--wires", help="In real time over CAN and Modbus, the virtual bench in its own process.")
+    ] = False,
+    data: FaultDataOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Run a scenario in virtual time and judge its expect and never clauses. Exit code: 0 holds, 1 not, 2 bad input."""
+    """Run a scenario and judge its expect and never clauses. Exit code: 0 holds, 1 not, 2 bad input."""
     from station import command_faults
 
-    raise typer.Exit(command_faults.run(scenario, recipe, unit, as_json=as_json))
+    raise typer.Exit(command_faults.run(scenario, recipe, unit, data, wires=wires, as_json=as_json))
 
 
 @faults_app.command("exits")
@@ -59,10 +67,16 @@ def faults_matrix(
     only: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Rows whose name holds NAME.")] = None,
     html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with traces.")] = None,
     page: Annotated[Path | None, typer.Option("--page", metavar="FILE", help="Write the figures as Markdown.")] = None,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes, in virtual time.")] = 2,
+    wires: Annotated[
+        bool, typer.Option("--wires", help="In real time over CAN and Modbus, each fault in one state.")
+    ] = False,
+    data: FaultDataOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Inject every fault in every state in which it can act, in virtual time. Exit code: 0 within bounds, 1 not."""
     from station import command_faults
 
+    if wires:
+        raise typer.Exit(command_faults.wires_matrix(only or [], data, page, as_json=as_json))
     raise typer.Exit(command_faults.matrix(only or [], html, page, workers, as_json=as_json))

@@ -5,43 +5,58 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from analysis import Method, Result, Trace, analyse, read_trace
-from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
+from recipes import PRESETS, Bench, Recipe, find_bench, load_bench, load_recipe
 from station.command_run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.command_show import stored_result
 from station.conclusion import NOT_DECIDABLE
 from station.errors import StationError
-from station.evaluation import decision_of, evaluate_trace, method_of, trace_of, wanted_of
+from station.evaluation import (
+    decision_of,
+    evaluate_trace,
+    figures_for,
+    method_fields,
+    method_of,
+    trace_of,
+    wanted_of,
+)
 from station.record_check import check_file, read_table
 from station.record_store import INTERRUPTED, RECORDING, RESULT, RunRecord, Store
 from station.request import recipe_path
 from station.result_view import result_console, show_result
 from station.seal import alterations
-from station.timing_proof import timing_objections
+from station.timing_proof import run_facts
 
 
-def analyze(trace: str, recipe: str | None, bench: str | None, data: Path, *, as_json: bool) -> int:
+def analyze(
+    trace: str, recipe: str | None, bench: str | None, data: Path, *, as_json: bool, preset: str | None = None
+) -> int:
     """Analyse a trace and print its result; return the exit code of its verdict.
+
+    preset: report the metrics of this preset instead of the recipe's; the recipe's limits for them hold.
 
     Raises:
         StationError, RecipeError, AnalysisError: what cannot be read, or what the method needs and the trace lacks.
 
     """
     path = Path(trace)
+    if preset is not None:
+        known_preset(preset)
     if path.is_file():
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the trace is evaluated")
-        result = _elsewhere(path, recipe, bench)
+        result = elsewhere(path, recipe, bench, preset)
     elif path.suffix in (".csv", ".parquet"):
         raise StationError(f"{trace}: there is no such file")
     else:
         run = Store(data).find(trace)
         if run.state() != "complete" and not alterations(run):
             return _incomplete(run, as_json=as_json)
-        result = reevaluate(run, recipe, bench)
+        result = reevaluate(run, recipe, bench, preset)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
         return _code(result)
@@ -83,8 +98,9 @@ def reevaluation_heading(result: dict[str, Any]) -> str:
     recipe, original = result["recipe"], result["original_verdict"]
     with_bench = result["reevaluated_bench"]
     bench = f" on bench {with_bench}" if with_bench else ""
+    preset = f" by the definitions of preset {result['preset']}" if result.get("preset") else ""
     return (
-        f"RE-EVALUATED with {recipe['name']} rev {recipe['revision']} ({recipe['sha256'][:8]}){bench}, "
+        f"RE-EVALUATED with {recipe['name']} rev {recipe['revision']} ({recipe['sha256'][:8]}){bench}{preset}, "
         f"not the run's own verdict ({original})"
     )
 
@@ -94,39 +110,58 @@ def _head(recipe: Recipe, recipe_file: Path) -> dict[str, Any]:
     return {"name": recipe.recipe.name, "revision": recipe.recipe.revision, "sha256": sha256}
 
 
-def _elsewhere(path: Path, recipe_name: str, bench_name: str | None) -> dict[str, Any]:
+def known_preset(name: str) -> None:
+    """Refuse a preset that does not exist."""
+    if name not in PRESETS:
+        near = get_close_matches(name, PRESETS, n=1)
+        hint = f" Did you mean '{near[0]}'?" if near else ""
+        raise StationError(f"--preset: found '{name}'; allowed: {', '.join(PRESETS)}.{hint} See 'lostmotion metrics'")
+
+
+def _judged_by_preset(plain: dict[str, Any], recipe: Recipe, preset: str | None) -> dict[str, Any]:
+    """Return a result; by a preset that leaves out what the recipe has a limit for, nothing passes."""
+    if preset is None or plain["verdict"] != "PASS":
+        return plain
+    judged = [id(one) for one in recipe.wanted_of_preset(preset)]
+    left = [one.id for one in recipe.metrics if (one.min, one.max) != (None, None) and id(one) not in judged]
+    if not left:
+        return plain
+    said = f"preset {preset} leaves out what the recipe has limits for: {', '.join(left)}"
+    return plain | {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
+
+
+def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str | None) -> dict[str, Any]:
+    """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset."""
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
-    found = analyse(read_trace(path), _method(recipe, bench), wanted_of(recipe), decision_of(recipe))
+    method, wanted = method_without_run(recipe, bench), wanted_of(recipe, preset)
+    figures = None if bench is None else figures_for(recipe, bench)
+    found = analyse(read_trace(path), method, wanted, decision_of(recipe), figures=figures)
     return {
         "run": None,
         "serial": None,
         "recipe": _head(recipe, recipe_file),
         "state": "analyzed",
-        **found.to_dict(),
+        "preset": preset,
+        **_judged_by_preset(found.to_dict(), recipe, preset),
         "timing": None,
         "alarms": [],
         "record": str(path),
     }
 
 
-def _method(recipe: Recipe, bench: Bench | None) -> Method:
+def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
     """Return the method for a trace measured elsewhere: without a bench nothing is known of its fixture."""
     if bench is not None:
         return method_of(recipe, bench)
-    unit, measurement = recipe.unit_under_test, recipe.measurement
-    return Method(
-        ratio=unit.ratio,
-        rated_torque_nm=unit.rated_torque_nm,
-        reference_torque_nm=measurement.reference_torque_nm,
-        loading=recipe.loading,
-        output_torque=measurement.output_torque,
-    )
+    return Method(**method_fields(recipe))
 
 
-def reevaluate(run: RunRecord, recipe_name: str | None, bench_name: str | None) -> dict[str, Any]:
-    """Evaluate a complete run anew, by its own recipe or by another one; the record itself is not touched.
+def reevaluate(
+    run: RunRecord, recipe_name: str | None, bench_name: str | None, preset: str | None = None
+) -> dict[str, Any]:
+    """Evaluate a complete run anew, by its own recipe, another one or a preset; the record itself is not touched.
 
     An altered record is not evaluated: what it would be evaluated by may be what was altered.
 
@@ -144,9 +179,9 @@ def reevaluate(run: RunRecord, recipe_name: str | None, bench_name: str | None) 
     recipe, bench = load_recipe(recipe_file), load_bench(bench_file)
     _check_fits(recipe, recipe_file, load_recipe(own_recipe), run)
     other_bench = bench_file.read_bytes() != own_bench.read_bytes()
-    reevaluated = other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
-    found = _evaluate(run, manifest, recipe, bench)
-    plain = found.to_dict()
+    reevaluated = preset is not None or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
+    found = _evaluate(run, manifest, recipe, bench, preset)
+    plain = _judged_by_preset(found.to_dict(), recipe, preset)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:
         said = f"the run's own verdict is {original}, evaluated anew it is {plain['verdict']}: {_software(manifest)}"
@@ -155,7 +190,9 @@ def reevaluate(run: RunRecord, recipe_name: str | None, bench_name: str | None) 
         "run": run.id,
         "serial": manifest["serial"],
         "recipe": _head(recipe, recipe_file),
+        **{key: manifest[key] for key in ("attempt", "bench", "unit", "clock") if key in manifest},
         "state": manifest["state"],
+        "preset": preset,
         **plain,
         "reevaluated": reevaluated,
         "reevaluated_bench": f"{bench.bench.name} rev {bench.bench.revision}" if other_bench else None,
@@ -185,13 +222,12 @@ def _check_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: RunRecord) 
         )
 
 
-def _evaluate(run: RunRecord, manifest: dict[str, Any], recipe: Recipe, bench: Bench) -> Result:
+def _evaluate(run: RunRecord, manifest: dict[str, Any], recipe: Recipe, bench: Bench, preset: str | None) -> Result:
     timing = run.read_json("timing.json")
     read_back = check_file(run.samples, manifest["records"])
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     table = read_table(run.samples)
-    sampling = recipe.sampling
-    objections = broken + timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
+    facts = run_facts(table, timing, recipe.sampling)
     segments = run.read_json("program.json")["segments"]
     trace: Trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return evaluate_trace(trace, recipe, bench, objections)
+    return evaluate_trace(trace, recipe, bench, broken, facts, preset)

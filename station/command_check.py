@@ -11,7 +11,7 @@ from recipes import METRIC_UNITS, Recipe
 from station.plain_text import knows_braille
 from station.progress import clock
 from station.request import Job, load_job
-from station.result_view import limits_text
+from station.result_text import limits_text
 from station.terminal_plot import plot
 
 
@@ -33,7 +33,7 @@ def summary(job: Job) -> dict[str, Any]:
         "segments": len(program.segments),
         "load_profile": [{"t_s": round(t_s, 3), "torque_nm": torque_nm} for t_s, torque_nm in program.load_profile()],
         "steps": steps(program),
-        "metrics": [one.id for one in recipe.metrics],
+        "metrics": [one.id for _, one in recipe.wanted()],
     }
 
 
@@ -83,12 +83,15 @@ def _step(name: str, start: int, scans: int) -> dict[str, Any]:
 def metric_lines(recipe: Recipe) -> list[str]:
     """Return one line per metric: id with what tells it from others, and its limits in its unit."""
     lines = []
-    for one in recipe.metrics:
+    for place, one in recipe.wanted():
         torque = f"{one.torque_nm:g} N·m" if one.torque_nm is not None else ""
-        name = " ".join(part for part in (one.id, torque, one.branch, f"side {one.side}" if one.side else "") if part)
+        band = f"band {100.0 * one.band:g} %" if one.band is not None else ""
+        side = f"side {one.side}" if one.side else ""
+        name = " ".join(part for part in (one.id, torque, band, one.branch, one.variant, one.fit, side) if part)
+        preset = f" (preset {recipe.presets[int(place[1])]})" if place[0] == "presets" else ""
         limits = limits_text({"min": one.min, "max": one.max})
         unit = "" if METRIC_UNITS[one.id] == "1" else f" {METRIC_UNITS[one.id]}"
-        lines.append(f"    {name:<32} {f'{limits}{unit}' if limits else 'reported'}")
+        lines.append(f"    {name:<32} {f'{limits}{unit}' if limits else 'reported'}{preset}")
     return lines
 
 

@@ -13,6 +13,7 @@ from station.export import FORMATS, columns_of
 from station.record_check import check_bytes, table_of
 from station.record_store import RunRecord, Store
 from station.recovery import recover
+from station.seal import EXIT_ALTERED, alteration_lines, alterations
 
 COPIED = ("id", "serial", "attempt", "state", "started", "ended", "clock", "period_ns", "recipe", "bench", "software")
 
@@ -22,11 +23,13 @@ def described(run: RunRecord) -> dict[str, Any]:
     manifest, result = run.manifest(), stored_result(run)
     head = {key: manifest[key] for key in COPIED if manifest.get(key) is not None}
     unit = {"unit": manifest["unit"]["model"]}
-    return head | unit | {key: result[key] for key in ("verdict", "reasons", "metrics", "timing")}
+    # Of an altered record the result decides nothing, and the file says so wherever it goes.
+    kept = ("verdict", "reasons", "metrics", "timing", "altered")
+    return head | unit | {key: result[key] for key in kept if key in result}
 
 
 def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json: bool) -> int:
-    """Export a run; return 0.
+    """Export a run; return 0, or 3 for an altered record, which the file and the command both say.
 
     Raises:
         StationError: there is no such run or format, the run has no records, they are damaged, or the file cannot be
@@ -37,6 +40,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
         raise StationError(f"--format: found {file_format!r}; allowed are {', '.join(FORMATS)}")
     run = Store(data).find(name)
     recover(run)
+    altered = alterations(run)
     path = Path(f"{run.id}.{file_format}") if out is None else out
     if path.is_dir():
         path = path / f"{run.id}.{file_format}"
@@ -61,9 +65,10 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
         part.unlink(missing_ok=True)
         raise StationError(f"{path}: cannot be written: {error.strerror}. Choose another --out") from error
     found = {"run": run.id, "file": str(path), "format": file_format, "scans": read_back.records}
-    found |= {"columns": len(columns), "bytes": path.stat().st_size}
+    found |= {"columns": len(columns), "bytes": path.stat().st_size, "altered": list(altered)}
     if as_json:
         sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
     else:
-        sys.stdout.write(f"{path}: {read_back.records} scans, {len(columns)} columns, {found['bytes']} bytes\n")
-    return 0
+        told = f"{path}: {read_back.records} scans, {len(columns)} columns, {found['bytes']} bytes"
+        sys.stdout.write("\n".join([*alteration_lines(altered), told]) + "\n")
+    return EXIT_ALTERED if altered else 0

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
@@ -15,7 +18,7 @@ from recipes import Problem, RecipeError
 from station.assemble_virtual import choose_unit, load_scenario
 from station.fault_judge import first_action, first_alarm, judge, low_from
 from station.fault_matrix import LOW_SHARE_OF_RATED, RECIPE, Cell, cells, run_matrix
-from station.fault_page import markdown, write_page
+from station.fault_page import markdown, wires_markdown, write_page
 from station.fault_rows import ROWS
 from station.fault_run import FaultRun, run_scenario
 from station.request import Job, load_job
@@ -44,21 +47,46 @@ def list_faults(*, as_json: bool) -> int:
     return 0
 
 
-def run(path: Path, recipe: str | None, unit: str | None, *, as_json: bool) -> int:
-    """Run a scenario in virtual time and judge it; 0 when it holds, 1 when not.
+def run(path: Path, recipe: str | None, unit: str | None, data: Path | None, *, wires: bool, as_json: bool) -> int:
+    """Run a scenario, in virtual time or over wires, and judge it; 0 when it holds, 1 when not.
 
     Raises:
         RecipeError: the scenario, or what it starts with, has problems, each with its place.
+        StationError: the record cannot be kept below `data`.
 
     """
     scenario = load_scenario(path)
     _check_targets(path, scenario)
     job = load_job(recipe or scenario.start.recipe or RECIPE, None)
     chosen = choose_unit(unit or scenario.start.unit or None, job.recipe.unit_under_test.model)
-    found = run_scenario(job, chosen, scenario)
-    wrong = judge(found, scenario)
-    _say(scenario, job, found, wrong, as_json=as_json)
+    if not wires:
+        found = run_scenario(job, chosen, scenario)
+        wrong = judge(found, scenario)
+        _say(scenario, job, found, wrong, None, as_json=as_json)
+        return 1 if wrong else 0
+    from station.fault_wires import run_over_wires  # noqa: PLC0415 - brings the analysis
+
+    with kept_in(data) as folder:
+        there = run_over_wires(job, chosen, path, folder, _to_stderr)
+        wrong = judge(there.run, scenario)
+        if wrong and there.held_up:
+            wrong.append(f"{there.held_up}: try again on a quiet machine")
+        _say(scenario, job, there.run, wrong, there.record.folder if data else None, as_json=as_json)
     return 1 if wrong else 0
+
+
+@contextmanager
+def kept_in(data: Path | None) -> Iterator[Path]:
+    """Give the folder that records are kept in, or one that is gone afterwards."""
+    if data is not None:
+        yield data
+        return
+    with tempfile.TemporaryDirectory(prefix="lostmotion-faults-") as folder:
+        yield Path(folder)
+
+
+def _to_stderr(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
 
 
 def _check_targets(path: Path, scenario: Scenario) -> None:
@@ -67,7 +95,9 @@ def _check_targets(path: Path, scenario: Scenario) -> None:
         raise RecipeError([Problem(str(path), 1, 1, "faults", "none", text)])
 
 
-def _say(scenario: Scenario, job: Job, found: FaultRun, wrong: list[str], *, as_json: bool) -> None:
+def _say(
+    scenario: Scenario, job: Job, found: FaultRun, wrong: list[str], record: Path | None, *, as_json: bool
+) -> None:
     acted, alarm = first_action(found), first_alarm(found)
     rated_nm = job.recipe.unit_under_test.rated_torque_nm
     low = None if alarm is None else low_from(found, alarm, LOW_SHARE_OF_RATED * rated_nm)
@@ -78,8 +108,9 @@ def _say(scenario: Scenario, job: Job, found: FaultRun, wrong: list[str], *, as_
         "states": found.states,
         "acted": [{"fault": name, "scan": found.scans[place]} for name, place in found.acted],
         "alarms": [{"id": event.text, "scan": event.scan, "state": event.state} for event in found.alarms()],
-        "detect_scans": None if alarm is None or acted is None else alarm - acted,
+        "detect_scans": None if alarm is None or acted is None else found.waited(acted, alarm),
         "torque_low_s": None if low is None else round(low * found.period_s, 6),
+        "record": None if record is None else str(record),
     }
     if as_json:
         sys.stdout.write(json.dumps(figures, ensure_ascii=False) + "\n")
@@ -93,7 +124,46 @@ def _say(scenario: Scenario, job: Job, found: FaultRun, wrong: list[str], *, as_
     if low is not None:
         lines.append(f"  torque    below 2 % of rated {low * found.period_s:.3f} s after the alarm")
     lines.append(f"  states    {' → '.join(found.states)}")
+    if record is not None:
+        lines.append(f"  record    {record}")
     sys.stdout.write("\n".join(lines) + "\n")
+
+
+def wires_matrix(names: list[str], data: Path | None, page: Path | None, *, as_json: bool) -> int:
+    """Run the matrix over wires; 0 when every fault keeps its bounds, 1 when not."""
+    from station.fault_wires_matrix import WireCell, run_wires_matrix, wire_rows  # noqa: PLC0415 - brings the analysis
+
+    chosen = wire_rows(tuple(names))
+    if not chosen:
+        sys.stderr.write(f"no row that is run over wires is called like {', '.join(names)}\n")
+        return 2
+    begin = time.monotonic()
+
+    def show(found: WireCell) -> None:
+        if as_json:
+            return
+        again = f"  (repeated {found.repeated} times: the machine was busy)" if found.repeated else ""
+        kept = f"  {found.record}" if data else ""
+        sys.stdout.write(line(found.cell) + again + kept + "\n")
+        sys.stdout.flush()
+
+    if not as_json:
+        sys.stdout.write(f"{len(chosen)} faults over wires, in real time\n{HEAD}\n")
+    with kept_in(data) as folder:
+        found = run_wires_matrix(chosen, folder, _nothing, show)
+    bad = [item for item in found if item.cell.wrong]
+    if page is not None:
+        page.write_text(wires_markdown([item.cell for item in found]), encoding="utf-8")
+    if as_json:
+        rows = [asdict(item.cell) | {"fault": ROWS[item.cell.row].name, "repeated": item.repeated} for item in found]
+        sys.stdout.write(json.dumps(rows) + "\n")
+    else:
+        sys.stdout.write(f"{len(found)} faults in {time.monotonic() - begin:.0f} s; outside their bounds: {len(bad)}\n")
+    return 1 if bad else 0
+
+
+def _nothing(_text: str) -> None:
+    """Say nothing: the table says it."""
 
 
 def matrix(names: list[str], html: Path | None, page: Path | None, workers: int, *, as_json: bool) -> int:

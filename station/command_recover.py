@@ -7,6 +7,7 @@ for the reset. The recovery is recorded like a run, in `recoveries` below the ru
 
 from __future__ import annotations
 
+import contextlib
 import json
 import select
 import sys
@@ -71,12 +72,13 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
     left = left_by(table)
     record = _create(data, run, job, left)
     guide = Guide(job.program, say, _say_yes if yes else _typed)
-    try:
-        ending = Desk(job, record, guide.show, say, left=left, attend=guide.attend).run(None, None)
-    except BenchFaultError as error:
-        record.samples.touch()
-        ending = refused(record, error)
-    result = conclude(record, job, ending).result
+    with contextlib.closing(record.lock):
+        try:
+            ending = Desk(job, record, lambda _: None, say, left=left, attend=guide.attend).run(None, None)
+        except BenchFaultError as error:
+            record.samples.touch()
+            ending = refused(record, error)
+        result = conclude(record, job, ending).result
     after = result["left"]
     released = result["state"] == "stopped" and after is not None and after["lock"] == "open"
     report = {
@@ -145,7 +147,7 @@ def _create(data: Path, run: RunRecord, job: Job, left: dict[str, float]) -> Run
     }
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
-    record = Store(data / FOLDER).create(of["serial"], manifest, files)
+    record = Store(data / FOLDER).create(of["serial"], manifest, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record
 

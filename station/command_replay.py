@@ -19,13 +19,17 @@ from station.record_store import RunRecord, Store
 from station.recovery import recover
 from station.replay import Replayed, replay
 from station.request import Job, Source, load_job, recipe_path
+from station.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.what_if import ShadowWatch, interlock_changes, judge, same_load, tare_changes, verdict_changes
 
 SAME, DIFFERS, BAD = 0, 1, 2
+WHAT_IF_REFUSED = "what another recipe would have changed is not asked of an altered record"
 
 
 def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> int:
     """Replay a run; 0 identical (or nothing would have changed), 1 not, 2 when the record cannot be replayed.
+
+    An altered record is replayed, because where it differs is worth knowing, but 0 becomes 3: identical to what?
 
     Raises:
         StationError, RecipeError: there is no such run, or its recipe or bench cannot be loaded any more.
@@ -33,6 +37,7 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
     """
     run = Store(data).find(name)
     recover(run)
+    altered = alterations(run)
     job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
     try:
         content = run.samples.read_bytes()
@@ -48,15 +53,20 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
     report = _report(run, job, controller, found) | {
         "scans_per_s": round((found.identical + 1) / seconds),
         "seconds": round(seconds, 3),
+        "altered": list(altered),
     }
     code = BAD if found.damage else SAME if found.same and not report["events_differ"] else DIFFERS
-    if shadow is not None and other_job is not None and code == SAME:
+    if shadow is not None and other_job is not None and code == SAME and not altered:
         report["what_if"] = _what_if(run, job, other_job, table_of(content), shadow)
         code = DIFFERS if report["what_if"]["changed"] else SAME
+    if altered and code == SAME:
+        code = EXIT_ALTERED
     if as_json:
         sys.stdout.write(json.dumps(finite(report), ensure_ascii=False) + "\n")
     else:
-        sys.stdout.write("\n".join(_lines(report, found, int(run.manifest()["period_ns"]))) + "\n")
+        told = [*alteration_lines(altered), *_lines(report, found, int(run.manifest()["period_ns"]))]
+        told += [WHAT_IF_REFUSED] if altered and other is not None else []
+        sys.stdout.write("\n".join(told) + "\n")
     return code
 
 

@@ -9,24 +9,23 @@ import json
 import platform
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from station.command_show import stored_result
 from station.conclusion import Conclusion, Ending, conclude
+from station.disk_space import refuse_full_disk
 from station.errors import BenchFaultError, RecordError, StationError
-from station.evaluation import method_of
-from station.headline import first_cause, headline, virtual_badges
-from station.history import conditions_of, history_of
+from station.illustrate import HTML, Shown, write_reports
 from station.live import LiveReader
 from station.log import open_log
-from station.loop_plot import loop_figure, png
 from station.program_file import PROGRAM, plain_program
 from station.progress import Progress
-from station.record_check import read_table
 from station.record_store import RunRecord, Store, check_serial, now_text
-from station.report import report_html
 from station.request import Job, Source, load_job
-from station.result_view import result_console, show_result
-from station.time_plot import time_figure
+from station.result_view import result_console, show_report, show_result
+
+if TYPE_CHECKING:
+    from station.fault_companion import Companion
 
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
 EXIT_BENCH = 4
@@ -67,14 +66,15 @@ def run(options: Options) -> int:
     unit = _unit(options, job)
     scenario = _scenario(options)
     serial = _serial(options, job)
+    refuse_full_disk(options.data, job)
     notes = recipe_notes(Store(options.data), job)
-    record = _create(options, job, serial, unit, scenario, notes=notes)
+    record = create(options, job, serial, unit, scenario, notes=notes)
     for note in notes:
         sys.stderr.write(f"WARNING  {note}\n")
     reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
     title = f"{serial}  {job.recipe.recipe.name}"
     stream = sys.stderr if options.json else sys.stdout
-    with open_log(record.folder / "log.jsonl") as log:
+    with contextlib.closing(record.lock), open_log(record.folder / "log.jsonl") as log:
         log.info("run started", run=record.id, serial=serial, recipe=job.recipe.recipe.name, unit=unit)
         try:
             with Progress(reader, title, stream, say_alarms=options.json) as progress:
@@ -85,28 +85,51 @@ def run(options: Options) -> int:
                     )
                 conclusion = _conclude(options, job, record, unit, progress)
         except BaseException as error:
-            # A full disk refuses this as well; what is there then says `recording`, and is shown as interrupted.
             with contextlib.suppress(OSError, RecordError):
                 log.exception("run failed", kind=type(error).__name__)
-                if record.manifest()["state"] == "recording":
+                # A run that waits for its disk stays as it is: whoever looks at it then, completes and concludes it.
+                if not isinstance(error, RecordError) and record.manifest()["state"] == "recording":
                     record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
             if isinstance(error, RecordError):
-                raise BenchFaultError(f"the record could not be kept, so there is no verdict: {error}") from error
+                return _no_record(record, error, as_json=options.json)
             raise
         result = conclusion.result
         log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
-        try:
-            _illustrate(job, record, conclusion)
-        except Exception as error:
-            log.exception("no report", kind=type(error).__name__)
-            sys.stderr.write(f"warning: plot and report are incomplete, the result is stored: {error}\n")
-        else:
-            log.info("report written", path=str(record.folder / "report.html"))
+        _show(options, result)
+        _report(options, log, Shown(job, result, conclusion.analysis), record)
+    return exit_code(result)
+
+
+def _show(options: Options, result: dict[str, Any]) -> None:
+    """Print the result. The operator waits for it, nobody for the report: that is made when it is on the screen."""
     if options.json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
     else:
         show_result(result_console(), result)
-    return exit_code(result)
+    sys.stdout.flush()
+
+
+def _report(options: Options, log: Any, shown: Shown, record: RunRecord) -> None:
+    """Write pictures and reports; without them the run is none the worse, and that they are missing is said."""
+    try:
+        write_reports(record, shown)
+    except Exception as error:
+        log.exception("no report", kind=type(error).__name__)
+        sys.stderr.write(f"warning: plot and report are incomplete, the result is stored: {error}\n")
+        return
+    log.info("report written", path=str(record.folder / HTML))
+    if not options.json:
+        show_report(result_console(), record.folder)
+
+
+def _no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
+    """Tell that the disk refused the record; return the exit code. There is no verdict without a record."""
+    text = f"the record could not be kept, so there is no verdict: {error}"
+    sys.stderr.write(f"{text}\n")
+    if as_json:
+        result = stored_result(record) | {"state": "interrupted", "verdict": "NOT DECIDABLE", "reasons": [text]}
+        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+    return EXIT_BENCH
 
 
 def recipe_notes(store: Store, job: Job) -> list[str]:
@@ -163,7 +186,7 @@ def _version() -> str:
         return "from its source folder"
 
 
-def _create(
+def create(
     options: Options,
     job: Job,
     serial: str,
@@ -172,6 +195,7 @@ def _create(
     *,
     notes: list[str],
 ) -> RunRecord:
+    """Create the record of a run that is about to start."""
     recipe, bench = job.recipe, job.bench
     manifest = {
         "recipe": {
@@ -204,7 +228,7 @@ def _create(
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
-    record = Store(options.data).create(serial, manifest, files)
+    record = Store(options.data).create(serial, manifest, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record
 
@@ -224,8 +248,9 @@ def _conclude(
     else:
         from station.desk import Desk  # noqa: PLC0415 - not needed in virtual time
 
+        companion = None if scenario is None else _companion(scenario)
         try:
-            ending = Desk(job, record, progress.show, progress.say).run(unit, scenario)
+            ending = Desk(job, record, progress.show, progress.say, companion).run(unit, scenario)
         except BenchFaultError as error:
             record.samples.touch()
             ending = refused(record, error)
@@ -233,34 +258,13 @@ def _conclude(
     return conclude(record, job, ending)
 
 
+def _companion(scenario: Path) -> Companion:
+    from station.assemble_virtual import load_scenario  # noqa: PLC0415 - brings numba
+    from station.fault_companion import Companion  # noqa: PLC0415 - for runs with faults only
+
+    return Companion(load_scenario(scenario), judged=False)
+
+
 def refused(record: RunRecord, error: BenchFaultError) -> Ending:
     """Return the ending of a run whose bench could not be opened: nothing has moved."""
     return Ending(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)
-
-
-def _illustrate(job: Job, record: RunRecord, conclusion: Conclusion) -> None:
-    """Draw the pictures and write the report; the verdict is on disk already and does not depend on them."""
-    result = conclusion.result
-    pictures: dict[str, bytes] = {}
-    table = read_table(record.samples)
-    history = history_of(
-        table,
-        job.program,
-        angle_out=job.bench.sensors.angle_out is not None,
-        alarm=first_cause(result),
-    )
-    if history is not None:
-        badges = virtual_badges(result)
-        title = "   ".join((result["serial"], result["recipe"]["name"], *badges)) + f"\n{headline(result).text}"
-        method = method_of(job.recipe, job.bench)
-        pictures["loop.png"] = png(loop_figure(history, conclusion.analysis, method, title))
-        if result["state"] != "complete":
-            pictures["time.png"] = png(time_figure(history, title))
-    for name, picture in pictures.items():
-        record.write_bytes(name, picture)
-    events = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()]
-    files = {name: (record.folder / name).read_text() for name in ("recipe.yaml", "bench.yaml")}
-    conditions = conditions_of(table, job.program)
-    record.write_bytes(
-        "report.html", report_html(result, record.manifest(), events, files, pictures, conditions=conditions)
-    )

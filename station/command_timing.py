@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from typing import Any
 
 from station.request import load_job
 from station.scan_times import CAUSES, PARTS
+from station.timing_rates import HEAD, MISSED_ALLOWED, Rate, bus_us, limit, measured
 from station.timing_run import Asked, measure
 
 DEFAULT_RECIPE = "rv-40e-121-quick"
 BINS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 100_000)
 BAR = 40
-MISSED_ALLOWED = 0.001
 GAPS_SHOWN = 10
 RATION_MS = 100
 """Period at which Linux hosts ration processor time (CFS bandwidth control)."""
@@ -24,7 +25,7 @@ LONG_SHOWN = 5
 
 
 def timing(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool) -> int:
-    """Measure and explain; return 0, or 1 when more periods were missed than a recipe allows (0.1 %).
+    """Measure and explain; return 0, or 1 when more periods were missed than a recipe allows, or a record is missing.
 
     Raises:
         StationError, RecipeError: the bench file is wrong, or the bench cannot be opened.
@@ -37,7 +38,43 @@ def timing(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool
         sys.stdout.write(json.dumps(report, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write("\n".join(lines(report)) + "\n")
-    return 1 if report["missed"] > MISSED_ALLOWED * report["periods"] else 0
+    return 1 if report["missed"] > MISSED_ALLOWED * report["periods"] or lost_records(report) else 0
+
+
+def rates(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool) -> int:
+    """Measure one scan rate after the other; return 0 when at least the slowest holds, else 1.
+
+    Raises:
+        StationError, RecipeError: the bench file is wrong, or the bench cannot be opened.
+
+    """
+    job = load_job(recipe or DEFAULT_RECIPE, bench)
+    bitrate = job.bench.can.bitrate
+    found: list[Rate] = []
+    if not as_json:
+        sys.stdout.write(f"{asked.seconds:g} s at each scan rate, bench {job.bench.bench.name}\n{HEAD}\n")
+    for rate in measured(lambda period_us: measure(job, replace(asked, period_ns=period_us * 1000))):
+        found.append(rate)
+        if not as_json:
+            sys.stdout.write(rate.row(bitrate) + "\n")
+            sys.stdout.flush()
+    told = limit(found, bitrate)
+    if as_json:
+        rows = [rate._asdict() | {"holds": rate.holds} for rate in found]
+        whole = {"rates": rows, "bitrate": bitrate, "bus_us": bus_us(bitrate), "explanation": told}
+        sys.stdout.write(json.dumps(whole, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write("\n".join(told) + "\n")
+    return 0 if found[0].holds else 1
+
+
+def lost_records(report: dict[str, Any]) -> str:
+    """Return what is wrong with the records that came out of the ring; empty when none is missing or damaged."""
+    records = report["records"]
+    if records["problem"]:
+        return str(records["problem"])
+    missing = report["scans"] - records["checked"]
+    return f"{missing} of {report['scans']} records never came out of the ring" if missing else ""
 
 
 def explain(report: dict[str, Any]) -> list[str]:
@@ -107,7 +144,7 @@ def lines(report: dict[str, Any]) -> list[str]:
     bench = f"{report['bench']}{' (embedded)' if report['embedded'] else ''}"
     out = [
         f"{report['scans']} scans of {report['period_ns'] / 1e6:g} ms in {seconds:.1f} s on bench {bench}",
-        f"controller idle, spin tail {report['spin_ns'] // 1000} µs",
+        f"controller idle, absolute deadlines in whole nanoseconds, spin tail {report['spin_ns'] // 1000} µs",
         "",
         f"{'µs':12}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>10}",
     ]
@@ -127,6 +164,7 @@ def lines(report: dict[str, Any]) -> list[str]:
     out += ["", "longest scans"]
     for one in report["longest_scans"][:LONG_SHOWN]:
         out.append(f"  scan {one['scan']}: {_parts(one)}, {one['lateness_us']:.0f} µs late")
+    out += ["", *footing(report)]
     realtime = report["realtime"]
     out += ["", "asked of the machine"]
     out += [f"  {'granted' if realtime[name] else 'refused'}  {name}: {d}" for name, d in realtime["details"].items()]
@@ -134,6 +172,21 @@ def lines(report: dict[str, Any]) -> list[str]:
     against = [row for row in report["machine"] if not row["in_order"]]
     out += [f"  {row['found']}; to mend it: {row['mend']}" for row in against] or ["  nothing"]
     return [*out, "", *report["explanation"]]
+
+
+def footing(report: dict[str, Any]) -> list[str]:
+    """Return what the scan needs beside time: every record, memory that does not grow, room on the bus."""
+    memory, period_us, bus = report["resident_kb"], report["period_ns"] / 1000.0, bus_us(report["bitrate"])
+    wrong = lost_records(report)
+    sequence = wrong or "no gap in sequence or scan numbers, every CRC right"
+    grown_kb = memory["after"] - memory["before"]
+    resident = f"{memory['before'] / 1024:.1f} MiB at its start, {memory['after'] / 1024:.1f} MiB at its end"
+    wire = f"{bus:.0f} µs of {period_us:g} µs at {report['bitrate'] / 1e6:g} Mbit/s ({bus / period_us:.0%})"
+    return [
+        f"records: {report['records']['checked']} checked, {sequence}",
+        f"memory of the scan process: {resident} (grown by {grown_kb} KiB)",
+        f"bus: the frames of a scan take {wire}; {1e6 / bus:.0f} Hz at most",
+    ]
 
 
 def _parts(scan: dict[str, Any]) -> str:

@@ -6,12 +6,13 @@ import asyncio
 import dataclasses
 from pathlib import Path
 
-from drivers.virtual.config import CanBus, ModbusPort, ServerConfig, Socketcand
+from drivers.virtual.config import CanBus, ModbusPort, ServerConfig, SlcanPort, Socketcand
 from drivers.virtual.server import run
-from recipes import find_bench, load_bench
+from recipes import Bench, find_bench, load_bench
 from station.assemble_virtual import choose_unit, load_scenario, server_config
 from station.errors import StationError
 from station.request import find_profile
+from station.virtual_bench_process import play_hardware
 
 DEFAULT_BENCH = "virtual"
 DEFAULT_UNIT = "P1"
@@ -25,13 +26,18 @@ def address(option: str, text: str) -> tuple[str, int]:
     return host, int(port)
 
 
-def can_bus(text: str, channel: str) -> Socketcand | CanBus:
-    """Return where the virtual drive sits: `HOST:PORT` serves socketcand, `socketcan:vcan0` joins a bus."""
+def can_bus(text: str, bench: Bench) -> Socketcand | CanBus | SlcanPort:
+    """Return where the virtual drive sits.
+
+    `HOST:PORT` serves socketcand, `slcan` is an adapter on a serial port, `socketcan:vcan0` joins a bus.
+    """
+    if text == "slcan":
+        return SlcanPort(bitrate=bench.can.bitrate)
     interface, colon, name = text.partition(":")
     if colon and interface in ("socketcan", "slcan", "virtual"):
         return CanBus(interface, name)
     host, port = address("--can", text)
-    return Socketcand(host, port, channel)
+    return Socketcand(host, port, bench.can.channel)
 
 
 def virtual_bench(
@@ -44,6 +50,7 @@ def virtual_bench(
     """Serve a virtual bench until it is interrupted; its ports are printed as one JSON line when it is ready.
 
     `modbus` is HOST:PORT of the measuring amplifier; brake and remote I/O take the next two ports (0: any free ones).
+    With `rtu` each device is on a serial port of its own. Serial ports that the bench file names get these names.
 
     Raises:
         StationError, RecipeError, VirtualBenchError: what cannot be had as asked.
@@ -57,11 +64,26 @@ def virtual_bench(
     chosen = choose_unit(unit or DEFAULT_UNIT, "")
     config = server_config(bench, profiles, chosen, scenario=scenario, embedded=False)
     if can is not None:
-        config = dataclasses.replace(config, can=can_bus(can, bench.can.channel))
-    if modbus is not None:
+        config = dataclasses.replace(config, can=can_bus(can, bench))
+    if modbus == "rtu":
+        config = _on_serial_ports(config)
+    elif modbus is not None:
         config = _moved(config, *address("--modbus", modbus))
+    play_hardware(config)
     asyncio.run(run(config, faults))
     return 0
+
+
+def _on_serial_ports(config: ServerConfig) -> ServerConfig:
+    def on_one(device: ModbusPort) -> ModbusPort:
+        return dataclasses.replace(device, rtu=True, serial_port="")
+
+    return dataclasses.replace(
+        config,
+        amplifier=on_one(config.amplifier),
+        brake=on_one(config.brake),
+        remote_io=on_one(config.remote_io),
+    )
 
 
 def _moved(config: ServerConfig, host: str, port: int) -> ServerConfig:

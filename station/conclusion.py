@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis import AnalysisError, Result, Trace
+from analysis import AnalysisError, Evidence, Result, RunFacts, Trace, gate_reasons, judge_gates
 from controller.image import State
 from station.desk_watch import DESK_SILENT
 from station.durable import read_from_disk
@@ -23,7 +23,7 @@ from station.record_check import Table, check_bytes, table_of
 from station.record_store import INTERRUPTED, RESULT, RunRecord, now_text
 from station.request import Job
 from station.seal import seal
-from station.timing_proof import timing_block, timing_objections
+from station.timing_proof import run_facts, timing_block
 
 NOT_DECIDABLE = "NOT DECIDABLE"
 END_STATES = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}
@@ -38,7 +38,8 @@ VIRTUAL_REALTIME: dict[str, object] = {
 class Ending:
     """How the scan ended: records it says it wrote, those it lost, its report, and why it ended early if it did.
 
-    `refused`: the bench could not be opened, nothing has moved.
+    `refused`: the bench could not be opened, nothing has moved. `started_ns`: monotonic time; scan n was due n + 1
+    periods after it.
     """
 
     written: int
@@ -49,6 +50,10 @@ class Ending:
     refused: bool = False
     counters: dict[str, int] = field(default_factory=dict)
     times: dict[str, Any] = field(default_factory=dict)
+    started_ns: int = 0
+    stopped_because: str = ""
+    """Subject of the sentence that tells who stopped the run and why; empty for the operator."""
+    disk: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -68,6 +73,8 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     run = record.manifest()
     period_ns = int(run["period_ns"])
     timing = timing_block(table, period_ns, run["clock"], ending.realtime) | {"wires": ending.counters}
+    if ending.disk:
+        timing |= {"disk": ending.disk}
     proof = timing | ending.times
     events = events_of(table, period_ns, ending.notes)
     state = "fault" if ending.refused else _end_state(table)
@@ -76,20 +83,19 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         broken.append(f"{ending.lost} records were lost because they were not taken from the ring in time")
     # The last record may say complete although the process that wrote it was lost before it could say so.
     unsure = [ending.trouble] if ending.trouble and state == "complete" else []
-    sampling = job.recipe.sampling
-    late = timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
-    objections = broken + unsure + late
+    objections, facts = broken + unsure, run_facts(table, timing, job.recipe.sampling)
     trace, found, reasons = None, None, _early_reasons(state, events, ending)
     if len(table) and not broken:
-        trace, found, trouble = _evaluate(table, job, record, objections)
+        trace, found, trouble = _evaluate(table, job, record, objections, facts)
         reasons += [trouble] if trouble and state == "complete" else []
-    verdict, metrics, notes = NOT_DECIDABLE, [], []
+    judged: dict[str, Any] = {"verdict": NOT_DECIDABLE, "metrics": [], "notes": [], "stages": []}
     if found is not None and state == "complete":
-        plain = found.to_dict()
-        verdict, metrics, notes = str(plain["verdict"]), plain["metrics"], plain["notes"]
+        judged = found.to_dict()
         reasons += list(found.reasons)
     else:
-        reasons += [f"measurement invalid: {objection}" for objection in objections]
+        gates = judge_gates(Evidence(None, facts, tuple(objections)))
+        judged["gates"] = [gate.to_dict() for gate in gates]
+        reasons += gate_reasons(gates, objections)
     result = {
         "run": record.id,
         "serial": run["serial"],
@@ -99,11 +105,13 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "unit": run["unit"],
         "clock": run["clock"],
         "state": state,
-        "verdict": verdict,
+        "verdict": judged["verdict"],
         "reasons": reasons,
         "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
-        "metrics": metrics,
-        "notes": [*run.get("notes", []), *notes],
+        "metrics": judged["metrics"],
+        "gates": judged["gates"],
+        "notes": [*run.get("notes", []), *judged["notes"]],
+        "stages": judged["stages"],
         "timing": timing,
         "alarms": alarms_in(events),
         "left": None
@@ -136,20 +144,22 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
         reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
     elif state == "stopped":
         silent = any(note["text"] == DESK_SILENT for note in ending.notes)
-        who = "the desk was gone and the scan process" if silent else "the operator"
+        who = "the desk was gone and the scan process" if silent else ending.stopped_because or "the operator"
         reasons.append(f"{who} stopped the run; the torque was brought to zero and the lock opened")
     elif state == INTERRUPTED and not reasons:
         reasons.append("the run has no end: its scan process stopped in the middle")
     return reasons
 
 
-def _evaluate(table: Table, job: Job, record: RunRecord, objections: list[str]) -> tuple[Any, Any, str]:
+def _evaluate(
+    table: Table, job: Job, record: RunRecord, objections: list[str], facts: RunFacts
+) -> tuple[Any, Any, str]:
     """Return trace and analysis, None for what could not be had, and why."""
     segments = record.read_json("program.json")["segments"]
     trace = None
     try:
         trace = trace_of(table, segments, job.bench, job.recipe.sampling.period_ns, record.id)
-        return trace, evaluate_trace(trace, job.recipe, job.bench, objections), ""
+        return trace, evaluate_trace(trace, job.recipe, job.bench, objections, facts), ""
     except (AnalysisError, StationError) as error:
         return trace, None, str(error)
 

@@ -6,12 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from analysis import Decision, Method, MetricWanted, Quadrants, Result, SegmentInfo, TorqueLine, Trace, analyse
+from analysis import (
+    Decision,
+    FixtureCurve,
+    Method,
+    MetricWanted,
+    Quadrants,
+    Result,
+    RunFacts,
+    SegmentInfo,
+    SensorFigures,
+    TorqueLine,
+    Trace,
+    analyse,
+)
 from analysis.trace import ROLES
 from controller.image import State
 from recipes import Bench, Calibration, Recipe
-from station.assemble import channels
+from recipes.section import option_name
+from station.assemble import CHANNEL_OF_SENSOR, channels
 from station.errors import StationError
+from station.figures import figures_of
 from station.record_check import Table
 
 LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
@@ -19,17 +34,55 @@ LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
 
 def method_of(recipe: Recipe, bench: Bench) -> Method:
     """Return how a run of this recipe on this bench is evaluated."""
-    unit, measurement = recipe.unit_under_test, recipe.measurement
+    measurement = recipe.measurement
     stored = measurement.output_torque == "calibrated" and measurement.calibration == "stored"
     return Method(
-        ratio=unit.ratio,
-        rated_torque_nm=unit.rated_torque_nm,
-        reference_torque_nm=measurement.reference_torque_nm,
-        loading=recipe.loading,
-        output_torque=measurement.output_torque,
+        **method_fields(recipe),
         quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
         fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
+        fixture_curve=_fixture_curve(bench),
+        lags_s=lags_of(bench),
     )
+
+
+def gate_limits_of(recipe: Recipe) -> dict[str, float]:
+    """Return the recipe's limits of the validity gates, in the units of the gates."""
+    validity = recipe.validity.model_dump()
+    return {
+        option_name(name): value * 100.0 if name.endswith("_fraction") else float(value)
+        for name, value in validity.items()
+    }
+
+
+def _fixture_curve(bench: Bench) -> FixtureCurve | None:
+    stored = bench.fixture.curve
+    if stored is None:
+        return None
+    torque = tuple(point.torque_nm for point in stored.points)
+    return FixtureCurve(torque, tuple(point.deflection_arcmin for point in stored.points), stored.angles, stored.id)
+
+
+def method_fields(recipe: Recipe) -> dict[str, Any]:
+    """Return what a recipe alone says of the method; nothing of the bench."""
+    unit, measurement = recipe.unit_under_test, recipe.measurement
+    return {
+        "ratio": unit.ratio,
+        "rated_torque_nm": unit.rated_torque_nm,
+        "reference_torque_nm": measurement.reference_torque_nm,
+        "loading": recipe.loading,
+        "output_torque": measurement.output_torque,
+        "break_torque_nm": measurement.break_torque_nm,
+        "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
+        "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
+        "gate_limits": gate_limits_of(recipe),
+    }
+
+
+def lags_of(bench: Bench) -> dict[str, float]:
+    """Return how late each channel of this bench is [s]."""
+    sensors = bench.sensors
+    there = {channel: getattr(sensors, name) for name, channel in CHANNEL_OF_SENSOR.items()}
+    return {channel: sensor.lag_s for channel, sensor in there.items() if sensor is not None}
 
 
 def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
@@ -46,11 +99,12 @@ def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
 def _stored_quadrants(stored: Calibration) -> Quadrants:
     rows = (stored.load_positive, stored.unload_positive, stored.load_negative, stored.unload_negative)
     lines = [TorqueLine(row.offset_nm, row.slope) for row in rows]
-    return Quadrants(lines[0], lines[1], lines[2], lines[3])
+    return Quadrants(lines[0], lines[1], lines[2], lines[3], transition_rad=stored.transition_rad)
 
 
-def wanted_of(recipe: Recipe) -> list[MetricWanted]:
-    """Return the metrics that the recipe asks for, with their limits."""
+def wanted_of(recipe: Recipe, preset: str | None = None) -> list[MetricWanted]:
+    """Return the metrics that the recipe asks for, or those of one preset, with the recipe's limits."""
+    asked = [metric for _, metric in recipe.wanted()] if preset is None else recipe.wanted_of_preset(preset)
     return [
         MetricWanted(
             id=one.id,
@@ -58,10 +112,12 @@ def wanted_of(recipe: Recipe) -> list[MetricWanted]:
             side=None if one.side == "both" else one.side,
             torque_nm=one.torque_nm,
             band=one.band,
+            variant=one.variant,
+            fit=one.fit,
             min=one.min,
             max=one.max,
         )
-        for one in recipe.metrics
+        for one in asked
     ]
 
 
@@ -116,9 +172,27 @@ def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:
     return table
 
 
-def evaluate_trace(trace: Trace, recipe: Recipe, bench: Bench, objections: list[str]) -> Result:
-    """Evaluate and judge; `objections` say why the measurement may not count (see `timing_proof`)."""
-    return analyse(trace, method_of(recipe, bench), wanted_of(recipe), decision_of(recipe), objections)
+def evaluate_trace(  # noqa: PLR0917 - what was measured, by what, on what, and what speaks against it
+    trace: Trace,
+    recipe: Recipe,
+    bench: Bench,
+    objections: list[str],
+    facts: RunFacts | None = None,
+    preset: str | None = None,
+) -> Result:
+    """Evaluate and judge; `objections` speak against the record as a whole, `facts` say how it was recorded.
+
+    preset: report its metrics instead of the recipe's.
+    """
+    method, wanted = method_of(recipe, bench), wanted_of(recipe, preset)
+    figures = figures_for(recipe, bench)
+    return analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts, figures=figures)
+
+
+def figures_for(recipe: Recipe, bench: Bench) -> SensorFigures:
+    """Return what the bench declares of its sensors, and of the stored calibration when the recipe goes by one."""
+    stored = recipe.measurement.output_torque == "calibrated" and recipe.measurement.calibration == "stored"
+    return figures_of(bench, newest_calibration(recipe, bench) if stored else None)
 
 
 def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:

@@ -13,6 +13,9 @@ from station.fault_run import FaultRun
 def judge(run: FaultRun, scenario: Scenario) -> list[str]:
     """Return what went wrong, in the order of the file; an empty list when the scenario holds."""
     wrong = [f"{fault} has had no effect: it was never due, or nothing went its way" for fault in run.unseen]
+    if run.refused:
+        wrong.append(f"the bench was refused, so nothing was tried: {run.refused}")
+        return wrong
     if not run.finished:
         wrong.append("the run did not end")
     for expect in scenario.expect:
@@ -48,7 +51,7 @@ def low_from(run: FaultRun, place: int, limit_nm: float) -> int | None:
     last = next((at for at in range(len(run.torque_nm) - 1, place - 1, -1) if abs(run.torque_nm[at]) >= limit_nm), None)
     if last is None:
         return 0
-    return None if last == len(run.torque_nm) - 1 else last + 1 - place
+    return None if last == len(run.torque_nm) - 1 else run.waited(place, last + 1)
 
 
 def _event(run: FaultRun, expect: Expect) -> str:
@@ -61,7 +64,7 @@ def _event(run: FaultRun, expect: Expect) -> str:
         return f"alarms were: {said}"
     if acted is None:
         return "no fault has acted"
-    waited = run.place(found[0]) - acted
+    waited = run.waited(acted, run.place(found[0]))
     return "" if waited <= (expect.within_scans or 0) else f"came after {waited} scans"
 
 
@@ -72,7 +75,8 @@ def _order(run: FaultRun, expect: Expect) -> str:
     wanted = DriveCommand[(expect.order or "").upper()]
     for at in range(alarm, len(run.orders)):
         if run.orders[at].drive_command == wanted:
-            return "" if at - alarm <= (expect.within_scans or 0) else f"came {at - alarm} scans after the alarm"
+            waited = run.waited(alarm, at)
+            return "" if waited <= (expect.within_scans or 0) else f"came {waited} scans after the alarm"
     return "was not given"
 
 

@@ -87,8 +87,8 @@ def measure(number: int, state: str) -> Cell:
     return assess(run, number, row, state, job.recipe.unit_under_test.rated_torque_nm)
 
 
-def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float) -> Cell:
-    """Compare a run with its row's bounds."""
+def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float, *, wire_scans: int = 0) -> Cell:
+    """Compare a run with its row's bounds, longer by `wire_scans` over wires."""
     acted, alarm = first_action(run), first_alarm(run)
     wrong = [f"{fault} has had no effect" for fault in run.unseen]
     final, rest_nm = run.states[-1], abs(run.torque_nm[-1])
@@ -103,10 +103,10 @@ def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float) ->
     # a milder alarm may come first: late samples before stale ones
     event = next((event for event in run.alarms() if event.text in row.causes), run.alarms()[0])
     alarm, cause = run.place(event.scan), FAULT_BY_ID[event.text]
-    detect = alarm - acted
+    detect = run.waited(acted, alarm)
     order = next(
         (
-            at - alarm
+            run.waited(alarm, at)
             for at in range(alarm, len(run.orders))
             if run.orders[at].drive_command in ORDERS_OF[cause.reaction]
         ),
@@ -117,8 +117,8 @@ def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float) ->
     torque_s = None if low is None or cause.reaction <= Reaction.HOLD else low * run.period_s
     if cause.id not in row.causes:
         wrong.append(f"alarm {cause.id}, expected {' or '.join(row.causes)}")
-    if detect > row.detect_scans:
-        wrong.append(f"detected after {detect} scans, allowed {row.detect_scans}")
+    if detect > row.detect_scans + wire_scans:
+        wrong.append(f"detected after {detect} scans, allowed {row.detect_scans + wire_scans}")
     if order != 0:
         wrong.append(f"ordered {order} scans after the detection")
     if cause.reaction > Reaction.HOLD:

@@ -80,12 +80,37 @@ def _box(cell: Cell | None) -> str:
     return f'<td class="{kind}">{what}{figures(cell)}{trace(cell)}{wrong}</td>'
 
 
+WIRES_HEAD = """# Faults over wires
+
+This page is written by `lostmotion faults matrix --wires --page docs/wire-faults.md`.
+
+Every row is a run in real time: the virtual bench in a process of its own, CAN by socketcand and Modbus by TCP on
+loopback, judged from the run's record. When a fault acted is known from the bench's own note on the monotonic clock;
+it is counted from the last scan that was due before. The bound is that of virtual time and four scans more: the
+rounding down, the 2 ms after which the bench looks at its faults again, and the way back. Figures as in the
+[matrix in virtual time](fault-matrix.md).
+
+"""
+
+
+def wires_markdown(cells: list[Cell]) -> str:
+    """The figures of the matrix over wires for the documentation."""
+    return WIRES_HEAD + "\n".join(_table(cells)) + "\n"
+
+
 def markdown(cells: list[Cell]) -> str:
     """The figures of the matrix for the documentation."""
     lines = [
         "# Fault matrix\n",
         "This page is written by `lostmotion faults matrix --page docs/fault-matrix.md`.\n",
         LEGEND + "\n",
+        *_table(cells),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _table(cells: list[Cell]) -> list[str]:
+    lines = [
         "| fault | state | alarm | reaction | scans to detection | scans to order | torque low | bound |",
         "|" + " --- |" * 8,
     ]
@@ -98,4 +123,4 @@ def markdown(cells: list[Cell]) -> str:
             f"| `{row.name}` | {cell.state} | {cell.alarm or 'none'} | {cell.reaction or 'goes on'} | {detect} "
             f"| {order} | {low} | {bound(row)} |"
         )
-    return "\n".join(lines) + "\n"
+    return lines

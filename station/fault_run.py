@@ -14,11 +14,10 @@ from drivers.virtual.fault_injector import FaultInjector
 from drivers.virtual.inprocess import VirtualTimeBench
 from drivers.virtual.scenario import Scenario, When
 from station.assemble_virtual import virtual_config
+from station.fault_companion import AFTER_END_SCANS, COMMANDS
 from station.request import Job
 from station.scan_loop import START_AT
 
-AFTER_END_SCANS = 300
-"""Scans that are run on after the end, so that what would clear by itself is seen to do so."""
 LONGEST_RUN_S = 300.0
 
 
@@ -35,6 +34,7 @@ class FaultRun:
     acted: list[tuple[str, int]] = field(default_factory=list)  # "target verb" and the place in `scans`
     unseen: list[str] = field(default_factory=list)
     finished: bool = False
+    refused: str = ""  # why the bench was not opened: nothing has moved
 
     @property
     def states(self) -> list[str]:
@@ -53,6 +53,10 @@ class FaultRun:
     def place(self, scan: int) -> int:
         """Return where a scan stands in the lists."""
         return self.scans.index(scan)
+
+    def waited(self, first: int, last: int) -> int:
+        """Return the scans between two places, the missed ones among them."""
+        return self.scans[last] - self.scans[first]
 
 
 class Bench:
@@ -152,16 +156,13 @@ class Bench:
         for item in self._operator:
             if self._is_due(item.when):
                 self._operator.remove(item)
-                return _COMMANDS[item.command]
+                return COMMANDS[item.command]
         return command
 
     def _is_due(self, when: When) -> bool:
         if when.scan is not None:
             return self._scan >= when.scan
         return self.state == when.state and self._scan - self._entered >= when.after_scans
-
-
-_COMMANDS = {command.name.lower(): command for command in Command}
 
 
 def run_scenario(job: Job, unit: str, scenario: Scenario) -> FaultRun:

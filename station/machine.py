@@ -101,6 +101,17 @@ CHECKS: tuple[Callable[[Path], Finding], ...] = (
 )
 
 
+def against(root: Path = Path("/")) -> list[dict[str, object]]:
+    """Return what stands in the way, as plain data; empty on a machine that has nothing against real time."""
+    return [finding._asdict() for finding in look(root) if not finding.in_order]
+
+
+def resident_kb(status: Path = Path("/proc/self/status")) -> int:
+    """Return the resident memory of this process [KiB]; 0 where the kernel does not tell."""
+    rows = [line.split() for line in _text(status).splitlines() if line.startswith("VmRSS")]
+    return int(rows[0][1]) if rows else 0
+
+
 def look(root: Path = Path("/")) -> list[Finding]:
     """Look at everything; `root` is for tests."""
     return [check(root) for check in CHECKS]

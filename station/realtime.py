@@ -115,6 +115,20 @@ def request_all() -> tuple[Grant, ...]:
     return tuple(request() for request in REQUESTS)
 
 
+def is_granted(grants: tuple[Grant, ...], name: str) -> bool:
+    """Whether a request was granted."""
+    return any(grant.name == name and grant.granted for grant in grants)
+
+
+def spin_tail(wanted_ns: int, grants: tuple[Grant, ...]) -> tuple[int, Grant]:
+    """Return how long to spin before each deadline [ns], and the answer; without FIFO spinning only makes it later."""
+    if not wanted_ns:
+        return 0, Grant("spin_tail", granted=False, detail="not asked for: it would take the bench its only processor")
+    if not is_granted(grants, "fifo"):
+        return 0, Grant("spin_tail", granted=False, detail="of use under SCHED_FIFO only, which was refused")
+    return wanted_ns, Grant("spin_tail", granted=True, detail=f"the last {wanted_ns // 1000} µs before each deadline")
+
+
 def as_json(grants: tuple[Grant, ...]) -> dict[str, object]:
     """Return `{"fifo": true, ..., "details": {"fifo": text, ...}}` for the timing proof."""
     report: dict[str, object] = {grant.name: grant.granted for grant in grants}

@@ -43,21 +43,14 @@ class Guide:
 
     def __init__(self, program: Program, say: Callable[[str], None], answer: Callable[[], str | None]) -> None:
         self._program, self._say, self._answer = program, say, answer
-        self._newest = b""
         self._step = Step.WAITING
         self._tries = 0
         self._ordered_s = 0.0
         self._shown: State | None = None
 
-    def show(self, record: bytes) -> None:
-        """Take the newest record."""
-        self._newest = record
-
     def attend(self, ring: RingReader) -> None:
         """Look at the newest record; tell, ask, and give the commands of the person."""
-        if not self._newest:
-            return
-        _, image, orders = unpack(self._newest)
+        _, image, orders = unpack(ring.last())
         state = State(orders.state)
         if state in STEP_WORDS and state != self._shown:
             self._shown = state

@@ -3,75 +3,24 @@
 from __future__ import annotations
 
 import sys
-from math import floor, inf, log10
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
 from station.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
+from station.result_notes import gate_lines, note_lines, summary_line
+from station.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
 
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
 HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
-NO_UNCERTAINTY = "no uncertainty: one cycle"
 SEVERITY = {"FAIL": 0, "NOT DECIDABLE": 1, "PASS": 2}
 BADGE_STYLE = "bold white on magenta"
-
-
-def minus(text: str) -> str:
-    """Return a number's text with the minus sign that stands in all other texts."""
-    return text.replace("-", "−")
-
-
-def number(value: float | None, uncertainty: float | None = None) -> str:
-    """Return a value as far as its uncertainty carries (two digits of it), else four digits; a dash for none."""
-    if value is None:
-        return "–"
-    if uncertainty is not None and 0 < uncertainty < abs(value):
-        decimals = 1 - floor(log10(uncertainty))
-        if 0 <= decimals <= 6:
-            return minus(f"{value:.{decimals}f}")
-    text = f"{value:.4g}"
-    return minus(text if "e" not in text else f"{value:.3e}")
-
-
-def limits_text(limits: dict[str, float | None]) -> str:
-    """Return limits as they are said: `≤ 1`, `≥ 108`, `95 … 120`, or nothing."""
-    low, high = limits.get("min"), limits.get("max")
-    if low is not None and high is not None:
-        return minus(f"{low:g} … {high:g}")
-    if low is not None:
-        return minus(f"≥ {low:g}")
-    return minus(f"≤ {high:g}") if high is not None else ""
-
-
-def metric_name(metric: dict[str, Any]) -> str:
-    """Return a metric's id with torque, branch and side where they tell it from others."""
-    parts = [str(metric["id"])]
-    if metric.get("torque_nm") is not None:
-        parts.append(f"{metric['torque_nm']:g} N·m")
-    if metric["branch"] in ("load", "unload") or metric["id"] == "stiffness_50_100":
-        parts.append(metric["branch"])
-    if metric["side"] in ("+", "-"):
-        parts.append(f"side {minus(metric['side'])}")
-    return " ".join(parts)
-
-
-def uncertainty_text(metric: dict[str, Any]) -> str:
-    """Return the expanded uncertainty with two digits, why there is none, or nothing."""
-    uncertainty = metric["uncertainty"]
-    if uncertainty is None:
-        return NO_UNCERTAINTY if metric["value"] is not None and metric.get("cycles") == 1 else ""
-    decimals = max(1 - floor(log10(uncertainty)), 0) if uncertainty > 0 else 0
-    return f"± {uncertainty:.{decimals}f}" if decimals <= 6 else f"± {uncertainty:.1e}"
-
-
-def unit_text(unit: str) -> str:
-    """Return the unit as it stands behind a number; nothing for pure numbers."""
-    return "" if unit == "1" else unit
 
 
 def _side_rows(metric: dict[str, Any]) -> list[dict[str, Any]]:
@@ -121,12 +70,44 @@ def metrics_table(metrics: list[dict[str, Any]]) -> Table:
         table.add_row(
             metric_name(metric),
             Text(number(metric["value"], metric["uncertainty"]), style="bold" if verdict else ""),
-            Text(uncertainty_text(metric), style="dim"),
+            Text(spread_text(metric), style="dim"),
             unit_text(metric["unit"]),
             limits_text(metric["limits"]),
             Text(verdict or "", style=style),
         )
     return table
+
+
+def definitions_table(metrics: list[dict[str, Any]]) -> Table:
+    """Return every metric, each side of it, with its whole definition below."""
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(ratio=1)
+    for metric in metrics:
+        _add_defined(table, metric)
+    return table
+
+
+def _add_defined(table: Table, metric: dict[str, Any]) -> None:
+    """Add a metric: a line per side, and below them what the numbers are."""
+    for row in _side_rows(metric):
+        head = Text.assemble(
+            metric_name(row),
+            "   ",
+            (f"{number(row['value'], row['uncertainty'])} {unit_text(row['unit'])}".strip(), "bold"),
+            (f" {uncertainty_text(row)}", "dim"),
+            f"   {limits_text(row['limits'])}",
+            f"   {row['verdict'] or ''}",
+        )
+        head.rstrip()
+        table.add_row(head)
+    table.add_row(Padding(Text(definition_text(metric), style="dim"), (0, 0, 0, 4)))
+
+
+def definition_text(metric: dict[str, Any]) -> str:
+    """Return what a number is: definition, branch, estimator and cycles."""
+    cycles = f"{metric['cycles']} {'cycle' if metric['cycles'] == 1 else 'cycles'}"
+    branch = "" if metric["branch"] == "width" else f"{metric['branch']} branch, "
+    return f"{metric['definition']}; {branch}by {metric['estimator']}, {cycles}"
 
 
 def timing_line(timing: dict[str, Any]) -> str:
@@ -150,9 +131,17 @@ def result_console() -> Console:
 
 def show_result(console: Console, result: dict[str, Any], *, files: bool = True) -> None:
     """Print a result: the verdict last, where the eye is when the scrolling stops."""
-    if result["metrics"]:
-        console.print(metrics_table(result["metrics"]))
+    if result["metrics"] and result.get("preset"):
+        console.print(f"preset {result['preset']}", style="bold", highlight=False)
+        console.print(definitions_table(result["metrics"]))
         console.print()
+    elif result["metrics"]:
+        console.print(metrics_table(result["metrics"]))
+        console.print(summary_line(result), style="dim", highlight=False)
+        console.print()
+    for style, word, lines in (("red", "GATE   ", gate_lines(result)), ("cyan", "note   ", note_lines(result))):
+        for said in lines:
+            console.print(Text.assemble((word, style), said))
     for line in alarm_lines(result):
         console.print(line, highlight=False)
     if result.get("timing"):
@@ -160,9 +149,15 @@ def show_result(console: Console, result: dict[str, Any], *, files: bool = True)
     if files and result.get("record"):
         console.print(f"record  {result['record']}", style="dim", highlight=False, soft_wrap=True)
     console.print(verdict_panel(result))
-    report = Path(result.get("record") or "") / "report.html"
-    if files and report.is_file():
-        console.print(f"report  {report}", highlight=False, soft_wrap=True)
+    if files and result.get("record"):
+        show_report(console, Path(result["record"]))
+
+
+def show_report(console: Console, folder: Path) -> None:
+    """Print where the report of a run is, for each form that is there."""
+    for name in ("report.html", "report.pdf"):
+        if (folder / name).is_file():
+            console.print(f"report  {folder / name}", highlight=False, soft_wrap=True)
 
 
 def alarm_lines(result: dict[str, Any]) -> list[Text]:

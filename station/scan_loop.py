@@ -78,16 +78,20 @@ def run_real(
     schedule: RealTimeSchedule,
     stop: Stop,
     times: ScanTimes,
+    after_end_scans: int = 0,
 ) -> int:
     """Run scans at their deadlines until the controller has finished; return the number of the last period.
 
     `times` counts what every scan took. A lost record asks for a stop: what nobody records must not go on under torque.
+    `after_end_scans` are run on after the end, so that what would clear by itself is seen to do so; a person may
+    acknowledge and reset in them.
     """
     now_ns: Callable[[], int] = time.monotonic_ns
     read, step, write, wait, count = bench.read, controller.step, bench.write, schedule.wait, times.add
-    scan = -1
+    scan, ended = -1, 0
     schedule.start()
-    while not controller.finished:
+    while not controller.finished or ended < after_end_scans:
+        ended = ended + 1 if controller.finished else 0
         woken = wait()
         missed = schedule.missed
         scan += 1 + missed

@@ -5,7 +5,8 @@ no waiting call in the scan. SIGTERM asks the controller for a stop (unload firs
 SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
 
 Spec: ring, report, recipe, bench, program (paths), profiles ({name: path}), ports (ready line of an embedded bench or
-null), spin_ns, desk (its process id), and for a recovery `left`, how the bench was left.
+null), spin_ns, desk (its process id), after_end_scans (to go on after the end), and for a recovery `left`, how the
+bench was left.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from controller.program import Program
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
 from recipes import Problem, RecipeError, load_bench, load_recipe
-from station import realtime
+from station import machine, realtime
 from station.assemble import wire_config
 from station.bench_lock import BenchBusyError, alone_on
 from station.desk_watch import DeskWatch
@@ -66,23 +67,36 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         verified = bench.open()
         ending.callback(bench.close)
         grants = realtime.request_all()
-        fifo = any(grant.name == "fifo" and grant.granted for grant in grants)
-        schedule = RealTimeSchedule(period_ns, spin_ns=spec["spin_ns"] if fifo else 0)
-        armed = {"realtime": realtime.as_json(grants), "verified": verified}
+        spin_ns, spinning = realtime.spin_tail(spec["spin_ns"], grants)
+        schedule = RealTimeSchedule(period_ns, spin_ns=spin_ns)
+        told = realtime.as_json((*grants, spinning)) | {"machine": machine.against()}
+        armed = {"realtime": told, "verified": verified}
         _tell(spec, {"state": "running", "pid": os.getpid(), "birth": process_birth(os.getpid()), **armed})
         ring.set_state(ScanState.RUNNING)
         times = ScanTimes()
         desk = DeskWatch(ring, stop, period_ns)
-        last = run_real(bench, controller, ring.append, desk.take_command, schedule=schedule, stop=stop, times=times)
+        before_kb = machine.resident_kb()
+        last = run_real(
+            bench,
+            controller,
+            ring.append,
+            desk.take_command,
+            schedule=schedule,
+            stop=stop,
+            times=times,
+            after_end_scans=spec["after_end_scans"],
+        )
+        resident_kb = {"before": before_kb, "after": machine.resident_kb()}
         counters = bench.counters()
     return {
         "state": "finished",
         "scans": last + 1,
+        "started_ns": schedule.started_ns,
         "written": ring.sequence,
         "lost": ring.lost,
         **armed,
         "counters": counters,
-        "times": times.to_dict(),
+        "times": times.to_dict() | {"resident_kb": resident_kb},
         "notes": [event._asdict() for event in controller.events if event.kind == "note"] + desk.notes(),
         "stopped_by_signal": stop.wanted,
     }
@@ -101,11 +115,17 @@ def refuse_another(program: Program, recorded: Path) -> None:
 
 
 def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
-    """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end."""
+    """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end.
+
+    A disk that refuses it changes nothing else: how the scan ended stands in the ring too.
+    """
     path = Path(spec["report"])
     beside = path.with_suffix(".part")
-    beside.write_text(json.dumps(report, ensure_ascii=False))
-    beside.replace(path)
+    try:
+        beside.write_text(json.dumps(report, ensure_ascii=False))
+        beside.replace(path)
+    except OSError as error:
+        sys.stderr.write(f"{path}: cannot be written: {error.strerror}\n")
 
 
 def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:

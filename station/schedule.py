@@ -38,18 +38,19 @@ class RealTimeSchedule:
 
     """
 
-    __slots__ = ("_spin_ns", "deadline_ns", "lateness_ns", "missed", "period_ns")
+    __slots__ = ("_spin_ns", "deadline_ns", "lateness_ns", "missed", "period_ns", "started_ns")
 
     def __init__(self, period_ns: int, spin_ns: int = 0) -> None:
         self.period_ns = period_ns
         self._spin_ns = spin_ns
         self.deadline_ns = 0
+        self.started_ns = 0
         self.missed = 0
         self.lateness_ns = 0
 
     def start(self) -> None:
-        """Lay the grid of deadlines, the first one period from now."""
-        self.deadline_ns = time.monotonic_ns()
+        """Lay the grid of deadlines: scan n is due n + 1 periods after `started_ns`, which is now."""
+        self.deadline_ns = self.started_ns = time.monotonic_ns()
 
     def wait(self) -> int:
         """Wait for the next deadline and return the time of waking; `missed` and `lateness_ns` then describe it."""

@@ -32,6 +32,9 @@ SEALED = (
 )
 """With the device profiles: every file that the verdict rests on, and the verdict itself."""
 
+EXIT_ALTERED = 3
+"""What a command that found an alteration ends with when nothing worse is to be said; `analyze` uses it too."""
+
 WORST_FIRST = ("FAIL", "NOT DECIDABLE", "PASS")
 CHUNK_BYTES = 1 << 20
 
@@ -124,6 +127,14 @@ def alterations(record: RunRecord, *, samples: bool = True) -> tuple[str, ...]:
     found += [text for name in names if (text := _difference(record, name, files.get(name), samples=samples))]
     found += _contradictions(record, manifest, files)
     return tuple(found)
+
+
+def alteration_lines(altered: tuple[str, ...] | list[str]) -> list[str]:
+    """Return what a command says first about an altered record; nothing for one that is as it was."""
+    if not altered:
+        return []
+    head = "RECORD ALTERED since the run was concluded: what follows is no evidence of what was measured"
+    return [head, *(f"record altered: {one}" for one in altered)]
 
 
 def _difference(record: RunRecord, name: str, kept: dict[str, Any] | None, *, samples: bool) -> str:

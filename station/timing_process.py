@@ -24,6 +24,7 @@ from recipes import Recipe, RecipeError, load_bench, load_recipe
 from station import realtime
 from station.assemble import wire_config
 from station.bench_lock import BenchBusyError, alone_on
+from station.machine import resident_kb
 from station.ring import RingWriter, ScanState
 from station.scan_loop import Stop, run_real
 from station.scan_times import ScanTimes
@@ -49,14 +50,8 @@ class Idle:
 
 def with_period(recipe: Recipe, period_ns: int) -> Recipe:
     """Return a recipe that is scanned at another period."""
-    sampling = recipe.sampling.model_copy(update={"period_s": period_ns * 1e-9})
+    sampling = recipe.sampling.model_copy(update={"period_ns": period_ns})
     return recipe.model_copy(update={"sampling": sampling})
-
-
-def resident_kb() -> int:
-    """Return the resident memory of this process [KiB]."""
-    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    return next((int(line.split()[1]) for line in lines if line.startswith("VmRSS")), 0)
 
 
 def measure(spec: dict[str, Any], ring: RingWriter) -> dict[str, Any]:
@@ -72,8 +67,8 @@ def measure(spec: dict[str, Any], ring: RingWriter) -> dict[str, Any]:
         bench.open()
         ending.callback(bench.close)
         grants = realtime.request_all()
-        fifo = any(grant.name == "fifo" and grant.granted for grant in grants)
-        schedule = RealTimeSchedule(period_ns, spin_ns=spec["spin_ns"] if fifo else 0)
+        spin_ns, spinning = realtime.spin_tail(spec["spin_ns"], grants)
+        schedule = RealTimeSchedule(period_ns, spin_ns=spin_ns)
         ring.set_state(ScanState.RUNNING)
         times = ScanTimes()
         before_kb = resident_kb()
@@ -88,7 +83,7 @@ def measure(spec: dict[str, Any], ring: RingWriter) -> dict[str, Any]:
         "scans": ring.sequence,
         "lost": ring.lost,
         "missed": times.missed,
-        "realtime": realtime.as_json(grants),
+        "realtime": realtime.as_json((*grants, spinning)),
         "lateness_us": times.counts["lateness"].to_dict(),
         "work_us": times.counts["work"].to_dict(),
         **times.to_dict(),

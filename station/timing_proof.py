@@ -6,17 +6,19 @@ from typing import Any
 
 import numpy as np
 
+from analysis import RunFacts
 from controller.image import SampleStatus, State
+from recipes.recipe_schema import Sampling
 from station.record_check import Table
 
 MEASURING_STATES = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
 
-UNSOUND: dict[SampleStatus, str] = {
-    SampleStatus.TORQUE_IN_SATURATED: "the input torque sensor was saturated: check its range",
-    SampleStatus.TORQUE_OUT_SATURATED: "the output torque sensor was saturated: check its range",
-    SampleStatus.NOT_READY: "the measuring amplifier said that it was not ready",
+COUNTED: dict[SampleStatus, str] = {
+    SampleStatus.TORQUE_IN_SATURATED: "torque_in_saturated",
+    SampleStatus.TORQUE_OUT_SATURATED: "torque_out_saturated",
+    SampleStatus.NOT_READY: "not_ready",
 }
-"""What a status bit of the samples says of them; any of them makes the measurement invalid."""
+"""Status bits of the samples, and the validity gate that counts each."""
 
 
 def measuring(table: Table) -> Table:
@@ -50,33 +52,22 @@ def timing_block(table: Table, period_ns: int, clock: str, realtime: dict[str, o
     }
 
 
-def timing_objections(table: Table, timing: dict[str, Any], missed_fraction: float, sample_age_s: float) -> list[str]:
-    """Return why the measurement does not count, in plain words; empty when timing and samples are in order.
+def run_facts(table: Table, timing: dict[str, Any], sampling: Sampling) -> RunFacts:
+    """Return how a trace was recorded, as the validity gates want to know it.
 
     Args:
         table: all records of the run.
         timing: its timing block.
-        missed_fraction: share of the periods that may be missed.
-        sample_age_s: oldest sample allowed while measuring [s].
+        sampling: what the recipe allows.
 
     """
-    objections = []
-    periods = timing["scans"] + timing["missed"]
-    share = timing["missed"] / periods if periods else 0.0
-    if share > missed_fraction:
-        objections.append(
-            f"{timing['missed']} of {periods} scan periods were missed ({share:.3%}), the recipe allows "
-            f"{missed_fraction:.3%}: close other programs on this computer and measure again",
-        )
-    allowed = round(sample_age_s * 1e9 / timing["period_ns"])
-    if timing["oldest_sample_scans"] > allowed:
-        objections.append(
-            f"a sample was {timing['oldest_sample_scans']} scans old while measuring, the recipe allows {allowed}: "
-            "check the measuring amplifier and its network",
-        )
     flags = measuring(table)["image"]["sample_status"]
-    for bit, text in UNSOUND.items():
-        count = int(np.count_nonzero(flags & bit))
-        if count:
-            objections.append(f"{text} in {count} samples")
-    return objections
+    counts = {name: int(np.count_nonzero(flags & bit)) for bit, name in COUNTED.items()}
+    return RunFacts(
+        periods=timing["scans"] + timing["missed"],
+        missed=timing["missed"],
+        missed_allowed=sampling.missed_periods_fraction,
+        oldest_sample_scans=timing["oldest_sample_scans"],
+        sample_age_allowed_scans=round(sampling.sample_age_s * 1e9 / timing["period_ns"]),
+        **counts,
+    )

@@ -6,17 +6,23 @@ import json
 import os
 import tempfile
 import time
+import zlib
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from controller.image import Image
 from station import children
 from station.desk import EMBEDDED_SPIN_NS, LOOK_EVERY_S, REAL_SPIN_NS
 from station.errors import BenchFaultError
 from station.machine import look
+from station.replay import RECORD_STRUCT
 from station.request import Job
 from station.ring import RingReader, create
+from station.scan_record import BODY_BYTES, IMAGE_FIRST, RECORD_BYTES
+
+MISSED = IMAGE_FIRST + Image._fields.index("missed_periods")
 
 
 @dataclass(frozen=True)
@@ -26,6 +32,36 @@ class Asked:
     seconds: float
     period_ns: int | None = None
     spin_ns: int | None = None
+
+
+class Gapless:
+    """Looks at every record that comes out of the ring: its CRC, its sequence number, and that no period is missing.
+
+    A scan number may jump only by the periods that the record itself says were missed.
+    """
+
+    def __init__(self) -> None:
+        self.checked = 0
+        self.problem = ""
+        self._scan = -1
+
+    def take(self, data: bytes) -> None:
+        """Check the records of one drain; the first problem is kept."""
+        view = memoryview(data)
+        for place, values in enumerate(RECORD_STRUCT.iter_unpack(view)):
+            at = place * RECORD_BYTES
+            sequence, scan, missed = values[0], values[1], values[MISSED]
+            if zlib.crc32(view[at : at + BODY_BYTES]) != values[-1]:
+                self._note(f"record {self.checked} fails its CRC")
+            elif sequence != self.checked:
+                self._note(f"record {sequence} came where {self.checked} was due")
+            elif scan != self._scan + 1 + missed:
+                self._note(f"scan {scan} follows {self._scan}, its record tells of {missed} missed periods")
+            self._scan = scan
+            self.checked += 1
+
+    def _note(self, problem: str) -> None:
+        self.problem = self.problem or problem
 
 
 def measure(job: Job, asked: Asked) -> dict[str, Any]:
@@ -64,10 +100,13 @@ def measure(job: Job, asked: Asked) -> dict[str, Any]:
         path = folder / "spec.json"
         path.write_text(json.dumps(spec), encoding="utf-8")
         before_s = cpu_seconds(bench_pid)
-        report = _measured(path, folder, ring, life_line, cleanup)
+        records = Gapless()
+        report = _measured(path, ring, life_line, cleanup, records)
+        report["records"] = {"checked": records.checked, "problem": records.problem}
         report["virtual_bench_cpu_s"] = round(cpu_seconds(bench_pid) - before_s, 3) if embedded else None
-    spin_ns = spec["spin_ns"] if report["realtime"]["fifo"] else 0
+    spin_ns = spec["spin_ns"] if report["realtime"]["spin_tail"] else 0
     head = {"period_ns": period_ns, "spin_ns": spin_ns, "bench": job.bench.bench.name, "embedded": embedded}
+    head["bitrate"] = job.bench.can.bitrate
     return head | report | {"machine": [finding._asdict() for finding in look()], "asked": asdict(asked)}
 
 
@@ -101,16 +140,18 @@ def cpu_seconds(pid: int) -> float:
 
 def _measured(
     spec: Path,
-    folder: Path,
     ring: RingReader,
     life_line: children.LifeLine | None,
     cleanup: ExitStack,
+    records: Gapless,
 ) -> dict[str, Any]:
+    folder = spec.parent
     process = children.start_measuring(spec, folder / "scan.log", life_line)
     cleanup.callback(children.stop, process)
     while process.poll() is None:
         time.sleep(LOOK_EVERY_S)
-        ring.drain(lambda _data: None)
+        ring.drain(records.take)
+    ring.drain(records.take)
     path = folder / "report.json"
     if not path.exists():
         said = (folder / "scan.log").read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]

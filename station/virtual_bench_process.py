@@ -1,7 +1,8 @@
 """Entry of the embedded virtual bench: `python -m station.virtual_bench_process SPEC.json`.
 
-The spec names bench file, profiles, unit and scenario. The ready line with the ports goes to standard output, what the
-drive and the injected faults do to standard error, one JSON line each.
+The spec names bench file, profiles, unit, scenario and where the torque in the unit is to be written (`truth`). The
+ready line with the ports goes to standard output, what the drive and the injected faults do to standard error, one
+JSON line each.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from drivers.virtual.config import ServerConfig
 from drivers.virtual.errors import VirtualBenchError
 from drivers.virtual.plant import warm_up
 from drivers.virtual.server import log_line, run
@@ -33,14 +35,20 @@ def serve(spec: dict[str, Any]) -> None:
         spec["unit"],
         scenario=scenario,
         embedded=spec["embedded"],
+        truth=None if spec["truth"] is None else Path(spec["truth"]),
     )
     faults = None if scenario is None else load_scenario(scenario)
+    play_hardware(config)
+    asyncio.run(run(config, faults))
+
+
+def play_hardware(config: ServerConfig) -> None:
+    """Compile the physics, then ask for a priority below the scan's and above everything ordinary."""
     warm_up(config.bench)  # compiling takes seconds: not with a priority that keeps others waiting
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except OSError as error:
         log_line("fifo_refused", str(error))
-    asyncio.run(run(config, faults))
 
 
 def main() -> int:

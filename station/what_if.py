@@ -20,7 +20,7 @@ from controller.program import Program
 from recipes import Bench, Recipe
 from station.evaluation import evaluate_trace, trace_of
 from station.record_check import Table
-from station.timing_proof import timing_objections
+from station.timing_proof import run_facts
 
 
 class Raised(NamedTuple):
@@ -133,11 +133,10 @@ def judge(table: Table, recipe: Recipe, bench: Bench, stored: dict[str, Any]) ->
         stored: `segments` of program.json, the run's `timing` block and its `id`.
 
     """
-    sampling = recipe.sampling
     timing = stored["timing"]
-    objections = timing_objections(table, timing, sampling.missed_periods_fraction, sampling.sample_age_s)
+    facts = run_facts(table, timing, recipe.sampling)
     trace = trace_of(table, stored["segments"], bench, timing["period_ns"], stored["id"])
-    return evaluate_trace(trace, recipe, bench, objections)
+    return evaluate_trace(trace, recipe, bench, [], facts)
 
 
 def _key(metric: dict[str, Any]) -> tuple[Any, ...]:

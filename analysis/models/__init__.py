@@ -4,7 +4,7 @@ from analysis.models.identify import MOST_CORRELATION, Identified, Refusal, iden
 from analysis.models.maxwell_slip_fit import identify_maxwell_slip
 from analysis.models.path import PathState
 from analysis.models.reducer_model import ReducerModel, model_from_json, model_to_json
-from analysis.models.samples import LoopSamples, loop_samples
+from analysis.models.samples import LoopSamples, loop_samples, samples_of_branches
 from analysis.models.table import MODELS, Model, Parameter
 
 __all__ = [
@@ -22,4 +22,5 @@ __all__ = [
     "loop_samples",
     "model_from_json",
     "model_to_json",
+    "samples_of_branches",
 ]

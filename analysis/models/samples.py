@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.branches import Branch
 from analysis.errors import AnalysisError
 from analysis.runs import Run, found_runs
 from analysis.units import FloatArray
@@ -101,6 +102,36 @@ def loop_samples(
     if np.ptp(samples.angle_arcmin) <= 0.0 or np.ptp(samples.torque_nm) <= 0.0:
         raise AnalysisError("model: angle or torque does not move; needed is a loop; check the channels")
     return samples
+
+
+def samples_of_branches(
+    forward: Sequence[Branch], backward: Sequence[Branch], most_points: int = MOST_POINTS
+) -> LoopSamples:
+    """Join the branches of the cycles, as they were evaluated, to a path: falling, then rising, cycle after cycle.
+
+    Their torque is at the output, and fixture and reversal were taken care of. Raises AnalysisError for branches that
+    are no pairs, or hold fewer than 40 points.
+    """
+    if not forward or len(forward) != len(backward):
+        raise AnalysisError(f"model: {len(forward)} rising and {len(backward)} falling branches; needed are pairs")
+    path = [
+        piece
+        for rising, falling in zip(forward, backward, strict=True)
+        for piece in ((falling.angle_arcmin[::-1], falling.torque_nm[::-1], -1.0), (*_arrays(rising), 1.0))
+    ]
+    total = sum(angle.size for angle, _, _ in path)
+    if total < LEAST_POINTS:
+        raise AnalysisError(f"model: {total} points in the branches; needed are {LEAST_POINTS} or more")
+    stride = max(1, -(-total // most_points))
+    return LoopSamples(
+        np.concatenate([angle[::stride] for angle, _, _ in path]),
+        np.concatenate([torque[::stride] for _, torque, _ in path]),
+        np.concatenate([np.full(angle[::stride].size, direction) for angle, _, direction in path]),
+    )
+
+
+def _arrays(branch: Branch) -> tuple[FloatArray, FloatArray]:
+    return branch.angle_arcmin, branch.torque_nm
 
 
 def loop_shape(loop: LoopSamples) -> LoopShape:

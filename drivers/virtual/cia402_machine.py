@@ -15,10 +15,15 @@ from typing import NamedTuple
 
 from drivers.virtual import cia402_tables as tables
 from drivers.virtual.cia402_tables import AbortConnection, Mode, PowerCommand, PowerState, Stop
-from drivers.virtual.motor_stop import MOTOR_OFF, NO_TORQUE, STANDSTILL, Demand, MotorStop, MotorView
+from drivers.virtual.motor_stop import MOTOR_OFF, NO_TORQUE, STANDSTILL, MotorStop, MotorView, demand_of
 from drivers.virtual.plant_kernel import DriveLoop
 
 HOMING_STANDSTILL_FRACTION = 0.02  # of a turn per second: faster than this the reference is refused
+
+# Asked at every step: a member looked up by its class costs twenty times as much.
+_HOMING, _TORQUE, _VELOCITY, _NO_MODE = Mode.HOMING, Mode.CYCLIC_SYNC_TORQUE, Mode.CYCLIC_SYNC_VELOCITY, Mode.NONE
+_TORQUE_LOOP, _VELOCITY_LOOP = DriveLoop.TORQUE, DriveLoop.VELOCITY
+_ENABLED = PowerState.OPERATION_ENABLED
 
 
 @dataclass
@@ -218,12 +223,12 @@ class Cia402Machine:
             word |= tables.WARNING
         if self._motor.limited:
             word |= tables.INTERNAL_LIMIT
-        if self.mode_display is Mode.HOMING:
+        if self.mode_display is _HOMING:
             if self._homing_attained:
                 word |= tables.HOMING_ATTAINED | tables.TARGET_REACHED
             if self._homing_error:
                 word |= tables.HOMING_ERROR
-        elif self._following and self.mode_display is not Mode.NONE:
+        elif self._following and self.mode_display is not _NO_MODE:
             word |= tables.FOLLOWS_COMMAND
         return word
 
@@ -354,18 +359,18 @@ class Cia402Machine:
 
     @property
     def _following(self) -> bool:
-        return self.state is PowerState.OPERATION_ENABLED and self._stop is None and self._halt is None
+        return self.state is _ENABLED and self._stop is None and self._halt is None
 
     def _update_demand(self) -> None:
         if self.state not in tables.ENERGIZED or self._safe_torque_off:
             self.demand = MOTOR_OFF
         elif (stop := self._stop or self._halt) is not None:
             self.demand = stop.demand
-        elif self.mode_display in (Mode.CYCLIC_SYNC_TORQUE, Mode.NONE):
-            following = self._following and self.mode_display is Mode.CYCLIC_SYNC_TORQUE
-            self.demand = Demand(DriveLoop.TORQUE, self._target_torque, 0.0) if following else NO_TORQUE
-        elif self._following and self.mode_display is Mode.CYCLIC_SYNC_VELOCITY:
-            self.demand = Demand(DriveLoop.VELOCITY, 0, float(self._target_velocity))
+        elif self.mode_display in (_TORQUE, _NO_MODE):
+            following = self._following and self.mode_display is _TORQUE
+            self.demand = demand_of((_TORQUE_LOOP, self._target_torque, 0.0)) if following else NO_TORQUE
+        elif self._following and self.mode_display is _VELOCITY:
+            self.demand = demand_of((_VELOCITY_LOOP, 0, float(self._target_velocity)))
         else:
             self.demand = STANDSTILL
 

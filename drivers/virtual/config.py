@@ -226,13 +226,27 @@ class CanBus:
 
 
 @dataclass(frozen=True)
+class SlcanPort:
+    """Be an slcan adapter on a serial port, which gets another name where `link` is one."""
+
+    link: str = ""
+    channel: str = "slcan"
+    bitrate: int = 1_000_000
+
+
+@dataclass(frozen=True)
 class ModbusPort:
-    """One Modbus TCP device of the virtual bench; port 0 takes a free one."""
+    """One Modbus device of the virtual bench: on TCP (port 0 takes a free one), or with `rtu` on a serial port.
+
+    Devices whose serial ports have the same name share a line; without a name each has its own.
+    """
 
     registers: RegisterMap
     unit_id: int
     host: str = "127.0.0.1"
     port: int = 0
+    rtu: bool = False
+    serial_port: str = ""
 
 
 @dataclass(frozen=True)
@@ -243,6 +257,7 @@ class ServerConfig:
     amplifier: ModbusPort
     brake: ModbusPort
     remote_io: ModbusPort
-    can: Socketcand | CanBus = field(default_factory=Socketcand)
+    can: Socketcand | CanBus | SlcanPort = field(default_factory=Socketcand)
     scenario: Path | None = None
     end_with_parent: bool = False  # ends when its standard input is closed
+    truth: Path | None = None  # where the torque in the reducer over time is written at the end

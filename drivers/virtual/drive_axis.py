@@ -7,7 +7,7 @@ from math import pi
 
 from drivers.virtual.cia402_machine import Cia402Machine
 from drivers.virtual.config import DriveConfig, Protections
-from drivers.virtual.motor_stop import Demand, MotorView
+from drivers.virtual.motor_stop import Demand, MotorView, view_of
 from drivers.virtual.plant import Plant
 
 LIMIT_SHOWN_NS = 2_000_000  # an internal limit stays visible this long, so that no status word misses it
@@ -51,11 +51,13 @@ class DriveAxis:
         torque_nm, angle_rad, velocity_rad_s, limited = self._plant.motor()
         if limited:
             self._limit_until_ns = now_ns + LIMIT_SHOWN_NS
-        view = MotorView(
-            round(torque_nm / self._torque_unit_nm),
-            round(angle_rad * self._counts_per_rad),
-            round(velocity_rad_s * self._counts_per_rad_s),
-            now_ns <= self._limit_until_ns,
+        view: MotorView = view_of(
+            (
+                round(torque_nm / self._torque_unit_nm),
+                round(angle_rad * self._counts_per_rad),
+                round(velocity_rad_s * self._counts_per_rad_s),
+                now_ns <= self._limit_until_ns,
+            )
         )
         self.machine.step(now_ns, view)
         self.apply()

@@ -68,10 +68,14 @@ class FaultInjector:
 
     # --- when
 
-    def tell(self, state: str, scan: int) -> None:
-        """Say what state the controller is in after a scan; moments that are keyed by it need this."""
+    def tell(self, state: str, scan: int, entered: int | None = None) -> None:
+        """Say what state the controller is in after a scan; moments that are keyed by it need this.
+
+        Without `entered` the state was entered in the scan in which it was first told.
+        """
         before = self._controller
-        entered = before[1] if before is not None and before[0] == state else scan
+        if entered is None:
+            entered = before[1] if before is not None and before[0] == state else scan
         self._controller = (state, entered, scan)
 
     def step(self, now_ns: int) -> None:
@@ -184,7 +188,7 @@ class FaultInjector:
     @property
     def node_is_reset(self) -> bool:
         """Whether the drive has booted and waits in pre-operational."""
-        if ("can.drive.node", "reset") not in self.active:
+        if not self.active or ("can.drive.node", "reset") not in self.active:
             return False
         self.seen("can.drive.node")
         return True
@@ -192,6 +196,8 @@ class FaultInjector:
     def take_missed(self) -> int:
         """Return how many periods the next scan has missed; virtual time only."""
         missed, self._missed = self._missed, 0
+        if missed:
+            self.seen("scan.overrun")
         return missed
 
     def _word(self, word: int) -> int:
@@ -224,6 +230,7 @@ class FaultInjector:
                 alone = self._disturb(CHANNELS.index(part), verb, value)
             case "scan", _:
                 self._missed = round(value)
+                alone = False
             case "drive", "drop":
                 axis.machine.set_safe_torque_off(active=True, now_ns=now_ns)
             case "drive", "raise" if part == "emcy":

@@ -1,4 +1,4 @@
-"""Modbus TCP devices of the virtual bench: measuring amplifier, brake supply, remote I/O.
+"""Modbus devices of the virtual bench and their TCP server: measuring amplifier, brake supply, remote I/O.
 
 pymodbus does the framing, the PDUs and the connections. Requests are answered where they arrive instead of through its
 data store: the values are those of the plant at the moment of the request, and at 1000 requests per second the store's
@@ -131,6 +131,21 @@ class ModbusServer:
         transport: Any = self._server.transport
         return int(transport.sockets[0].getsockname()[1])
 
+    def answer(self, request: ModbusPDU, send: Callable[[ModbusPDU], None]) -> None:
+        """Answer a request as the device's fault says: at once, late, wrongly, or not at all."""
+        verb, value = self.trouble()
+        if verb in ("off", "silence"):
+            return
+        self.before()
+        response: ModbusPDU = ExceptionResponse(request.function_code, ExcCodes.DEVICE_FAILURE)
+        if verb != "exception":
+            response = self.device.answer(request, frozen=verb == "freeze")
+        response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
+        if verb == "slow":
+            asyncio.get_running_loop().call_later(value * 1e-3, send, response)
+        else:
+            send(response)
+
     def cut(self) -> None:
         """Drop all connections."""
         for connection in list(self.connections):
@@ -179,12 +194,11 @@ class Connection(ServerRequestHandler):
     def callback_data(self, data: bytes, addr: tuple[Any, ...] | None = None) -> int:
         """Answer every complete request in `data` and return how much of it was used."""
         owner = self._owner
-        verb, value = owner.trouble()
+        verb = owner.trouble()[0]
         if verb == "off":
             self.drop()
         if verb in ("off", "silence"):
             return len(data)
-        owner.before()
         used = 0
         while used < len(data):
             try:
@@ -198,17 +212,10 @@ class Connection(ServerRequestHandler):
                 break
             used += length
             if request is not None:
-                response = ExceptionResponse(request.function_code, ExcCodes.DEVICE_FAILURE)
-                if verb != "exception":
-                    response = owner.device.answer(request, frozen=verb == "freeze")
-                response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
-                if verb == "slow":
-                    asyncio.get_running_loop().call_later(value * 1e-3, self._send_late, response)
-                else:
-                    self.pdu_send(response, addr=addr)
+                owner.answer(request, self._send)
         return used
 
-    def _send_late(self, response: ModbusPDU) -> None:
+    def _send(self, response: ModbusPDU) -> None:
         if isinstance(self.transport, asyncio.Transport) and not self.transport.is_closing():
             self.pdu_send(response)
 

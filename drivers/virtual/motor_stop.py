@@ -6,6 +6,7 @@ it wound up and then let go of it at once.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 from drivers.virtual.plant_kernel import DriveLoop
@@ -24,6 +25,10 @@ class MotorView(NamedTuple):
     limited: bool  # a torque or speed limit has acted since the last look
 
 
+view_of = partial(tuple.__new__, MotorView)
+"""Of a tuple of all fields; faster than a call with as many arguments, and made in every scan."""
+
+
 class Demand(NamedTuple):
     """What the drive's loops are to do."""
 
@@ -35,6 +40,9 @@ class Demand(NamedTuple):
 MOTOR_OFF = Demand(DriveLoop.OFF, 0, 0.0)
 NO_TORQUE = Demand(DriveLoop.TORQUE, 0, 0.0)
 STANDSTILL = Demand(DriveLoop.VELOCITY, 0, 0.0)
+
+
+demand_of = partial(tuple.__new__, Demand)
 
 
 class MotorStop:

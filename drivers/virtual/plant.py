@@ -7,6 +7,7 @@ by the sample counter, so a sample has the same noise however often and whenever
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import exp, pi
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ from drivers.virtual.plant_kernel import (
     FloatArray,
     P,
     S,
+    Seen,
     advance_kernel,
     measure_kernel,
 )
@@ -43,8 +45,8 @@ ADC_BITS = 20
 SATURATION = 1.1  # of full scale
 MIN_LAG_S = 1e-6
 # Plain ints: an enum member as an index costs three times as much, and these are read in every scan.
-STEP, LIMITED, SAMPLE_COUNTER = int(S.STEP), int(S.LIMITED), int(S.SAMPLE_COUNTER)
-MOTOR_NM, DRIVEN_RAD, DRIVEN_RAD_S = int(S.MOTOR_NM), int(S.DRIVEN_RAD), int(S.DRIVEN_RAD_S)
+LIMITED = int(S.LIMITED)
+MODE, TORQUE_NM, VELOCITY_RAD_S = int(C.MODE), int(C.TORQUE_NM), int(C.VELOCITY_RAD_S)
 CHANNELS = ("torque_in", "torque_out", "angle_in", "angle_out")
 
 
@@ -58,6 +60,10 @@ class Sample(NamedTuple):
     counter: int
     time_us: int
     status: int  # bit 0 torque_in saturated, bit 1 torque_out saturated, bit 2 not ready
+
+
+_sample_of = partial(tuple.__new__, Sample)
+"""Of a tuple of all fields; faster than a call with as many arguments, and made in every scan."""
 
 
 class Plant:
@@ -76,27 +82,25 @@ class Plant:
         self._noise: FloatArray = np.zeros((NOISE_ROWS, len(CHANNELS)))
         self._out: FloatArray = np.zeros(len(CHANNELS) + 1)
         self._pending_ns = 0
+        self._seen: Seen = (0.0, 0.0, 0.0, 0.0, 0.0)
+        self.now_ns = 0  # simulated time, a whole number of inner steps
         self._gear = config.drive.gear_ratio
         self.brake_share = 1.0  # of the ordered current that the supply delivers
         self.overlay: Callable[[Sample], Sample] | None = None  # what faults make of a sample
-
-    @property
-    def now_ns(self) -> int:
-        """Simulated time, a whole number of inner steps."""
-        return int(self.state[STEP]) * STEP_NS
 
     def advance(self, duration_ns: int) -> None:
         """Move on by `duration_ns`; what is left over below an inner step is kept for the next call."""
         steps, self._pending_ns = divmod(self._pending_ns + duration_ns, STEP_NS)
         if steps > 0:
-            advance_kernel(self.state, self.params, self.control, self.table, steps)
+            self._seen = advance_kernel(self.state, self.params, self.control, self.table, steps)
+            self.now_ns += steps * STEP_NS
 
     def set_drive(self, loop: DriveLoop, torque_nm: float, velocity_rad_s: float) -> None:
         """Close one of the drive's loops with a target torque or velocity of the motor."""
         control = self.control
-        control[C.MODE] = loop
-        control[C.TORQUE_NM] = torque_nm
-        control[C.VELOCITY_RAD_S] = velocity_rad_s
+        control[MODE] = loop
+        control[TORQUE_NM] = torque_nm
+        control[VELOCITY_RAD_S] = velocity_rad_s
 
     def set_drive_limits(self, torque_nm: float, speed_rad_s: float, torque_slope_nm_s: float) -> None:
         """Set the drive's own limits, motor side."""
@@ -121,11 +125,11 @@ class Plant:
 
     def motor(self) -> tuple[float, float, float, bool]:
         """Return the motor's torque, angle and speed, and whether a limit has acted since the last call."""
-        values = self.state.tolist()
-        limited = values[LIMITED] != 0.0
+        torque_nm, angle_rad, speed_rad_s, limited, samples = self._seen
         if limited:
             self.state[LIMITED] = 0.0
-        return values[MOTOR_NM], values[DRIVEN_RAD] * self._gear, values[DRIVEN_RAD_S] * self._gear, limited
+            self._seen = (torque_nm, angle_rad, speed_rad_s, 0.0, samples)
+        return torque_nm, angle_rad * self._gear, speed_rad_s * self._gear, limited != 0.0
 
     @property
     def housing_temp_c(self) -> float:
@@ -142,7 +146,7 @@ class Plant:
 
     def sample(self) -> Sample:
         """Return the newest sample of the amplifier: all channels latched at one instant, at most 0.1 ms ago."""
-        counter = int(self.state[SAMPLE_COUNTER])
+        counter = int(self._seen[4])
         block, row = divmod(counter, NOISE_ROWS)
         if block != self._noise_block:
             generator = np.random.Generator(np.random.PCG64([block, *self._noise_seed]))
@@ -152,7 +156,8 @@ class Plant:
         torque_in, torque_out, angle_in, angle_out, status = self._out.tolist()
         time_us = counter * (SAMPLE_NS // 1000)
         bits = int(status) if counter else int(status) | 4
-        sample = Sample(torque_in, torque_out, angle_in, angle_out, counter & 0xFFFFFFFF, time_us & 0xFFFFFFFF, bits)
+        stamp = (counter & 0xFFFFFFFF, time_us & 0xFFFFFFFF, bits)
+        sample: Sample = _sample_of((torque_in, torque_out, angle_in, angle_out, *stamp))
         return sample if self.overlay is None else self.overlay(sample)
 
 

@@ -145,8 +145,15 @@ OFF = int(DriveLoop.OFF)
 VELOCITY = int(DriveLoop.VELOCITY)
 
 
-def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: FloatArray, steps: int) -> None:  # noqa: C901, PLR0912, PLR0915
-    """Advance the plant by `steps` inner steps, in place; `table` is the elastic torque over the wind-up [N·m]."""
+Seen = tuple[float, float, float, float, float]
+"""Motor torque [N·m], angle [rad] and speed [rad/s] of the driven shaft, not 0 when a limit has acted, sample count."""
+
+
+def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: FloatArray, steps: int) -> Seen:  # noqa: C901, PLR0912, PLR0915
+    """Advance the plant by `steps` inner steps, in place, and return what is looked at after each call.
+
+    `table` is the elastic torque over the wind-up [N·m].
+    """
     n_d = params[P.DRIVEN_RATIO]
     n_l = params[P.LOCKED_RATIO]
     j_d = params[P.DRIVEN_INERTIA_KGM2]
@@ -224,8 +231,10 @@ def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: 
         e2 = reference / v_ii  # takes over the torque that is there
     state[S.LAST_MODE] = control[C.MODE]
 
+    in_sample = int(step) % STEPS_PER_SAMPLE
     for _ in range(steps):
         step += 1.0
+        in_sample += 1
         brake += (brake_target - brake) * a_brake
         drift += (drift_end - drift) * a_drift
 
@@ -310,7 +319,8 @@ def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: 
         lag_tl += (reaction - lag_tl) * a_torque_l
         lag_ad += (th - lag_ad) * a_angle_d
         lag_al += (p + torque / k_fix * ARCMIN_RAD * n_l - lag_al) * a_angle_l
-        if step % STEPS_PER_SAMPLE == 0.0:
+        if in_sample == STEPS_PER_SAMPLE:
+            in_sample = 0
             state[S.SAMPLE_COUNTER] += 1.0
             state[S.SAMPLE_TORQUE_DRIVEN_NM] = lag_td
             state[S.SAMPLE_TORQUE_LOCKED_NM] = lag_tl
@@ -337,6 +347,7 @@ def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: 
     state[S.LAG_TORQUE_LOCKED_NM] = lag_tl
     state[S.LAG_ANGLE_DRIVEN_RAD] = lag_ad
     state[S.LAG_ANGLE_LOCKED_RAD] = lag_al
+    return motor, th, w, limited, state[S.SAMPLE_COUNTER]
 
 
 def _measure(state: FloatArray, channels: FloatArray, noise: FloatArray, row: int, out: FloatArray) -> None:

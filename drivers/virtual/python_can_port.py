@@ -38,8 +38,9 @@ class PythonCanPort:
     async def stop(self) -> None:
         """Leave the bus."""
         if self._bus is not None:
-            asyncio.get_running_loop().remove_reader(self._bus.fileno())
-            self._bus.shutdown()
+            bus, self._bus = self._bus, None  # what is sent from now on reaches nobody, and a closed bus raises
+            asyncio.get_running_loop().remove_reader(bus.fileno())
+            bus.shutdown()
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Put a frame on the bus; a full queue or a bus that is off loses it and is reported once."""
@@ -48,7 +49,7 @@ class PythonCanPort:
         try:
             self._bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
             self._failing = False
-        except (can.CanError, OSError) as error:
+        except (can.CanError, OSError, ValueError) as error:  # ValueError: the bus was closed under it
             if not self._failing:
                 self._failing = True
                 self._log("can_send_failed", f"{self._config.channel}: {error}")

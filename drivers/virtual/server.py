@@ -16,22 +16,25 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from drivers.virtual.cia402_tables import HEARTBEAT_LOST
-from drivers.virtual.config import ServerConfig, Socketcand
+from drivers.virtual.config import CanBus, ModbusPort, ServerConfig, SlcanPort, Socketcand
 from drivers.virtual.drive_node import DriveNode
 from drivers.virtual.errors import VirtualBenchError
 from drivers.virtual.fault_injector import Acted
+from drivers.virtual.modbus_rtu import RtuLine
 from drivers.virtual.modbus_servers import Device, ModbusServer
 from drivers.virtual.plant import Plant, warm_up
 from drivers.virtual.python_can_port import PythonCanPort
 from drivers.virtual.scenario import Scenario
+from drivers.virtual.slcan_server import SlcanServer
 from drivers.virtual.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
 LARGEST_LAG_NS = 500_000_000  # after a longer stop of the process the plant does not make up for the time
-INPUT_CHUNK = 1024
+INPUT_CHUNK = 4096
 
 LogLine = Callable[..., None]
 
@@ -41,12 +44,17 @@ class VirtualBench:
 
     def __init__(self, config: ServerConfig, scenario: Scenario | None, log: LogLine) -> None:
         bench = config.bench
-        self._log = log
+        self.log = log
         self.plant = Plant(bench)
         self._clock_ns = time.monotonic_ns()
         self._brake_on = 0
+        self._keep_truth = config.truth is not None
+        self._truth: list[tuple[int, float]] = []
+        self.can: SocketcandServer | SlcanServer | PythonCanPort
         if isinstance(config.can, Socketcand):
-            self.can: SocketcandServer | PythonCanPort = SocketcandServer(config.can.channel, self._frame, log)
+            self.can = SocketcandServer(config.can.channel, self._frame, log)
+        elif isinstance(config.can, SlcanPort):
+            self.can = SlcanServer(config.can.link, config.can.bitrate, self._frame, log)
         else:
             self.can = PythonCanPort(config.can, self._frame, log)
         self.drive = DriveNode(self.plant, bench.drive, self.can.send, scenario, self._fault_acted)
@@ -55,6 +63,7 @@ class VirtualBench:
             "brake": self._serve("brake", Device(config.brake, self._read_brake, self._write_brake)),
             "remote_io": self._serve("remote_io", Device(config.remote_io, self._read_remote_io)),
         }
+        self.serial_lines: dict[str, RtuLine] = {}
 
     def advance(self) -> None:
         """Bring the plant to the present."""
@@ -62,7 +71,7 @@ class VirtualBench:
         elapsed_ns = now_ns - self._clock_ns
         self._clock_ns = now_ns
         if elapsed_ns > LARGEST_LAG_NS:
-            self._log("process_stopped", f"the process stood still for {elapsed_ns / 1e9:.2f} s")
+            self.log("process_stopped", f"the process stood still for {elapsed_ns / 1e9:.2f} s")
             elapsed_ns = LARGEST_LAG_NS
         self.plant.advance(elapsed_ns)
 
@@ -71,12 +80,15 @@ class VirtualBench:
         self.advance()
         before = set(self.drive.faults.wires.cut)
         self.drive.tick()
+        if self._keep_truth:
+            self._truth.append((self._clock_ns, self.plant.reducer_torque_nm))
         for name in self.drive.faults.wires.cut - before:
             self.servers[name].cut()
+            self.drive.faults.seen(f"modbus.{name}")
         for event in self.drive.axis.machine.events:
-            self._log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
+            self.log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
             if event.code == HEARTBEAT_LOST and event.kind == "controller_lost":
-                self._log("controller_vanished", "the controller has vanished: the drive acts on its own")
+                self.log("controller_vanished", "the controller has vanished: the drive acts on its own")
         self.drive.axis.machine.events.clear()
 
     def _serve(self, name: str, device: Device) -> ModbusServer:
@@ -119,7 +131,26 @@ class VirtualBench:
 
     def _fault_acted(self, acted: Acted) -> None:
         fault = acted.fault
-        self._log("fault_acted", f"{fault.target} {fault.verb}", value=fault.value, plant_s=acted.at_s)
+        self.log(
+            "fault_acted",
+            f"{fault.target} {fault.verb}",
+            value=fault.value,
+            plant_s=acted.at_s,
+            monotonic_ns=time.monotonic_ns(),
+        )
+
+    def hear(self, line: bytes) -> None:
+        """Take a line about the controller: its state, the scan in which it entered it, and the newest scan."""
+        try:
+            told = json.loads(line)
+            self.drive.faults.tell(str(told["state"]), int(told["scan"]), int(told["entered"]))
+        except (ValueError, KeyError, TypeError):
+            self.log("not_understood", f"on standard input: {line[:80]!r}")
+
+    def write_truth(self, path: Path) -> None:
+        """Write the torque in the reducer, one line per tick."""
+        lines = [f"{time_ns},{torque_nm:.6g}\n" for time_ns, torque_nm in self._truth]
+        path.write_text("monotonic_ns,reducer_torque_nm\n" + "".join(lines), encoding="ascii")
 
 
 def log_line(kind: str, text: str, **more: Any) -> None:
@@ -149,14 +180,14 @@ async def run(
     for number in (signal.SIGTERM, signal.SIGINT):
         with contextlib.suppress(ValueError, RuntimeError):  # only the main thread may
             loop.add_signal_handler(number, stop.set)
-    ready = await _start(bench, config)
-    if config.end_with_parent:
-        loop.add_reader(sys.stdin.fileno(), _watch_input, loop, stop)
-    gc.collect()
-    gc.freeze()
-    bench.advance()
-    (announce or _print_ready)(ready)
     try:
+        ready = await _start(bench, config)
+        if config.end_with_parent:
+            loop.add_reader(sys.stdin.fileno(), _Input(loop, stop, bench.hear).read)
+        gc.collect()
+        gc.freeze()
+        bench.advance()
+        (announce or _print_ready)(ready)
         while not stop.is_set():
             bench.tick()
             await asyncio.sleep(TICK_S)
@@ -164,28 +195,54 @@ async def run(
         for fault in bench.drive.faults.unseen():
             log("fault_not_seen", f"{fault.target} {fault.verb} has had no effect")
         log("stopping", "virtual bench stops")
+        if config.truth is not None:
+            bench.write_truth(config.truth)
         for server in bench.servers.values():
             await server.stop()
+        for line in bench.serial_lines.values():
+            await line.stop()
         await bench.can.stop()
 
 
 async def _start(bench: VirtualBench, config: ServerConfig) -> dict[str, Any]:
     """Open all ports and return the ready message."""
     ready: dict[str, Any] = {"ready": True, "unit": config.bench.unit}
+    devices = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
     try:
-        if isinstance(bench.can, SocketcandServer) and isinstance(config.can, Socketcand):
-            port = await bench.can.start(config.can.host, config.can.port)
-            ready["can"] = {"interface": "socketcand", "host": config.can.host, "port": port}
-        elif isinstance(bench.can, PythonCanPort) and not isinstance(config.can, Socketcand):
-            await bench.can.start()
-            ready["can"] = {"interface": config.can.interface}
-        ready["can"]["channel"] = config.can.channel
-        for name, where in (("amplifier", config.amplifier), ("brake", config.brake), ("remote_io", config.remote_io)):
-            port = await bench.servers[name].start(where.host, where.port)
-            ready[name] = {"host": where.host, "port": port, "unit_id": where.unit_id}
+        ready["can"] = await _start_can(bench, config)
+        for name, where in devices.items():
+            if not where.rtu:
+                port = await bench.servers[name].start(where.host, where.port)
+                ready[name] = {"host": where.host, "port": port, "unit_id": where.unit_id}
+        for link, names in _serial_lines(devices).items():
+            line = RtuLine([bench.servers[name] for name in names], devices[names[0]].serial_port, bench.log)
+            bench.serial_lines[link] = line
+            path = await line.start()
+            ready |= {name: {"serial_port": path, "unit_id": devices[name].unit_id} for name in names}
     except OSError as error:
         raise VirtualBenchError(f"virtual bench: {error}. Choose another port, or 0 for a free one.") from error
     return ready
+
+
+async def _start_can(bench: VirtualBench, config: ServerConfig) -> dict[str, Any]:
+    if isinstance(bench.can, SocketcandServer) and isinstance(config.can, Socketcand):
+        port = await bench.can.start(config.can.host, config.can.port)
+        where = {"interface": "socketcand", "host": config.can.host, "port": port}
+    elif isinstance(bench.can, SlcanServer):
+        return {"interface": "slcan", "channel": await bench.can.start()}
+    elif isinstance(bench.can, PythonCanPort) and isinstance(config.can, CanBus):
+        await bench.can.start()
+        where = {"interface": config.can.interface}
+    return where | {"channel": config.can.channel}
+
+
+def _serial_lines(devices: dict[str, ModbusPort]) -> dict[str, list[str]]:
+    """Return the devices of each serial line, by the port's name; without a name a device has a line of its own."""
+    lines: dict[str, list[str]] = {}
+    for name, where in devices.items():
+        if where.rtu:
+            lines.setdefault(where.serial_port or name, []).append(name)
+    return lines
 
 
 def _print_ready(ready: dict[str, Any]) -> None:
@@ -193,8 +250,19 @@ def _print_ready(ready: dict[str, Any]) -> None:
     sys.stdout.flush()
 
 
-def _watch_input(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
-    """End with the parent: its end of our standard input closes when it dies, however it dies."""
-    if not os.read(sys.stdin.fileno(), INPUT_CHUNK):
-        loop.remove_reader(sys.stdin.fileno())
-        stop.set()
+class _Input:
+    """Our standard input: lines about the controller; when the parent dies, however it dies, its end closes."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, stop: asyncio.Event, hear: Callable[[bytes], None]) -> None:
+        self._loop, self._stop, self._hear = loop, stop, hear
+        self._rest = b""
+
+    def read(self) -> None:
+        """Take what is there; the end of the input ends the bench."""
+        chunk = os.read(sys.stdin.fileno(), INPUT_CHUNK)
+        if not chunk:
+            self._loop.remove_reader(sys.stdin.fileno())
+            self._stop.set()
+        *lines, self._rest = (self._rest + chunk).split(b"\n")
+        for line in lines:
+            self._hear(line)

@@ -144,3 +144,38 @@ def quantised(angle_rad: np.ndarray, bits: int | None) -> np.ndarray:
         return angle_rad
     step = 2 * math.pi / 2**bits
     return np.round(angle_rad / step) * step
+
+
+def timed_trace(  # noqa: PLR0917
+    unit: ReferenceUnit,
+    peak: float,
+    cycles: int = 2,
+    speed_arcmin_s: float | tuple[float, ...] = 0.385,
+    dwell_s: float = 0.0,
+    period_s: float = 1e-3,
+) -> Trace:
+    """Noise-free cycles from +peak at a constant speed of the wind-up (one, or one per cycle), all channels at once."""
+    phi, rising, falling = unit.branches(peak)
+    speeds = speed_arcmin_s if isinstance(speed_arcmin_s, tuple) else (speed_arcmin_s,) * cycles
+    torque, angle, segment, table = [], [], [], {}
+    for cycle, speed in enumerate(speeds, start=1):
+        for direction, way in ((-1, phi[::-1]), (1, phi)):
+            turned = np.arange(0.0, phi[-1] - phi[0], speed * period_s)
+            along = way[0] + direction * turned
+            torque.append(np.interp(along, phi, rising if direction > 0 else falling))
+            angle.append(along)
+            table[len(table)] = SegmentInfo("measure", direction, cycle)
+            segment.append(np.full(along.size, len(table) - 1))
+            rest = round(dwell_s / period_s)
+            torque.append(np.full(rest, torque[-1][-1]))
+            angle.append(np.full(rest, along[-1]))
+            table[len(table)] = SegmentInfo("dwell", 0, cycle)
+            segment.append(np.full(rest, len(table) - 1))
+    torque_out = np.concatenate(torque)
+    return Trace(
+        t_s=np.arange(torque_out.size) * period_s,
+        torque_out_nm=torque_out,
+        angle_out_rad=np.concatenate(angle) * ARC,
+        segment=np.concatenate(segment),
+        segments=table,
+    )

@@ -17,6 +17,9 @@ from analysis import (
     commanded_runs,
     fit_quadrants,
 )
+from analysis.quadrants import output_torque
+from analysis.studies.simulated_run import SimulatedBench, course_of
+from analysis.studies.simulated_unit import SimulatedUnit
 
 METHOD = Method(ratio=121, rated_torque_nm=412, output_torque="calibrated")
 WANTED = [
@@ -42,10 +45,36 @@ def test_four_lines() -> None:
 
 
 def test_transition_length_is_that_of_presliding() -> None:
-    """Presliding length at the peak: friction level over presliding stiffness."""
+    """Friction level over presliding stiffness, where the friction goes over: from the peak to 15 % below it."""
     unit = ReferenceUnit()
-    level = unit.input_friction_nm + unit.input_friction_slope * 453.2 / 121
-    assert QUADRANTS.transition_rad == pytest.approx(level / unit.input_presliding, rel=0.05)
+    lowest, highest = (
+        (unit.input_friction_nm + unit.input_friction_slope * torque / 121) / unit.input_presliding
+        for torque in (0.85 * 453.2, 453.2)
+    )
+    assert lowest < QUADRANTS.transition_rad < highest
+
+
+@pytest.mark.parametrize(("loading", "unloading"), [(0.12, 0.17), (0.17, 0.12)])
+def test_friction_that_differs_between_loading_and_unloading(loading: float, unloading: float) -> None:
+    """About zero torque both lines hold for the same input torque: the order in time decides."""
+    unit = SimulatedUnit(friction_loading_nm=loading, friction_unloading_nm=unloading)
+    bench = SimulatedBench(cycles=1)
+    course = course_of(unit, bench)
+    turned = (course.windup_arcmin + course.torque_nm / bench.fixture_nm_per_arcmin) * 121 * np.pi / 10_800
+    trace = Trace(
+        torque_in_nm=course.torque_in_nm,
+        torque_out_nm=course.torque_nm,
+        angle_in_rad=turned,
+        segment=course.segment,
+        segments=course.segments,
+    )
+    runs = commanded_runs(trace)
+    quadrants = fit_quadrants(trace, runs)
+    for run in [run for run in runs if run.role == "measure"]:
+        converted, _ = output_torque(quadrants, run.take(trace.torque_in_nm), run.direction, run.take(turned))
+        error = np.abs(converted - run.take(trace.torque_out_nm))
+        assert np.median(error) < 0.02
+        assert error.max() < 1.0  # 7 N·m when both lines count
 
 
 def test_loop_from_input_torque() -> None:

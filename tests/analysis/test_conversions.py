@@ -9,9 +9,11 @@ from analysis.conversions import (
     ARCMIN_PER_DEGREE,
     ARCSEC_PER_ARCMIN,
     angle_at_output,
+    compensated_stiffness,
     encoder_step_arcmin,
     nm_per_arcmin,
     nm_per_rad,
+    series_stiffness,
     stiffness_at_output,
 )
 
@@ -29,6 +31,27 @@ def test_angles_at_the_output() -> None:
 def test_encoder_with_ten_thousand_lines() -> None:
     assert encoder_step_arcmin(10_000) == pytest.approx(2.16)
     assert encoder_step_arcmin(10_000, interpolation=4) == pytest.approx(0.54)
+
+
+@pytest.mark.parametrize(("fixture", "read"), [(5000.0, 112.58), (2000.0, 108.90), (500.0, 93.61)])
+def test_compensation_of_the_fixture(fixture: float, read: float) -> None:
+    """What unit P1 reads on a fixture, of which half the compliance is at the input with i = 121, and what it has."""
+    at_input = 2 * fixture / 121**2
+    assert stiffness_at_output(at_input, 121) == pytest.approx(2 * fixture)
+    assert series_stiffness(2 * fixture, 2 * fixture) == pytest.approx(fixture)
+    assert compensated_stiffness(read, 2 * fixture, at_input, 121) == pytest.approx(115.17, abs=8e-3)
+    assert compensated_stiffness(read, fixture, 1e9, 121) == pytest.approx(115.17, abs=8e-3)
+
+
+def test_compensation_by_the_printed_formula() -> None:
+    measured, output_side, input_side = 66.589, 800.0, 0.5
+    printed = 1 / (1 / measured - 1 / output_side - 1 / (input_side * 121**2))
+    assert compensated_stiffness(measured, output_side, input_side, 121) == pytest.approx(printed)
+
+
+def test_a_fixture_softer_than_what_was_measured_is_said() -> None:
+    with pytest.raises(AnalysisError, match="the fixture alone has 90"):
+        compensated_stiffness(95.0, 100.0, 1000.0 / 121**2, 121.0)
 
 
 @given(st.floats(1e-6, 1e9), st.floats(0.1, 1e3))

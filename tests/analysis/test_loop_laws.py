@@ -33,6 +33,13 @@ def values(trace: Trace, method: Method = METHOD) -> dict[tuple[str, str], float
     return found
 
 
+def near(expected: dict[tuple[str, str], float], rel: float) -> dict[tuple[str, str], object]:
+    """The asymmetry is a small difference of two large angles: it is as exact as they are, not as itself."""
+    windup_arcsec = 60.0 * expected["windup", "both"]
+    least = {"asymmetry_at_rated": rel * windup_arcsec}
+    return {key: pytest.approx(value, rel=rel, abs=least.get(key[0])) for key, value in expected.items()}
+
+
 def loop(unit: ReferenceUnit, points: int = 2001) -> tuple[Trace, np.ndarray, np.ndarray]:
     trace = exact_trace(unit, 470.0, points)
     assert trace.torque_out_nm is not None
@@ -48,7 +55,7 @@ def test_mirroring_the_loop_mirrors_the_sides(unit: ReferenceUnit) -> None:
     mirrored = dataclasses.replace(trace, torque_out_nm=-torque, angle_out_rad=-angle, segments=table)
     swapped = {"+": "-", "-": "+", "both": "both"}
     expected = {(name, swapped[side]): value for (name, side), value in values(trace).items()}
-    assert values(mirrored) == pytest.approx(expected, rel=1e-9)
+    assert values(mirrored) == near(expected, 1e-9)
 
 
 @settings(max_examples=15, deadline=None)
@@ -61,7 +68,7 @@ def test_scaling_torque_scales_stiffness_and_energy_and_nothing_else(unit: Refer
         key: value * (factor if key[0] in STIFFNESSES or key[0] == "hysteresis_energy" else 1.0)
         for key, value in values(trace).items()
     }
-    assert values(scaled, method) == pytest.approx(expected, rel=1e-6)
+    assert values(scaled, method) == near(expected, 1e-6)
 
 
 @settings(max_examples=15, deadline=None)
@@ -69,7 +76,7 @@ def test_scaling_torque_scales_stiffness_and_energy_and_nothing_else(unit: Refer
 def test_where_the_angle_is_zero_does_not_matter(unit: ReferenceUnit, shift: float) -> None:
     trace, _, angle = loop(unit)
     shifted = dataclasses.replace(trace, angle_out_rad=angle + shift)
-    assert values(shifted) == pytest.approx(values(trace), rel=1e-6)
+    assert values(shifted) == near(values(trace), 1e-6)
 
 
 @settings(max_examples=10, deadline=None)
@@ -77,7 +84,7 @@ def test_where_the_angle_is_zero_does_not_matter(unit: ReferenceUnit, shift: flo
 def test_a_loop_equals_itself_resampled(unit: ReferenceUnit, points: int) -> None:
     trace, _, _ = loop(unit, 2500)
     again, _, _ = loop(unit, points)
-    assert values(again) == pytest.approx(values(trace), rel=2e-3)
+    assert values(again) == near(values(trace), 2e-3)
 
 
 @settings(max_examples=60, deadline=None)

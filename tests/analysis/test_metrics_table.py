@@ -47,7 +47,7 @@ def test_first_set_is_there() -> None:
 
 
 def test_units() -> None:
-    assert set(METRIC_UNITS.values()) == {"arcmin", "N·m/arcmin", "N·m·arcmin", "N·m", "1"}
+    assert set(METRIC_UNITS.values()) == {"arcmin", "arcsec", "N·m/arcmin", "N·m·arcmin", "N·m", "1"}
 
 
 @pytest.mark.parametrize("name", METRICS)

@@ -56,6 +56,12 @@ LOOP = [
     (MetricWanted("lost_motion"), 0.9591, 5e-5),
     (MetricWanted("spring_constant", variant="direct"), 115.17, 5e-3),
     (MetricWanted("spring_constant"), 115.172, 1e-3),
+    (MetricWanted("spring_constant", variant="centred"), 123.736, 2e-3),
+    (MetricWanted("spring_constant", variant="from"), 133.677, 2e-3),
+    (MetricWanted("spring_constant", side="-"), 45.742, 1e-3),
+    (MetricWanted("stiffness_at", torque_nm=206.0), 30.450, 1e-3),
+    (MetricWanted("stiffness_50_100", branch="mean"), 48.873, 1e-3),
+    (MetricWanted("stiffness_50_100", branch="mean", side="-"), 32.745, 1e-3),
     (MetricWanted("hysteresis_energy"), 526.86, 5e-3),
     (MetricWanted("windup"), 27.4576, 1e-4),
 ]

@@ -1,4 +1,4 @@
-"""The three Modbus devices of the virtual bench by a real pymodbus server, in a thread of the test process."""
+"""The three Modbus devices of the virtual bench by pymodbus' own servers, in a thread of the test process."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import asyncio
 import threading
 
 from pymodbus.constants import ExcCodes
-from pymodbus.server import ModbusTcpServer
+from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 AMPLIFIER, BRAKE, REMOTE_IO = 1, 2, 3
@@ -25,9 +25,10 @@ def _device(unit_id: int, inputs: list[int], holdings: list[int], action: object
 
 
 class PymodbusBench:
-    """Server on a free port: the amplifier counts its samples, the brake does as it is told."""
+    """Server on a free TCP port, or on a serial port: the amplifier counts its samples, the brake does as told."""
 
-    def __init__(self) -> None:
+    def __init__(self, serial_port: str = "") -> None:
+        self._serial_port = serial_port
         self.orders = [0, 0]
         self.writes = 0
         self.sample_counter = 0
@@ -37,7 +38,7 @@ class PymodbusBench:
         self.port = 0
         self._loop = asyncio.new_event_loop()
         self._up = threading.Event()
-        self._server: ModbusTcpServer | None = None
+        self._server: ModbusTcpServer | ModbusSerialServer | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
         assert self._up.wait(5)
@@ -71,9 +72,13 @@ class PymodbusBench:
             _device(BRAKE, [0x4C42, 0, 0], [0, 0], self._brake),
             _device(REMOTE_IO, [0x4C49, 0b11, 253, 0xFFCE], [0], None),
         ]
-        self._server = ModbusTcpServer(devices, address=("127.0.0.1", 0))
-        await self._server.listen()
-        self.port = self._server.transport.sockets[0].getsockname()[1]  # type: ignore[union-attr]
+        if self._serial_port:
+            self._server = ModbusSerialServer(devices, port=self._serial_port, baudrate=115200)
+            await self._server.listen()
+        else:
+            self._server = ModbusTcpServer(devices, address=("127.0.0.1", 0))
+            await self._server.listen()
+            self.port = self._server.transport.sockets[0].getsockname()[1]  # type: ignore[union-attr]
         self._up.set()
         await self._server.serving
 

@@ -45,3 +45,19 @@ def test_a_place_that_cannot_be_written_is_told(lostmotion, out):
     told = lostmotion("export", str(ran.record), "--out", out)
     assert told.exit_code == 2
     assert "cannot be written" in told.err
+
+
+def test_an_altered_record_is_exported_as_one_that_decides_nothing(lostmotion, tmp_path):
+    ran = lostmotion("run", str(GOLDEN_RECIPE), "--virtual-time", "--json", "--serial", "A")
+    timing = (ran.record / "timing.json").read_text(encoding="utf-8")
+    (ran.record / "timing.json").write_text(timing.replace('"missed": 0', '"missed": 00'), encoding="utf-8")
+    path = tmp_path / "altered.parquet"
+    told = lostmotion("export", str(ran.record), "--out", str(path))
+    assert told.exit_code == 3
+    assert told.out.splitlines()[0].startswith("RECORD ALTERED")
+    run = json.loads(pq.read_schema(path).metadata[b"lostmotion"])
+    assert run["altered"][0].startswith("timing.json")
+    assert run["verdict"] == "NOT DECIDABLE"
+    assert run["reasons"][0].startswith("record altered: timing.json")
+    again = lostmotion("export", str(ran.record), "--out", str(path), "--json")
+    assert (again.exit_code, again.json["altered"]) == (3, run["altered"])

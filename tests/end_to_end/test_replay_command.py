@@ -18,14 +18,23 @@ def stored(lostmotion):
     return lostmotion("run", str(GOLDEN_RECIPE), "--virtual-time", "--json", "--serial", "R").record
 
 
+def as_if_cut_off(stored: Path) -> None:
+    """What a power failure leaves: a run that nobody concluded, without events, result and checksums."""
+    for name in ("events.jsonl", "result.json"):
+        (stored / name).unlink()
+    manifest = json.loads((stored / "run.json").read_text(encoding="utf-8"))
+    del manifest["files"]
+    manifest |= {"state": "interrupted", "verdict": None}
+    (stored / "run.json").write_text(json.dumps(manifest), encoding="utf-8")
+
+
 def test_stored_run_replays_identically_and_a_cut_one_up_to_the_cut(lostmotion, stored):
     ran = lostmotion("replay", str(stored), "--json")
     scans = (stored / "samples.bin").stat().st_size // RECORD_BYTES
     assert ran.exit_code == 0
     assert ran.json["identical_scans"] == scans
     assert (ran.json["difference"], ran.json["events_differ"], ran.json["program_differs"]) == (None, [], [])
-    for name in ("events.jsonl", "result.json"):
-        (stored / name).unlink()
+    as_if_cut_off(stored)
     with (stored / "samples.bin").open("r+b") as file:
         file.truncate(1000 * RECORD_BYTES + 17)
     ran = lostmotion("replay", str(stored))
@@ -91,3 +100,18 @@ def test_what_if_lists_interlocks_and_metrics_that_would_have_changed(lostmotion
 def test_unknown_run_and_recipe_are_bad_input(lostmotion, stored):
     assert lostmotion("replay", "nothing-like-it").exit_code == 2
     assert lostmotion("replay", str(stored), "--recipe", "no-such-recipe").exit_code == 2
+
+
+def test_an_altered_record_is_replayed_but_never_called_identical_without_saying_so(lostmotion, stored):
+    result = (stored / "result.json").read_text(encoding="utf-8")
+    (stored / "result.json").write_text(result.replace("NOT DECIDABLE", "PASS"), encoding="utf-8")
+    ran = lostmotion("replay", str(stored))
+    assert ran.exit_code == 3
+    first, second, *_ = ran.out.splitlines()
+    assert first.startswith("RECORD ALTERED")
+    assert second.startswith("record altered: result.json")
+    ran = lostmotion("replay", str(stored), "--json", "--recipe", str(GOLDEN_RECIPE))
+    assert ran.exit_code == 3
+    assert ran.json["altered"][0].startswith("result.json")
+    assert ran.json["difference"] is None
+    assert "what_if" not in ran.json

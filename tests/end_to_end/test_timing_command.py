@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from station.command_timing import explain, lines
@@ -9,6 +11,9 @@ from station.command_timing import explain, lines
 pytestmark = pytest.mark.wires
 SECONDS = 1.5
 PERIODS = 1500
+LARGEST_KB = 150 * 1024
+SLACK_KB = 4 * 1024
+"""Far above what a scan process gains (some 100 KiB, once), far below one that keeps a record of every scan."""
 
 
 def test_every_period_is_counted_or_missed_and_the_figures_are_explained(lostmotion):
@@ -23,13 +28,41 @@ def test_every_period_is_counted_or_missed_and_the_figures_are_explained(lostmot
         assert 0 < row["p50"] <= row["p99"] <= row["p999"] <= row["max"]
     parts = sum(found["parts_us"][part]["p50"] for part in ("read", "step", "write"))
     assert parts == pytest.approx(found["work_us"]["p50"], rel=0.3)
-    assert set(found["realtime"]["details"]) >= {"fifo", "mlock", "timer_slack", "affinity"}
+    asked = {"fifo", "mlock", "timer_slack", "affinity", "gc_off", "prefault", "spin_tail"}
+    assert set(found["realtime"]["details"]) == asked
+    assert found["records"] == {"checked": found["scans"], "problem": ""}
+    memory = found["resident_kb"]
+    assert 0 < memory["before"] <= memory["after"] + SLACK_KB < LARGEST_KB
+    assert memory["after"] - memory["before"] < SLACK_KB
     assert sum(gap["missed"] for gap in found["gaps"]) == found["missed"] or found["gaps_in_all"] > len(found["gaps"])
     assert found["counters"], "the bench was not talked to"
     assert found["explanation"] == explain(found)
     text = "\n".join(lines(found))
-    for word in ("lateness", "read", "step", "write", "record", "what stands in the way", "granted"):
+    for word in (
+        "lateness",
+        "read",
+        "step",
+        "write",
+        "record",
+        "what stands in the way",
+        "granted",
+        "MiB at its end",
+        "2174 Hz",
+    ):
         assert word in text
+
+
+def test_two_kilohertz_by_the_recipe(lostmotion, tmp_path):
+    path = tmp_path / "2khz.yaml"
+    text = Path("recipes/rv-40e-121-quick.yaml").read_text(encoding="utf-8")
+    path.write_text(text.replace("period: 1 ms", "period: 500 us"), encoding="utf-8")
+    ran = lostmotion("timing", "--recipe", str(path), "--seconds", "1", "--json")
+    assert (ran.json["period_ns"], ran.json["records"]["problem"]) == (500_000, "")
+    assert ran.json["periods"] >= 2000
+    ran = lostmotion("run", str(path), "--virtual-time", "--json", "--serial", "FAST")
+    assert (ran.json["state"], ran.json["verdict"]) == ("complete", "PASS")
+    assert ran.json["timing"]["period_ns"] == 500_000
+    assert ran.json["timing"]["scans"] > 90_000
 
 
 def test_an_unknown_bench_is_bad_input(lostmotion):

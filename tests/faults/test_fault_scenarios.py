@@ -33,7 +33,7 @@ def guard_opened() -> FaultRun:
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_scenario_holds(path, capsys):
-    assert command_faults.run(path, None, None, as_json=False) == 0
+    assert command_faults.run(path, None, None, None, wires=False, as_json=False) == 0
     assert "holds" in capsys.readouterr().out
 
 
@@ -45,7 +45,7 @@ def test_a_fault_that_does_not_act_fails_its_scenario(tmp_path, capsys):
         "expect:\n  - {final_state: complete}\n",
         encoding="utf-8",
     )
-    assert command_faults.run(path, None, None, as_json=False) == 1
+    assert command_faults.run(path, None, None, None, wires=False, as_json=False) == 1
     assert "io.guard open has had no effect" in capsys.readouterr().out
 
 

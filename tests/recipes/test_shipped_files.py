@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 import pickle
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analysis import MetricWanted as AnalysisMetric
+from analysis.curves import FITS
 from analysis.metrics import METRIC_UNITS as UNITS_OF_ANALYSIS
-from analysis.metrics import METRICS
+from analysis.metrics import METRICS, definition
 from recipes import (
     METRIC_UNITS,
+    PRESETS,
     RecipeError,
     check,
     default_bench,
@@ -23,7 +27,9 @@ from recipes import (
     shipped_benches,
     shipped_recipes,
 )
+from recipes.metric_units import FITS as FITS_OF_RECIPES
 from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
+from recipes.recipe_schema import PresetName, preset_metrics
 from recipes.section import option_name
 from recipes.sequence_schema import STAGES
 
@@ -110,6 +116,29 @@ def test_metrics_are_those_of_the_analysis():
         row = METRICS[metric]
         assert (needs.branches, needs.sides) == (row.branches, row.sides), metric
         assert {name.removesuffix("_nm") for name in row.free} == set(needs.free), metric
+        assert needs.variants == (row.variants if len(row.variants) > 1 else ()), metric
+        assert needs.fits == row.fits, metric
+        assert needs.branches[0] == row.branch, metric
+        assert needs.band == (row.band if "band" in row.free else None), metric
+        assert row.torque in (None, needs.reach), metric
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_whole(name):
+    row = PRESETS[name]
+    assert all((row.text, row.reference, row.breaks, row.metrics))
+    for metric in preset_metrics(name):
+        assert (metric.min, metric.max) == (None, None)
+        definition(
+            AnalysisMetric(metric.id, branch=metric.branch, band=metric.band, variant=metric.variant, fit=metric.fit)
+        )
+    keys = [metric.key(412.0) for metric in preset_metrics(name)]
+    assert len(set(keys)) == len(keys)
+
+
+def test_every_preset_can_be_named():
+    assert set(get_args(PresetName)) == set(PRESETS)
+    assert set(FITS_OF_RECIPES) == set(FITS)
 
 
 def test_every_kind_of_step_is_shipped():

@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 from initramfs import initramfs
@@ -20,7 +21,11 @@ from initramfs import initramfs
 ROOT = Path(__file__).parents[2]
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "lostmotion-socketcan"
 MACHINE = "qemu-system-x86_64"
-LONGEST_S = int(os.environ.get("SOCKETCAN_SECONDS", "900"))
+LONGEST_S = int(os.environ.get("SOCKETCAN_SECONDS", "580"))
+KVM_BOOT_S = 20
+"""A guest on a processor that works is up in 3 s; one inside another virtual machine may stand still for ever."""
+
+NOT_UP = 126
 JOB = """cd {root} || exit 99
 export PATH={path} HOME=/tmp PYTHONDONTWRITEBYTECODE=1 PYTHONUNBUFFERED=1 NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
 export NUMBA_CACHE_DIR={numba}
@@ -72,17 +77,26 @@ def compile_physics() -> Path:
     return cache
 
 
-def boot(unpacked: Path, job: str) -> int:
-    """Boot the guest, show what it says, and return the exit code of its job; 125 when it never got there."""
+def accelerators() -> list[str]:
+    """Return what to try, best first: the processor itself where the kernel lends it, else emulation."""
+    lent = os.access("/dev/kvm", os.R_OK | os.W_OK)
+    return [*(["kvm"] if lent else []), "tcg,thread=multi"]
+
+
+def boot(unpacked: Path, job: str, accelerator: str, boot_s: float) -> int:
+    """Boot the guest, show what it says, and return the exit code of its job.
+
+    125: its job did not end within the time. 126: it was not up within `boot_s`, as in a guest of a guest.
+    """
     kernel = next(iter(sorted(unpacked.glob("boot/vmlinuz-*"))))
-    code = 125
+    code = NOT_UP
     with tempfile.TemporaryDirectory() as folder:
         first = Path(folder) / "initramfs"
         first.write_bytes(initramfs(unpacked, job))
         share = "local,path=/,mount_tag=project,security_model=none,readonly=on,multidevs=remap"
         command = [
             *("timeout", str(LONGEST_S), MACHINE, "-nodefaults", "-no-reboot", "-nographic", "-serial", "stdio"),
-            *("-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", "3072"),
+            *("-accel", accelerator, "-cpu", "max,arch-capabilities=off", "-smp", "2", "-m", "3072"),
             *("-kernel", str(kernel), "-initrd", str(first), "-append", "console=ttyS0 quiet panic=-1 rdinit=/init"),
             *("-virtfs", share),
         ]
@@ -90,13 +104,19 @@ def boot(unpacked: Path, job: str) -> int:
             command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         ) as guest:
             assert guest.stdout is not None
+            too_late = threading.Timer(boot_s, guest.terminate)
+            too_late.start()
             for line in guest.stdout:
                 text = line.decode(errors="replace").rstrip()
                 ended = re.search(r"guest: exit (\d+)", text)
-                if ended:
+                if "guest: up" in text:
+                    too_late.cancel()
+                    code = 125
+                elif ended:
                     code = int(ended[1])
                 sys.stdout.write(f"{text}\n")
                 sys.stdout.flush()
+            too_late.cancel()
     return code
 
 
@@ -108,7 +128,12 @@ def main() -> int:
         sys.stdout.write(f"test-socketcan: SKIPPED, {reason}\n")
         return 0
     job = JOB.format(root=ROOT, path=os.environ["PATH"], python=sys.executable, numba=compile_physics())
-    code = boot(unpacked, job)
+    for accelerator in accelerators():
+        limit_s = KVM_BOOT_S if accelerator == "kvm" else LONGEST_S
+        code = boot(unpacked, job, accelerator, limit_s)
+        if code != NOT_UP:
+            break
+        sys.stdout.write(f"test-socketcan: the guest did not come up with {accelerator}\n")
     sys.stdout.write(f"test-socketcan: {'passed' if code == 0 else f'FAILED with {code}'}\n")
     return code
 

@@ -31,6 +31,7 @@ for name in proc sys dev; do /bin/busybox mount --move /$name /root/$name; done
 /bin/busybox ip link set lo up
 /bin/busybox ip link add dev vcan0 type vcan
 /bin/busybox ip link set vcan0 up || say "no vcan0"
+say "up"
 /bin/busybox cp /job /root/tmp/socketcan-job
 /bin/busybox chroot /root /bin/sh /tmp/socketcan-job
 say "exit $?"

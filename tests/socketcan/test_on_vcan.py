@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,8 @@ import pytest
 
 from drivers.can_bus import CanLink, open_can
 from drivers.config import CanConfig
+from drivers.virtual.config import CanBus
+from drivers.virtual.python_can_port import PythonCanPort
 
 pytestmark = pytest.mark.skipif(
     not Path("/sys/class/net/vcan0").exists(),
@@ -67,3 +70,24 @@ def test_an_empty_bus_never_makes_the_scan_wait(link: CanLink) -> None:
     for _ in range(100):
         assert link.receive() is None
     assert time.monotonic() - start < 2.0
+
+
+def test_the_virtual_drives_port_says_nothing_more_once_it_is_closed(other: can.BusABC) -> None:
+    """The drive still had something to say when its bus was closed: ValueError, file descriptor -1."""
+    told: list[str] = []
+
+    async def use() -> None:
+        port = PythonCanPort(
+            CanBus("socketcan", "vcan0"), lambda _id, _data: None, lambda kind, _text: told.append(kind)
+        )
+        await port.start()
+        port.send(0x185, b"\x37\x12")
+        await port.stop()
+        port.send(0x185, b"\x37\x13")
+
+    asyncio.run(use())
+    heard = other.recv(5.0)
+    assert heard is not None
+    assert bytes(heard.data) == b"\x37\x12"
+    assert other.recv(0.2) is None
+    assert told == []

@@ -179,7 +179,7 @@ def test_too_many_missed_periods_invalidate_the_measurement(
 
 def test_a_disk_that_is_full_for_the_report_does_not_hide_the_result(tmp_path: Path) -> None:
     full = (
-        "import sys, station.cli as cli, station.command_run as run\n"
+        "import sys, station.cli as cli, station.illustrate as run\n"
         "def no_room(*_, **__): raise OSError(28, 'No space left on device')\n"
         "run.png = no_room\n"
         "cli.main()\n"

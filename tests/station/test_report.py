@@ -50,6 +50,19 @@ def test_a_bench_that_did_not_open_has_a_bullet_per_device_and_no_timing() -> No
     assert "<h2>Timing</h2>" not in text
 
 
+def test_what_was_asked_of_the_machine_and_what_is_in_its_way_is_in_the_report() -> None:
+    realtime = {"fifo": False, "mlock": True, "details": {"fifo": "not <permitted>", "mlock": "all pages"}}
+    realtime["machine"] = [{"name": "kernel", "in_order": False, "found": "no realtime kernel", "mend": "install one"}]
+    plain = result(clock="real", run="id", attempt=1, notes=[], decision={"rule": "simple", "guard_factor": 0.0})
+    timing = {"scans": 10, "missed": 0, "clock": "real", "period_ns": 1_000_000, "oldest_sample_scans": 1}
+    late = {"p50": 1.0, "p99": 2.0, "p999": 3.0, "max": 4.0}
+    plain["timing"] = timing | {"realtime": realtime, "lateness_us": late, "work_us": late}
+    text = report_html(plain, RUN | {"clock": "real"}, [], {}, {}).decode()
+    assert "<dt>fifo</dt><dd>refused: not &lt;permitted&gt;</dd>" in text
+    assert "<dt>mlock</dt><dd>granted: all pages</dd>" in text
+    assert "no realtime kernel; to mend it: install one" in text
+
+
 def test_temperatures_and_zeroes_are_in_the_report() -> None:
     program = load_job(str(shipped_recipes()["rv-40e-121-quick"]), None).program
     table = np.zeros(2, dtype=RECORD_DTYPE)

@@ -1,0 +1,306 @@
+"""Figures of the validity gates: one small function each, from the evidence to a number.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.alignment import windup_speed
+from analysis.branches import Blocks
+from analysis.measured import Evidence, Measured
+from analysis.samples import BranchSamples
+from analysis.units import BoolArray, FloatArray
+
+NOT_EVALUATED = "the trace could not be evaluated"
+NO_RECORD = "the trace comes from elsewhere: nothing is known of how it was recorded"
+GRID_POINTS = 81
+MIDDLE = 0.8
+"""Share of the peak torque up to which branches are compared: beyond it friction may still be reversing."""
+
+RATE_BLOCKS = 60
+"""Stretches of a branch whose rate is compared."""
+
+BIN_FRACTION = 0.02
+"""Width of a torque bin, of the reference torque."""
+
+LOADED_FRACTION = 0.5
+"""Share of the reference torque above which the two torque channels are compared."""
+
+
+class Reading(NamedTuple):
+    """Figure of a gate in its unit, and words that say more than the gate's own; infinity where there is no number."""
+
+    figure: float
+    words: str = ""
+
+
+def objections(evidence: Evidence) -> Reading | str:
+    """Count what was said against the record itself."""
+    return Reading(float(len(evidence.objections)), "; ".join(evidence.objections))
+
+
+def missed_periods(evidence: Evidence) -> Reading | str:
+    """Share of scan periods that were missed, %."""
+    facts = evidence.facts
+    if facts is None:
+        return NO_RECORD
+    share = facts.missed / facts.periods if facts.periods else 0.0
+    return Reading(share * 100.0, f"{facts.missed} of {facts.periods} scan periods were missed ({share:.3%})")
+
+
+def sample_age(evidence: Evidence) -> Reading | str:
+    """Age of the oldest sample, scans."""
+    facts = evidence.facts
+    if facts is None:
+        return NO_RECORD
+    return Reading(facts.oldest_sample_scans, f"a sample was {facts.oldest_sample_scans} scans old while measuring")
+
+
+def torque_in_saturated(evidence: Evidence) -> Reading | str:
+    """Count samples with the status bit."""
+    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.torque_in_saturated)
+
+
+def torque_out_saturated(evidence: Evidence) -> Reading | str:
+    """Count samples with the status bit."""
+    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.torque_out_saturated)
+
+
+def not_ready(evidence: Evidence) -> Reading | str:
+    """Count samples with the status bit."""
+    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.not_ready)
+
+
+def clipping(evidence: Evidence) -> Reading | str:
+    """Share of the wind-up in which the torque stands exactly at its end, %."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    shares = []
+    for one in _sides(found):
+        span = float(np.ptp(one.windup_arcmin))
+        for end in (one.torque_nm.max(), one.torque_nm.min()):
+            at_end = np.flatnonzero(one.torque_nm == end)
+            moved = abs(float(one.windup_arcmin[at_end[-1]] - one.windup_arcmin[at_end[0]]))
+            shares.append(moved / span if span > 0 else 0.0)
+    return Reading(100.0 * max(shares))
+
+
+def wrong_way(evidence: Evidence) -> Reading | str:
+    """Energy of the cycle that loses least, N·m·arcmin."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    energy = min(loop.energy_nm_arcmin for loop in found.loops)
+    text = f"the loop runs the wrong way round ({energy:.3g} N·m·arcmin in a cycle; a loss is positive)"
+    return Reading(energy, text if energy < 0 else "")
+
+
+def loop_closure(evidence: Evidence) -> Reading | str:
+    """Wind-up between start and end of a cycle at the same torque, % of the wind-up of the loop."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    gaps = []
+    for number, pair in enumerate(found.pairs):
+        blocks = found.blocks[2 * number : 2 * number + 2]
+        order = (0, 1) if pair[0].run.pieces[0].start < pair[1].run.pieces[0].start else (1, 0)
+        if pair[order[0]].masked:
+            return "the torque after a reversal is masked: the cycle has no start to compare"
+        leaving, arriving = blocks[order[0]], blocks[order[1]]
+        reach = max(1, arriving.torque_nm.size // 50)
+        way = float(arriving.torque_nm[-1] - arriving.torque_nm[-1 - reach])
+        slope = float(arriving.angle_arcmin[-1] - arriving.angle_arcmin[-1 - reach]) / way if way else 0.0
+        between = slope * float(leaving.torque_nm[0] - arriving.torque_nm[-1])
+        gaps.append(abs(float(leaving.angle_arcmin[0] - arriving.angle_arcmin[-1]) - between))
+    return Reading(100.0 * max(gaps) / _span(found))
+
+
+def drift(evidence: Evidence) -> Reading | str:
+    """Drift of the wind-up in a cycle, whether corrected or not, % of the wind-up."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    shift = found.drift.per_cycle_arcmin
+    if shift is None:
+        return "one cycle of a kind shows no drift"
+    return Reading(100.0 * abs(shift) / _span(found), f"the wind-up drifts by {abs(shift):.3g} arcmin in a cycle")
+
+
+def repeat(evidence: Evidence) -> Reading | str:
+    """Largest deviation (rms over torque) of a branch from the mean of its direction, % of the wind-up."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if len(found.loops) < 2:
+        return "one cycle repeats nothing"
+    peak = min(min(-loop.forward.torque_nm[0], loop.backward.torque_nm[-1]) for loop in found.loops)
+    if not peak > 0.0:
+        return "the loops do not pass through zero torque"
+    grid = np.linspace(-MIDDLE * peak, MIDDLE * peak, GRID_POINTS)
+    worst = 0.0
+    for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):
+        angles = np.array([branch.at(grid) for branch in branches])
+        worst = max(worst, float(np.sqrt(np.square(angles - angles.mean(axis=0)).mean(axis=1)).max()))
+    return Reading(100.0 * worst / _span(found))
+
+
+def lag(evidence: Evidence) -> Reading | str:
+    """Change of the loop's width by the skew of angle and torque, corrected or not, % of the wind-up."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    skew = found.skew
+    if skew.corrected_s is None or skew.left_s is None:
+        return "the lags of the channels are not known"
+    delay = abs(skew.corrected_s) + abs(skew.left_s)
+    if delay == 0.0:
+        return Reading(0.0)
+    speed = max(windup_speed(one) for one in _sides(found))
+    if not np.isfinite(speed):
+        return Reading(np.inf, "torque and angle lag differently and the trace has no time to say what it makes")
+    width = 2.0 * speed * delay
+    words = f"{delay * 1e3:.3g} ms between torque and angle move the width of the loop by {width:.3g} arcmin"
+    return Reading(100.0 * width / _span(found), words)
+
+
+def ramp_rate(evidence: Evidence) -> Reading | str:
+    """How far nine tenths of a branch stay from its median rate, %: of torque or of wind-up, whichever is steadier.
+
+    Next to the turning points friction reverses and no rate is steady: only the middle of the branch counts.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    ramps = [some for one, some in zip(_sides(found), found.blocks, strict=True) if len(one.run.pieces) == 1]
+    if not ramps:
+        return "loaded in steps"
+    deviations = [_unsteadiness(some) for some in ramps]
+    if None in deviations:
+        return "the trace has no time"
+    return Reading(100.0 * max(one for one in deviations if one is not None))
+
+
+def _unsteadiness(blocks: Blocks) -> float | None:
+    if blocks.t_s is None:
+        return None
+    size = max(1, blocks.t_s.size // RATE_BLOCKS)
+    edges = np.arange(0, blocks.t_s.size - size + 1, size)
+    time, torque, angle = (
+        np.add.reduceat(values[: edges[-1] + size], edges) / size
+        for values in (blocks.t_s, blocks.torque_nm, blocks.angle_arcmin)
+    )
+    step = np.diff(time)
+    if not (step > 0).all():
+        return float("inf")
+    # Unloading may be faster than loading for the same input torque: each half is compared with itself.
+    largest = MIDDLE * min(abs(float(torque[0])), abs(float(torque[-1])))
+    middle = (torque[:-1] + torque[1:]) / 2.0
+    halves = [(middle < 0) & (middle > -largest), (middle > 0) & (middle < largest)]
+    found = [_spread(np.diff(values) / step, halves) for values in (torque, angle)]
+    return min(found)
+
+
+def _spread(rate: FloatArray, halves: list[BoolArray]) -> float:
+    """Deviation from the median rate of its half that nine tenths of the stretches stay within; the worse half."""
+    worst = 0.0
+    for half in halves:
+        middle = float(np.median(rate[half])) if half.any() else 0.0
+        worst = max(worst, float(np.quantile(np.abs(rate[half] / middle - 1.0), 0.9)) if middle else np.inf)
+    return worst
+
+
+def points_per_bin(evidence: Evidence) -> Reading | str:
+    """Fewest samples of a branch in a bin of 2 % of the reference torque."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    width = BIN_FRACTION * found.method.reference_nm
+    fewest = np.inf
+    for one in found.blocks:
+        low = max(MIDDLE * float(one.torque_nm.min()), -found.method.reference_nm)
+        high = min(MIDDLE * float(one.torque_nm.max()), found.method.reference_nm)
+        edges = np.arange(np.ceil(low / width), np.floor(high / width) + 0.5) * width
+        if edges.size > 1:
+            counts, _ = np.histogram(one.torque_nm, edges, weights=one.counts)
+            fewest = min(fewest, float(counts.min()))
+    return Reading(fewest if np.isfinite(fewest) else 0.0)
+
+
+def monotone_loading(evidence: Evidence) -> Reading | str:
+    """Largest way that the torque went back within a branch, % of the reference torque."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    back = 0.0
+    for one, some in zip(_sides(found), found.blocks, strict=True):
+        torque = one.run.direction * some.torque_nm
+        back = max(back, float((np.maximum.accumulate(torque) - torque).max()))
+    return Reading(100.0 * back / found.method.reference_nm)
+
+
+def temperature_change(evidence: Evidence) -> Reading | str:
+    """Range of the housing temperature, K."""
+    values = None if evidence.measured is None else evidence.measured.trace.temperature_c
+    return "no temperature was measured" if values is None else Reading(float(np.ptp(values)))
+
+
+def temperature_low(evidence: Evidence) -> Reading | str:
+    """Lowest housing temperature, °C."""
+    values = None if evidence.measured is None else evidence.measured.trace.temperature_c
+    return "no temperature was measured" if values is None else Reading(float(values.min()))
+
+
+def temperature_high(evidence: Evidence) -> Reading | str:
+    """Highest housing temperature, °C."""
+    values = None if evidence.measured is None else evidence.measured.trace.temperature_c
+    return "no temperature was measured" if values is None else Reading(float(values.max()))
+
+
+def locked_angle(evidence: Evidence) -> Reading | str:
+    """Count deflections that are in the wind-up and that nobody knows."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    method, curve = found.method, found.method.fixture_curve
+    known = method.fixture_stiffness_nm_per_arcmin is not None or (curve is not None and curve.angles == "loaded")
+    return Reading(0.0 if known or found.angles != "loaded" else 1.0)
+
+
+def torque_agreement(evidence: Evidence) -> Reading | str:
+    """How far T_out / (i·T_in) is from one under load, %: friction takes some of it, a wrong channel much more."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    trace, method = found.trace, found.method
+    if trace.torque_in_nm is None or trace.torque_out_nm is None:
+        return "one torque channel has none to agree with"
+    ratios = []
+    for one in _sides(found):
+        torque_in, torque_out = one.run.take(trace.torque_in_nm), one.run.take(trace.torque_out_nm)
+        step = -(-torque_in.size // 2000)
+        torque_in, torque_out = torque_in[::step], torque_out[::step]
+        # Of the shaft that the servo does not drive, the torque is what friction lets through: loading only.
+        loading = one.run.direction * torque_out > LOADED_FRACTION * method.reference_nm
+        ratios.append(torque_out[loading] / (method.ratio * torque_in[loading]))
+    under_load = np.concatenate(ratios)
+    if not under_load.size:
+        return "the reference torque is not half reached"
+    ratio = float(np.median(under_load))
+    return Reading(100.0 * abs(ratio - 1.0), f"T_out / (ratio · T_in) is {ratio:.3g} under load")
+
+
+def _sides(found: Measured) -> list[BranchSamples]:
+    return [one for pair in found.pairs for one in pair]
+
+
+def _span(found: Measured) -> float:
+    """Wind-up between the turning points of the first cycle, arcmin."""
+    loop = found.loops[0]
+    top = max(float(loop.forward.angle_arcmin[-1]), float(loop.backward.angle_arcmin[-1]))
+    bottom = min(float(loop.forward.angle_arcmin[0]), float(loop.backward.angle_arcmin[0]))
+    return max(top - bottom, 1e-12)

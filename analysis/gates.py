@@ -1,0 +1,212 @@
+"""Validity gates: whether a measurement may be judged at all, apart from what its metrics say.
+
+A gate is a row of `GATES`: what it looks at, its figure, the limit, and what to do when it fails. A failed gate makes
+the verdict NOT DECIDABLE; a gate whose figure does not apply says why and decides nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from analysis import gate_figures as figures
+from analysis.errors import AnalysisError
+from analysis.gate_figures import Reading
+from analysis.measured import Evidence
+
+
+class Gate(NamedTuple):
+    """One gate: what it looks at, unit, limit and its sense, figure, words when failed, what to do."""
+
+    what: str
+    unit: str
+    limit: float
+    least: bool
+    """The limit is the least value allowed, otherwise the largest."""
+    figure: Callable[[Evidence], Reading | str]
+    failed: str
+    """What is wrong, unless the figure has words of its own."""
+    action: str
+    configurable: bool
+
+
+def _row(  # noqa: PLR0917 - the columns of the table
+    what: str,
+    unit: str,
+    limit: float,
+    figure: Callable[[Evidence], Reading | str],
+    failed: str,
+    action: str,
+    *,
+    least: bool = False,
+    configurable: bool = True,
+) -> Gate:
+    return Gate(what, unit, limit, least, figure, failed, action, configurable)
+
+
+GATES: dict[str, Gate] = {
+    "record": _row(
+        "objections against the record as a whole", "1", 0.0, figures.objections,
+        "the record does not count", "measure again", configurable=False,
+    ),
+    "missed_periods": _row(
+        "scan periods that were missed (limit: sampling.missed_periods)", "%", 0.1, figures.missed_periods,
+        "scan periods were missed", "close other programs on this computer and measure again", configurable=False,
+    ),
+    "sample_age": _row(
+        "age of the oldest sample while measuring (limit: sampling.sample_age)", "scans", 10.0, figures.sample_age,
+        "a sample was too old", "check the measuring amplifier and its network", configurable=False,
+    ),
+    "torque_in_saturated": _row(
+        "samples whose status says that the input torque was beyond its range", "samples", 0.0,
+        figures.torque_in_saturated,
+        "the input torque sensor was saturated", "check its range", configurable=False,
+    ),
+    "torque_out_saturated": _row(
+        "samples whose status says that the output torque was beyond its range", "samples", 0.0,
+        figures.torque_out_saturated,
+        "the output torque sensor was saturated", "check its range", configurable=False,
+    ),
+    "not_ready": _row(
+        "samples whose status says that the amplifier was not ready", "samples", 0.0, figures.not_ready,
+        "the measuring amplifier said that it was not ready", "check its supply and its start-up, and measure again",
+        configurable=False,
+    ),
+    "clipping": _row(
+        "wind-up in which the torque stands exactly at its largest value, of the whole wind-up", "%", 1.0,
+        figures.clipping,
+        "the torque stands at its largest value while the unit is still turned: its channel is saturated",
+        "choose a sensor or a range that reaches further than the cycles",
+    ),
+    "wrong_way": _row(
+        "energy of the cycle that loses least: a loop gains none", "N·m·arcmin", 0.0, figures.wrong_way,
+        "the loop gains energy", "torque or angle has the wrong sign, or the branches are exchanged", least=True,
+        configurable=False,
+    ),
+    "loop_closure": _row(
+        "wind-up between start and end of a cycle at the same torque, of the whole wind-up", "%", 2.0,
+        figures.loop_closure,
+        "the loop does not close: the unit, its lock or an angle has moved",
+        "check lock, couplings and encoder, and measure again",
+    ),
+    "drift": _row(
+        "drift of the wind-up in a cycle, corrected or not, of the whole wind-up", "%", 1.0, figures.drift,
+        "the wind-up drifts", "let unit and bench warm up, or load faster",
+    ),
+    "repeat": _row(
+        "deviation of a cycle from the mean of all cycles (rms), of the whole wind-up", "%", 2.0, figures.repeat,
+        "the cycles do not repeat", "condition the unit by fatigue cycles, check the lock, and measure again",
+    ),
+    "lag": _row(
+        "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",
+        "%", 1.0, figures.lag,
+        "torque and angle lag differently", "load slower, or set both channels to the same filter",
+    ),
+    "ramp_rate": _row(
+        "deviation from the steady rate that nine tenths of a branch stay within", "%", 50.0, figures.ramp_rate,
+        "the load does not follow a steady ramp", "check the drive, or load slower",
+    ),
+    "points_per_bin": _row(
+        "fewest samples of a branch in a bin of 2 % of the reference torque", "samples", 3.0, figures.points_per_bin,
+        "too few samples for the torque that they cover", "sample faster or load slower", least=True,
+    ),
+    "monotone_loading": _row(
+        "largest way that the torque goes back within a branch, of the reference torque", "%", 5.0,
+        figures.monotone_loading,
+        "the torque goes back within a branch", "check drive and torque sensor, and the segments of the trace",
+    ),
+    "torque_agreement": _row(
+        "deviation of T_out / (ratio · T_in) under load from 1", "%", 60.0, figures.torque_agreement,
+        "input and output torque do not belong together",
+        "check sign, range and calibration of both sensors, and the ratio in the recipe",
+    ),
+    "temperature_change": _row(
+        "range of the housing temperature", "K", 5.0, figures.temperature_change,
+        "the housing changes its temperature", "let unit and bench warm up before measuring",
+    ),
+    "temperature_low": _row(
+        "lowest housing temperature", "degC", 10.0, figures.temperature_low,
+        "the unit is too cold", "let it come to room temperature; check the sensor", least=True,
+    ),
+    "temperature_high": _row(
+        "highest housing temperature", "degC", 50.0, figures.temperature_high,
+        "the unit is too hot", "let it cool down; check the sensor",
+    ),
+    "locked_angle": _row(
+        "deflections of lock and couplings that are in the wind-up and not known", "1", 0.0, figures.locked_angle,
+        "the angle of the locked shaft was not measured and the stiffness of the fixture is not known: their "
+        "deflection is in the wind-up",
+        "measure that angle, or name a bench with its fixture", configurable=False,
+    ),
+}  # fmt: skip
+"""All gates by id."""
+
+
+@dataclass(frozen=True)
+class GateResult:
+    """A gate's figure against its limit; `passed` is None where it does not apply, and the text then says why."""
+
+    id: str
+    figure: float | None
+    limit: float
+    unit: str
+    passed: bool | None
+    text: str
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the object of the JSON contract."""
+        return {
+            "id": self.id,
+            "figure": self.figure,
+            "limit": self.limit,
+            "unit": self.unit,
+            "passed": self.passed,
+            "text": self.text,
+        }
+
+
+def judge_gates(evidence: Evidence, limits: Mapping[str, float] | None = None) -> tuple[GateResult, ...]:
+    """Judge every gate of the table; limits replace those of the table, in the gate's unit.
+
+    A figure that is not a number fails. Raises AnalysisError for limits of gates that do not exist or are fixed.
+    """
+    chosen = dict(limits or {})
+    for name, limit in chosen.items():
+        gate = GATES.get(name)
+        if gate is None or not gate.configurable or not math.isfinite(limit):
+            allowed = ", ".join(key for key, row in GATES.items() if row.configurable)
+            raise AnalysisError(f"validity gate '{name}': found a limit of {limit:g}; limits may be set for {allowed}")
+    if evidence.facts is not None:
+        chosen["missed_periods"] = evidence.facts.missed_allowed * 100.0
+        chosen["sample_age"] = float(evidence.facts.sample_age_allowed_scans)
+    return tuple(_judged(name, gate, evidence, chosen.get(name, gate.limit)) for name, gate in GATES.items())
+
+
+def _judged(name: str, gate: Gate, evidence: Evidence, limit: float) -> GateResult:
+    reading = gate.figure(evidence)
+    if isinstance(reading, str):
+        return GateResult(name, None, limit, gate.unit, None, f"{gate.what}: not applicable: {reading}")
+    figure = reading.figure
+    passed = figure >= limit if gate.least else figure <= limit
+    said = _with_unit(figure, gate.unit)
+    allowed = f"allowed is {_with_unit(limit, gate.unit)} {'at least' if gate.least else 'at most'}"
+    if passed:
+        text = f"{gate.what}: {said}, {allowed}"
+    else:
+        text = f"{reading.words or gate.failed}: {said}, {allowed}; {gate.action}"
+    return GateResult(name, figure if math.isfinite(figure) else None, limit, gate.unit, passed, text)
+
+
+def _with_unit(value: float, unit: str) -> str:
+    if not math.isfinite(value):
+        return "no number"
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
+
+
+def gate_reasons(gates: Sequence[GateResult], objections: Sequence[str]) -> list[str]:
+    """Return why a measurement does not count, one line for each objection and each failed gate; empty if it does."""
+    said = [f"measurement invalid: {objection}" for objection in objections]
+    failed = [gate for gate in gates if gate.passed is False and gate.id != "record"]
+    return said + [f"measurement invalid: {gate.id}: {gate.text}" for gate in failed]

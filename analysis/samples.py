@@ -1,0 +1,137 @@
+"""Samples of the branches that are evaluated: torque at the output, wind-up and time of each run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.errors import AnalysisError
+from analysis.method import Method
+from analysis.quadrants import Quadrants, fit_quadrants, output_torque
+from analysis.runs import Run, paired_cycles
+from analysis.stages import Figure, StageRecord
+from analysis.trace import Trace
+from analysis.turning import converts
+from analysis.units import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class BranchSamples:
+    """One branch of one cycle in order of time: torque [N·m], wind-up [arcmin], time [s] or None.
+
+    where: words that name the branch in messages. masked: samples that the torque ratio could not convert.
+    """
+
+    run: Run
+    cycle: int
+    torque_nm: FloatArray
+    windup_arcmin: FloatArray
+    t_s: FloatArray | None
+    where: str
+    masked: int = 0
+
+    def moved(self, change: Callable[[BranchSamples], FloatArray]) -> BranchSamples:
+        """Return these samples with something subtracted from the wind-up."""
+        return replace(self, windup_arcmin=self.windup_arcmin - change(self))
+
+    def only(self, valid: BoolArray) -> BranchSamples:
+        """Return the samples that count."""
+        return replace(
+            self,
+            torque_nm=self.torque_nm[valid],
+            windup_arcmin=self.windup_arcmin[valid],
+            t_s=None if self.t_s is None else self.t_s[valid],
+            masked=int(np.count_nonzero(~valid)),
+        )
+
+
+def torque_ratio(trace: Trace, method: Method, runs: Sequence[Run]) -> tuple[Quadrants | AnalysisError, list[str]]:
+    """Return the torque ratio as given or as measured, or the reason why there is none; and what was found."""
+    if method.quadrants is not None:
+        return method.quadrants, ["torque ratio: as given"]
+    try:
+        quadrants = fit_quadrants(trace, runs)
+    except AnalysisError as error:
+        return error, []
+    return quadrants, [
+        f"torque ratio, {name}: T_out = {fit.offset_nm:.4g} + {fit.slope:.5g} T_in (N·m), s = "
+        f"{fit.residual_sd_nm:.2g} N·m over {fit.points} points, {fit.flagged.size} flagged"
+        for name, fit in quadrants.fits.items()
+    ]
+
+
+def branch_samples(
+    trace: Trace, method: Method, runs: Sequence[Run], windup: FloatArray, quadrants: Quadrants | AnalysisError
+) -> list[tuple[BranchSamples, BranchSamples]]:
+    """Return (rising, falling) samples of each cycle, with the torque at the output.
+
+    Raises AnalysisError when there is no cycle, the torque is missing, or the ratio that converts it is.
+    """
+    pairs = []
+    for cycle, (rising, falling) in enumerate(paired_cycles(runs), start=1):
+        taken = []
+        for run in (rising, falling):
+            torque, valid = _branch_torque(trace, method, run, quadrants)
+            side = "rising" if run.direction > 0 else "falling"
+            where = f"{trace.source}: cycle {cycle}, {side} branch (from row {run.first_row})"
+            time = None if trace.t_s is None else run.take(trace.t_s)
+            one = BranchSamples(run, cycle, torque, run.take(windup), time, where)
+            taken.append(one if valid is None else one.only(valid))
+        pairs.append((taken[0], taken[1]))
+    return pairs
+
+
+def output_torque_record(
+    trace: Trace,
+    method: Method,
+    pairs: Sequence[tuple[BranchSamples, BranchSamples]],
+    quadrants: Quadrants | AnalysisError,
+    found: Sequence[str],
+) -> StageRecord:
+    """Say where the torque at the output comes from."""
+    if not converts(trace, method):
+        given = "output torque: as measured at the output"
+        if method.output_torque == "calibrated":
+            given = "output torque: torque_out_nm as given; there is no input torque in the trace to convert"
+        return StageRecord("output torque", "; ".join([given, *found]), _ratio_figures(quadrants))
+    masked = sum(samples.masked for pair in pairs for samples in pair)
+    if isinstance(quadrants, Quadrants) and quadrants.transition_rad is not None and not masked:
+        transition = (
+            "transition after each reversal: from loading to unloading line over "
+            f"{quadrants.transition_rad:.3g} rad at the input"
+        )
+    else:
+        transition = f"transition after each reversal: masked, {masked} samples"
+    text = "; ".join(["output torque: from the input torque by the torque ratio", *found, transition])
+    figures = _ratio_figures(quadrants) | {"masked samples": Figure(masked, "1")}
+    return StageRecord("output torque", text, figures, applied=True)
+
+
+def _ratio_figures(quadrants: Quadrants | AnalysisError) -> dict[str, Figure]:
+    if isinstance(quadrants, AnalysisError):
+        return {}
+    figures = {}
+    for name in ("load_positive", "unload_positive", "load_negative", "unload_negative"):
+        line = getattr(quadrants, name)
+        figures[f"{name} slope"] = Figure(line.slope, "1")
+        figures[f"{name} offset"] = Figure(line.offset_nm, "N·m")
+        if name in quadrants.fits:
+            figures[f"{name} residual"] = Figure(quadrants.fits[name].residual_sd_nm, "N·m")
+    if quadrants.transition_rad is not None:
+        figures["transition"] = Figure(quadrants.transition_rad, "rad")
+    return figures
+
+
+def _branch_torque(
+    trace: Trace, method: Method, run: Run, quadrants: Quadrants | AnalysisError
+) -> tuple[FloatArray, BoolArray | None]:
+    """Output torque of a run, and which of its samples count (None: all)."""
+    if not converts(trace, method):
+        return run.take(trace.channel("torque_out_nm", "the torque at the output")), None
+    torque_in = run.take(trace.channel("torque_in_nm", "the output torque by calibration"))
+    if isinstance(quadrants, AnalysisError):
+        raise quadrants
+    angle = None if trace.angle_in_rad is None else run.take(trace.angle_in_rad)
+    return output_torque(quadrants, torque_in, run.direction, angle)

@@ -1,0 +1,99 @@
+"""From an error of the channels to what it does to a loop: directly, or through the calibration of the torque.
+
+A torque that is converted from the input carries the output sensor's errors through the calibration lines. Errors of
+the input sensor that are there while calibrating and while measuring cancel, and do so here by themselves.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.branches import Branch, made_rising
+from analysis.loop import Loop
+from analysis.uncertainty.circumstances import Circumstances, Points, line_name
+from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.sources import NOTHING, Effect, ErrorSource, Setting, Shape
+from analysis.units import FloatArray
+
+
+class Move(NamedTuple):
+    """What one unit of one error does to the torque [N·m] and the wind-up [arcmin] of both branches of a loop."""
+
+    forward: tuple[FloatArray | float, FloatArray | float]
+    backward: tuple[FloatArray | float, FloatArray | float]
+
+    @property
+    def moves_anything(self) -> bool:
+        """Say whether the error reaches the loop at all."""
+        return any(np.any(np.asarray(part) != 0.0) for branch in self for part in branch)
+
+    def applied(self, loop: Loop, amount: float) -> Loop:
+        """Return the loop with so much of the error in it."""
+        return Loop(
+            moved(loop.forward, amount, *self.forward), moved(loop.backward, amount, *self.backward), loop.method
+        )
+
+
+class LineMove(NamedTuple):
+    """What one unit of one error does to a calibration line."""
+
+    offset_nm: float
+    slope: float
+
+
+def moved(branch: Branch, amount: float, torque_nm: FloatArray | float, angle_arcmin: FloatArray | float) -> Branch:
+    """Return a branch with an amount of an error in it; its torque still rises."""
+    torque = branch.torque_nm + amount * torque_nm
+    return made_rising(torque, branch.angle_arcmin + amount * angle_arcmin, np.ones(torque.size))
+
+
+def moves_of(source: ErrorSource, loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> list[Move]:
+    """Return what each component of a source does to a loop."""
+    stored = circumstances.converted and source.retared and not circumstances.lines_of_this_run
+    parts = (("measuring",), ("calibrating",)) if stored else (("measuring", "calibrating"),)
+    return [_move(shape, loop, circumstances, figures, part) for shape in source.shapes for part in parts]
+
+
+def _move(
+    shape: Shape, loop: Loop, circumstances: Circumstances, figures: SensorFigures, during: tuple[str, ...]
+) -> Move:
+    """Return what an error does that is there while measuring, while calibrating, or all the time."""
+    calibrating = circumstances.converted and "calibrating" in during
+    lines = line_moves(shape, circumstances, figures) if calibrating else {}
+    parts = []
+    for branch, direction in ((loop.forward, 1), (loop.backward, -1)):
+        points = circumstances.points(branch, direction)
+        effect = shape(Setting(points, circumstances, figures)) if "measuring" in during else NOTHING
+        torque = _converted(effect, points, lines) if circumstances.converted else effect.torque_out_nm
+        parts.append((torque, effect.angle_arcmin))
+    return Move(parts[0], parts[1])
+
+
+def _converted(effect: Effect, points: Points, lines: dict[str, LineMove]) -> FloatArray | float:
+    """Error of a converted torque: of the input torque by the slope, and of the lines themselves."""
+    if points.torque_in_nm is None:
+        return effect.torque_out_nm
+    still = LineMove(0.0, 0.0)
+    positive, negative = (lines.get(line_name(sign, points.direction), still) for sign in (1, -1))
+    changed = np.where(
+        points.torque_nm >= 0.0,
+        positive.offset_nm + positive.slope * points.torque_in_nm,
+        negative.offset_nm + negative.slope * points.torque_in_nm,
+    )
+    return changed + points.slope * effect.torque_in_nm
+
+
+def line_moves(shape: Shape, circumstances: Circumstances, figures: SensorFigures) -> dict[str, LineMove]:
+    """Return what one unit of an error does to each calibration line: the line is fitted again to moved points."""
+    found = {}
+    for name, points in circumstances.line_points.items():
+        effect = shape(Setting(points, circumstances, figures))
+        torque_in = points.torque_in_nm
+        if torque_in is None:
+            continue
+        change = np.zeros_like(torque_in) + effect.torque_out_nm - points.slope * effect.torque_in_nm
+        offset, slope = np.polynomial.polynomial.polyfit(torque_in, change, 1)
+        found[name] = LineMove(float(offset), float(slope))
+    return found

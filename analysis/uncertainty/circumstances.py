@@ -1,0 +1,148 @@
+"""How a loop was measured, as far as errors depend on it: speeds, times, the chain of sensors, the calibration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from analysis.branches import Branch
+from analysis.measured import Measured
+from analysis.method import Method
+from analysis.quadrants import LOADING_RANGE, QUADRANTS, UNLOADING_RANGE, Quadrants, TorqueLine
+from analysis.samples import BranchSamples
+from analysis.turning import converts
+from analysis.units import FloatArray
+
+AngleName = Literal["angle_in", "angle_out"]
+
+LINE_POINTS = 100
+"""Torques at which an error that bends a calibration line is evaluated."""
+
+
+class Stretch(NamedTuple):
+    """One branch in time: samples, start [s] and duration [s]; no times in a trace without a time column."""
+
+    samples: int
+    start_s: float
+    seconds: float
+
+    @property
+    def timed(self) -> bool:
+        """Say whether the times are known."""
+        return math.isfinite(self.start_s) and self.seconds > 0.0
+
+
+class Points(NamedTuple):
+    """Torque at the output [N·m] and wind-up [arcmin] of a branch, direction (+1 rising), input torque, and time.
+
+    slope: of the calibration line at each point. torque_in_nm and seconds are None where they are not known; slope and
+    rate_nm_s are 0 then.
+    """
+
+    torque_nm: FloatArray
+    angle_arcmin: FloatArray
+    direction: int
+    torque_in_nm: FloatArray | None
+    slope: FloatArray | float
+    seconds: FloatArray | None
+    rate_nm_s: float
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """Method, branches in time of the first cycle, encoders in the wind-up, and whether the fixture was corrected."""
+
+    method: Method
+    peak_nm: float
+    forward: Stretch
+    backward: Stretch
+    encoders: tuple[AngleName, ...]
+    fixture_corrected: bool
+    converted: bool
+    quadrants: Quadrants | None
+
+    @property
+    def lines_of_this_run(self) -> bool:
+        """Say whether the calibration lines were measured in this run, by the same sensors and tares."""
+        return self.quadrants is not None and bool(self.quadrants.fits)
+
+    @property
+    def locked(self) -> str:
+        """Encoder of the locked shaft."""
+        return "angle_out" if self.method.loading == "input" else "angle_in"
+
+    def points(self, branch: Branch, direction: int) -> Points:
+        """Return a branch with what errors depend on."""
+        torque = branch.torque_nm
+        stretch = self.forward if direction > 0 else self.backward
+        seconds, rate = None, 0.0
+        if stretch.timed:
+            rate = direction * float(torque[-1] - torque[0]) / stretch.seconds
+            seconds = stretch.start_s + (torque - torque[0 if direction > 0 else -1]) / rate
+        return Points(torque, branch.angle_arcmin, direction, *self._torque_in(torque, direction), seconds, rate)
+
+    def _torque_in(self, torque_nm: FloatArray, direction: int) -> tuple[FloatArray | None, FloatArray | float]:
+        """Input torque by the calibration lines, and their slopes."""
+        if self.quadrants is None:
+            return None, 0.0
+        positive, negative = (getattr(self.quadrants, line_name(sign, direction)) for sign in (1, -1))
+        slope = np.where(torque_nm >= 0.0, positive.slope, negative.slope)
+        offset = np.where(torque_nm >= 0.0, positive.offset_nm, negative.offset_nm)
+        return (torque_nm - offset) / slope, slope
+
+    @cached_property
+    def line_points(self) -> dict[str, Points]:
+        """Points of the four calibration lines, as they are fitted."""
+        found = {}
+        if self.quadrants is None:
+            return {}
+        for name in QUADRANTS:
+            sign, loading = (1 if name.endswith("positive") else -1), name.startswith("load")
+            low, high = LOADING_RANGE if loading else UNLOADING_RANGE
+            line: TorqueLine = getattr(self.quadrants, name)
+            torque = sign * self.peak_nm * np.linspace(low, high, LINE_POINTS)
+            torque_in = (torque - line.offset_nm) / line.slope
+            direction = sign if loading else -sign
+            rate = self.points(Branch(np.array([-self.peak_nm, self.peak_nm]), np.zeros(2)), direction).rate_nm_s
+            found[name] = Points(torque, np.zeros_like(torque), direction, torque_in, line.slope, None, rate)
+        return found
+
+
+def line_name(sign: int, direction: int) -> str:
+    """Name the line that holds for a sign of torque and a direction of motion."""
+    return f"{'load' if sign == direction else 'unload'}_{'positive' if sign > 0 else 'negative'}"
+
+
+def circumstances_of(found: Measured) -> Circumstances:
+    """Return how the first cycle of a measurement was made."""
+    method, trace, loop = found.method, found.trace, found.loops[0]
+    encoders: dict[str, tuple[AngleName, ...]] = {
+        "both": ("angle_in", "angle_out"),
+        "loaded": ("angle_in" if method.loading == "input" else "angle_out",),
+        "given": (),
+    }
+    curve = method.fixture_curve
+    by_curve = curve is not None and curve.angles == found.angles
+    corrects = by_curve or (method.fixture_stiffness_nm_per_arcmin is not None and found.angles == "loaded")
+    ends = [branch.torque_nm[[0, -1]] for branch in (loop.forward, loop.backward)]
+    return Circumstances(
+        method=method,
+        peak_nm=float(np.abs(np.concatenate(ends)).max()),
+        forward=_stretch(found.pairs[0][0]),
+        backward=_stretch(found.pairs[0][1]),
+        encoders=encoders[found.angles],
+        fixture_corrected=corrects and method.fixture == "correct",
+        converted=converts(trace, method) and isinstance(found.quadrants, Quadrants),
+        quadrants=found.quadrants if isinstance(found.quadrants, Quadrants) else None,
+    )
+
+
+def _stretch(samples: BranchSamples) -> Stretch:
+    time = samples.t_s
+    if time is None:
+        return Stretch(samples.torque_nm.size, math.nan, math.nan)
+    return Stretch(samples.torque_nm.size, float(time[0]), float(time[-1] - time[0]))

@@ -1,0 +1,55 @@
+"""Distributions of errors: standard uncertainty from a limit, and draws of the error's components.
+
+A cyclic error has two components (sine and cosine of the shaft's angle), for nobody knows its phase.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.units import FloatArray
+
+
+class Distribution(NamedTuple):
+    """Divisor that makes a limit a standard uncertainty (of each component), and how components are drawn.
+
+    draw: (generator, limit, draws, components) → errors, shape (draws, components).
+    """
+
+    text: str
+    divisor: float
+    draw: Callable[[np.random.Generator, float, int, int], FloatArray]
+
+
+def _rectangular(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:
+    return random.uniform(-limit, limit, (draws, components))
+
+
+def _normal(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:
+    return random.normal(0.0, limit, (draws, components))
+
+
+def _cyclic(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:  # noqa: ARG001
+    return _phased(random, random.uniform(0.0, limit, draws))
+
+
+def _quantised(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:  # noqa: ARG001
+    return _phased(random, np.full(draws, limit * math.sqrt(2.0 / 3.0)))
+
+
+def _phased(random: np.random.Generator, amplitude: FloatArray) -> FloatArray:
+    phase = random.uniform(0.0, 2.0 * math.pi, amplitude.size)
+    return np.stack([amplitude * np.sin(phase), amplitude * np.cos(phase)], axis=1)
+
+
+DISTRIBUTIONS: dict[str, Distribution] = {
+    "normal": Distribution("normal, the figure is its standard deviation", 1.0, _normal),
+    "rectangular": Distribution("anywhere within ± the figure", math.sqrt(3.0), _rectangular),
+    "cyclic": Distribution("a sine of any phase, amplitude anywhere up to the figure", math.sqrt(6.0), _cyclic),
+    "quantised": Distribution("rounding to steps of twice the figure", math.sqrt(3.0), _quantised),
+}
+"""By name. GUM 4.3.7; cyclic: variance of r·sin(x) with r rectangular in 0…a is a²/6 for each of two components."""

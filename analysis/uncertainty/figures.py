@@ -1,0 +1,106 @@
+"""What is declared of the sensors, the fixture and the lock: the figures that an uncertainty is made of.
+
+Every figure is a limit ± unless it says otherwise: the error is somewhere within, and no value within is likelier than
+another (rectangular distribution, GUM 4.3.7).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from analysis.errors import AnalysisError
+
+INTERPOLATION = 512
+"""Counts that an encoder of high resolution interpolates within one line of its graduation."""
+
+
+@dataclass(frozen=True)
+class TorqueFigures:
+    """Torque sensor with its amplifier; fractions of full scale unless it says otherwise.
+
+    gain_fraction: of the reading. zero_fraction: what is left of the zero after the tare (drift of the zero since, and
+    the friction torque that stood on the sensor while it was tared). reversibility_fraction: half the difference
+    between the reading under falling and under rising torque, at mid-range. noise_fraction: standard deviation of one
+    sample.
+    """
+
+    full_scale_nm: float
+    gain_fraction: float = 1e-3
+    zero_fraction: float = 2e-4
+    reversibility_fraction: float = 2e-4
+    noise_fraction: float = 2e-4
+
+    def __post_init__(self) -> None:
+        """Refuse figures below zero or not finite, and a full scale that is not above zero."""
+        _check("torque sensor", vars(self))
+        if not self.full_scale_nm > 0.0:
+            raise AnalysisError(f"torque sensor: full_scale_nm: found {self.full_scale_nm}; needed is one above zero")
+
+
+@dataclass(frozen=True)
+class AngleFigures:
+    """Encoder, at its own shaft: one count, error over a turn, error within one line, noise (standard deviation)."""
+
+    step_rad: float
+    accuracy_rad: float = math.radians(10 / 3600)
+    interpolation_rad: float = math.radians(0.5 / 3600)
+    noise_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse figures below zero or not finite."""
+        _check("encoder", vars(self))
+
+    @property
+    def line_rad(self) -> float:
+        """Period of the error within one line."""
+        return min(INTERPOLATION * self.step_rad, 2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class LineCovariance:
+    """Standard uncertainties of offset [N·m] and slope of one calibration line, and their correlation."""
+
+    u_offset_nm: float
+    u_slope: float
+    correlation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no covariance."""
+        _check("calibration line", {"u_offset_nm": self.u_offset_nm, "u_slope": self.u_slope})
+        if not -1.0 <= self.correlation <= 1.0:
+            raise AnalysisError(f"calibration line: correlation: found {self.correlation}; needed is -1 to 1")
+
+
+@dataclass(frozen=True)
+class SensorFigures:
+    """Everything declared of one bench; None for a sensor that it does not have.
+
+    skew_s: difference between the delays of torque and angle that no alignment removed. drift_arcmin_per_min: creep of
+    the wind-up that no correction removed. fixture_fraction: of the stiffness by which the wind-up is corrected.
+    lock_width_arcmin, lock_windup_fraction: how loop width and wind-up depend on the teeth at which the shaft is
+    locked; one run cannot see it. calibration: covariance of stored calibration lines by quadrant; lines measured in
+    the same run bring their own.
+    """
+
+    torque_in: TorqueFigures | None = None
+    torque_out: TorqueFigures | None = None
+    angle_in: AngleFigures | None = None
+    angle_out: AngleFigures | None = None
+    skew_s: float = 0.0
+    drift_arcmin_per_min: float = 0.0
+    fixture_fraction: float = 0.0
+    lock_width_arcmin: float = 0.0
+    lock_windup_fraction: float = 0.0
+    calibration: Mapping[str, LineCovariance] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse figures below zero or not finite."""
+        _check("figures", {name: value for name, value in vars(self).items() if isinstance(value, float)})
+
+
+def _check(where: str, figures: Mapping[str, float]) -> None:
+    for name, value in figures.items():
+        if not (math.isfinite(value) and value >= 0.0):
+            raise AnalysisError(f"{where}: {name}: found {value}; needed is a finite number, zero or more")

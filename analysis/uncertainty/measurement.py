@@ -1,0 +1,53 @@
+"""What is known of the errors of one measurement, ready to be asked about any metric.
+
+Without declared figures there is the scatter of the cycles and of the calibration line, and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from analysis.errors import AnalysisError
+from analysis.loop import Loop
+from analysis.measured import Measured
+from analysis.stages import StageRecord
+from analysis.uncertainty.budget import Budget, LoopUncertainty, of_scatter
+from analysis.uncertainty.circumstances import Circumstances, circumstances_of
+from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.ratio import ratio_budget
+
+WITH_FIGURES = "uncertainty: from the declared figures of the bench, U = k·u with k = 2"
+WITHOUT_FIGURES = (
+    "uncertainty: repeatability only, for no figures of the sensors were given; "
+    "what is wrong in all cycles alike is not in it"
+)
+
+
+class Measurement:
+    """Errors of one measurement: how it was made, and what is declared of its sensors (None: nothing)."""
+
+    def __init__(self, loop: Loop, circumstances: Circumstances, figures: SensorFigures | None) -> None:
+        self._circumstances = circumstances
+        self._figures = figures
+        self._loops = None if figures is None else LoopUncertainty(loop, circumstances, figures)
+
+    def of_loops(self, estimate: Callable[[Loop], float], values: Sequence[float], unit: str) -> Budget | None:
+        """Return the budget of the mean of a metric's values per cycle; None where nothing can be said."""
+        if self._loops is None:
+            return of_scatter(values, unit)
+        try:
+            return self._loops.budget(estimate, values, unit)
+        except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+            return None  # a metric at the edge of what the loop carries: no uncertainty, so no guard band
+
+    def of_line(self, line: str, metric: str, unit: str) -> Budget | None:
+        """Return the budget of slope or offset of a calibration line."""
+        return ratio_budget(line, unit, self._circumstances, self._figures, of_slope=metric == "torque_ratio_slope")
+
+
+def measurement_of(found: Measured, figures: SensorFigures | None) -> tuple[Measurement, StageRecord]:
+    """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains."""
+    text = WITHOUT_FIGURES if figures is None else WITH_FIGURES
+    return Measurement(found.loops[0], circumstances_of(found), figures), StageRecord("uncertainty", text)

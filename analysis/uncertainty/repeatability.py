@@ -1,0 +1,42 @@
+"""Scatter of a few cycles: what it says about the mean, and how little that is for two or three of them.
+
+The standard deviation of n values is itself hardly known when n is small. Student's t pays for that: it is the factor
+by which an interval of the same confidence grows (GUM 4.2.3, G.3, G.4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+CONFIDENCE = math.erf(math.sqrt(2.0))
+"""Confidence that k = 2 stands for, of a normal distribution: 95.45 %."""
+
+
+def student_factor(freedom: float) -> float:
+    """Return t of the two-sided confidence 95.45 % for degrees of freedom above zero; 2.000 for infinitely many."""
+    if not math.isfinite(freedom):
+        return 2.0
+    return float(special.stdtrit(freedom, 0.5 + CONFIDENCE / 2.0))
+
+
+def enlarged(u_known: float, u_scatter: float, freedom: float) -> float:
+    """Return the share of scatter that makes 2·√(known² + share²) an interval of 95.45 %.
+
+    u_known: standard uncertainty of everything known well; u_scatter: standard deviation of the mean from few values,
+    with so many degrees of freedom. Welch–Satterthwaite: of all, ν = u⁴·freedom / u_scatter⁴ are left.
+    """
+    if u_scatter == 0.0:
+        return 0.0
+    total = math.hypot(u_known, u_scatter)
+    left = freedom * (total / u_scatter) ** 4
+    expanded = student_factor(left) * total
+    return math.sqrt(max((expanded / 2.0) ** 2 - u_known**2, u_scatter**2))
+
+
+def deviation(values: Sequence[float]) -> float:
+    """Standard deviation of values, 0 of fewer than two."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else 0.0

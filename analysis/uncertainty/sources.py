@@ -1,0 +1,212 @@
+"""The table of error sources: what each is, which declared figure it comes from, and how it moves a measured loop.
+
+A source is written down once, as what it does to the channels of the trace (torque at the output, torque at the input,
+wind-up) per unit of its amount; all are linear in it. `chain` carries it through the calibration to the loop.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from analysis.uncertainty.circumstances import AngleName, Circumstances, Points
+from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
+from analysis.units import RAD_PER_ARCMIN, FloatArray
+
+ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
+
+TorqueName = Literal["torque_in", "torque_out"]
+
+
+class Effect(NamedTuple):
+    """What one unit of an error does to torque at the output [N·m], torque at the input [N·m], wind-up [arcmin]."""
+
+    torque_out_nm: FloatArray | float = 0.0
+    torque_in_nm: FloatArray | float = 0.0
+    angle_arcmin: FloatArray | float = 0.0
+
+
+class Setting(NamedTuple):
+    """What an error meets: points of one branch, how they were measured, and what is declared."""
+
+    points: Points
+    circumstances: Circumstances
+    figures: SensorFigures
+
+
+NOTHING = Effect()
+Shape = Callable[[Setting], Effect]
+
+
+class ErrorSource(NamedTuple):
+    """One row: words, unit of the amount, distribution (of `distributions`), limit from the figures, its components.
+
+    limit returns None where the bench has no such sensor, or where the error cannot enter. retared: each tare makes the
+    error a new one, so a calibration that was stored earlier has another one.
+    """
+
+    id: str
+    text: str
+    unit: str
+    distribution: str
+    limit: Callable[[SensorFigures, Circumstances], float | None]
+    shapes: tuple[Shape, ...]
+    retared: bool = False
+
+
+def _lens(setting: Setting) -> FloatArray:
+    """Hysteresis of a sensor: none at the turning points, full in the middle; falling torque reads high."""
+    points = setting.points
+    lens: FloatArray = -points.direction * (1.0 - np.square(points.torque_nm / setting.circumstances.peak_nm))
+    return lens
+
+
+def _torque_in(setting: Setting) -> FloatArray | float:
+    return 0.0 if setting.points.torque_in_nm is None else setting.points.torque_in_nm
+
+
+def _skew(setting: Setting) -> Effect:
+    """Torque that comes later than the angle by one second reads lower by the rate of torque, on a rising branch."""
+    points = setting.points
+    return Effect(-points.rate_nm_s, 0.0 if points.torque_in_nm is None else -points.rate_nm_s / points.slope)
+
+
+def _drift(setting: Setting) -> Effect:
+    seconds = setting.points.seconds
+    return NOTHING if seconds is None else Effect(angle_arcmin=seconds / 60.0)
+
+
+def _fixture(setting: Setting) -> Effect:
+    method, torque = setting.circumstances.method, setting.points.torque_nm
+    if method.fixture_curve is not None:
+        return Effect(angle_arcmin=method.fixture_curve.at(torque))
+    stiffness = method.fixture_stiffness_nm_per_arcmin
+    return NOTHING if stiffness is None else Effect(angle_arcmin=torque / stiffness)
+
+
+def _encoder(figures: SensorFigures, name: AngleName) -> AngleFigures | None:
+    return figures.angle_in if name == "angle_in" else figures.angle_out
+
+
+def _cyclic(
+    name: AngleName, period_rad: Callable[[AngleFigures], float], wave: Callable[[FloatArray], FloatArray]
+) -> Shape:
+    """Error of an encoder that repeats with its own angle, per arcsec at its shaft."""
+
+    def shape(setting: Setting) -> Effect:
+        method, encoder = setting.circumstances.method, _encoder(setting.figures, name)
+        if encoder is None:
+            return NOTHING
+        scale = method.ratio if name == "angle_in" else 1.0
+        turned = setting.points.torque_nm / (method.fixture_stiffness_nm_per_arcmin or math.inf)
+        if name != setting.circumstances.locked:
+            turned = turned + setting.points.angle_arcmin
+        phase = turned * (2.0 * math.pi * RAD_PER_ARCMIN * scale / period_rad(encoder))
+        return Effect(angle_arcmin=wave(phase) / (60.0 * scale))
+
+    return shape
+
+
+def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
+    """Gain, zero and reversibility of one torque sensor."""
+
+    def limit(fraction: Callable[[TorqueFigures], float], *, of_scale: bool) -> Callable[..., float | None]:
+        def found(figures: SensorFigures, circumstances: Circumstances) -> float | None:
+            sensor = figures.torque_in if name == "torque_in" else figures.torque_out
+            unused = name == "torque_in" and circumstances.quadrants is None
+            if sensor is None or unused:
+                return None
+            return fraction(sensor) * (sensor.full_scale_nm if of_scale else 1.0)
+
+        return found
+
+    def shape(of: Callable[[Setting], FloatArray | float]) -> tuple[Shape]:
+        if name == "torque_in":
+            return (lambda setting: Effect(torque_in_nm=of(setting)),)
+        return (lambda setting: Effect(torque_out_nm=of(setting)),)
+
+    reading = _torque_in if name == "torque_in" else (lambda setting: setting.points.torque_nm)
+    return [
+        ErrorSource(
+            f"{name}_gain", f"gain of the {words} torque sensor", "1", "rectangular",
+            limit(lambda sensor: sensor.gain_fraction, of_scale=False), shape(reading),
+        ),
+        ErrorSource(
+            f"{name}_zero", f"zero of the {words} torque sensor, what the tare left", "N·m", "rectangular",
+            limit(lambda sensor: sensor.zero_fraction, of_scale=True), shape(lambda _: 1.0), retared=True,
+        ),
+        ErrorSource(
+            f"{name}_reversibility", f"reversibility (hysteresis) of the {words} torque sensor", "N·m", "rectangular",
+            limit(lambda sensor: sensor.reversibility_fraction, of_scale=True), shape(_lens),
+        ),
+    ]  # fmt: skip
+
+
+def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
+    """Error over a turn, error within a line, and rounding of one encoder."""
+
+    def limit(value_rad: Callable[[AngleFigures], float]) -> Callable[..., float | None]:
+        def found(figures: SensorFigures, circumstances: Circumstances) -> float | None:
+            encoder = _encoder(figures, name)
+            if encoder is None or name not in circumstances.encoders:
+                return None
+            return value_rad(encoder) * ARCSEC_PER_RAD
+
+        return found
+
+    def both(period_rad: Callable[[AngleFigures], float]) -> tuple[Shape, ...]:
+        return tuple(_cyclic(name, period_rad, wave) for wave in (np.sin, np.cos))
+
+    return [
+        ErrorSource(
+            f"{name}_turn", f"error of the {words} encoder over a turn", "arcsec", "cyclic",
+            limit(lambda encoder: encoder.accuracy_rad), both(lambda _: 2.0 * math.pi),
+        ),
+        ErrorSource(
+            f"{name}_line", f"error of the {words} encoder within one line", "arcsec", "cyclic",
+            limit(lambda encoder: encoder.interpolation_rad), both(lambda encoder: encoder.line_rad),
+        ),
+        ErrorSource(
+            f"{name}_step", f"counts of the {words} encoder (rounding)", "arcsec", "quantised",
+            limit(lambda encoder: encoder.step_rad / 2.0), both(lambda encoder: encoder.step_rad),
+        ),
+    ]  # fmt: skip
+
+
+def _timed(circumstances: Circumstances) -> bool:
+    return circumstances.forward.timed and circumstances.backward.timed
+
+
+SOURCES: tuple[ErrorSource, ...] = (
+    *_torque_rows("torque_out", "output"),
+    *_torque_rows("torque_in", "input"),
+    *_angle_rows("angle_in", "input"),
+    *_angle_rows("angle_out", "output"),
+    ErrorSource(
+        "skew", "delay of the torque against the angle that is left", "s", "rectangular",
+        lambda figures, circumstances: figures.skew_s if _timed(circumstances) else None, (_skew,),
+    ),
+    ErrorSource(
+        "drift", "drift of the wind-up that is left", "arcmin/min", "rectangular",
+        lambda figures, circumstances: figures.drift_arcmin_per_min if _timed(circumstances) else None, (_drift,),
+    ),
+    ErrorSource(
+        "fixture", "stiffness of the fixture that the wind-up is corrected by", "1", "rectangular",
+        lambda figures, circumstances: figures.fixture_fraction if circumstances.fixture_corrected else None,
+        (_fixture,),
+    ),
+    ErrorSource(
+        "lock_width", "teeth at which the shaft is locked: loop width", "arcmin", "rectangular",
+        lambda figures, _: figures.lock_width_arcmin,
+        (lambda setting: Effect(angle_arcmin=0.5 * setting.points.direction),),
+    ),
+    ErrorSource(
+        "lock_windup", "teeth at which the shaft is locked: wind-up", "1", "rectangular",
+        lambda figures, _: figures.lock_windup_fraction,
+        (lambda setting: Effect(angle_arcmin=setting.points.angle_arcmin),),
+    ),
+)  # fmt: skip
+"""All sources of systematic error. Noise, scatter between cycles and calibration lines have modules of their own."""

@@ -1,0 +1,110 @@
+"""Sections of a bench file that were measured on it: fixture and torque ratios, each with the day it is due again."""
+
+from __future__ import annotations
+
+from datetime import date
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from recipes.quantity import ARCMINUTES, TORQUE, show
+from recipes.section import (
+    ARCSEC_RAD,
+    AngleNoise,
+    Deflection,
+    Drift,
+    Fraction,
+    Name,
+    Section,
+    SignedTorque,
+    Stiffness,
+    Travel,
+    refusal,
+)
+
+
+class FixturePoint(Section):
+    """One point of a fixture's curve: its deflection at a torque at the output."""
+
+    torque_nm: SignedTorque
+    deflection_arcmin: Deflection
+
+
+class FixtureCurve(Section):
+    """Deflection of the fixture over torque, as a blank test on a rigid dummy gave it (`lostmotion blank`)."""
+
+    id: Name
+    made: date
+    due: date
+    angles: Literal["both", "loaded"]
+    """Angles that the wind-up of the blank test was made of; only a wind-up of the same angles is corrected."""
+    points: Annotated[tuple[FixturePoint, ...], Field(min_length=2, max_length=1000)]
+
+    @model_validator(mode="after")
+    def _in_order(self) -> FixtureCurve:
+        _due_after_made(self.made, self.due)
+        for before, after in pairwise(self.points):
+            if after.torque_nm <= before.torque_nm or after.deflection_arcmin < before.deflection_arcmin:
+                found = f"{show(after.deflection_arcmin, ARCMINUTES)} at {show(after.torque_nm, TORQUE)}"
+                allowed = (
+                    f"torques that rise and deflections that do not fall, after "
+                    f"{show(before.deflection_arcmin, ARCMINUTES)} at {show(before.torque_nm, TORQUE)}"
+                )
+                raise refusal(found, allowed, "Make the curve anew with 'lostmotion blank'.", at="points")
+        return self
+
+
+class Fixture(Section):
+    """Clamping of the unit; its wind-up is taken out of the measured one.
+
+    accuracy: limit of the error of its stiffness. drift: limit of the wind-up's creep that is left while a cycle runs.
+    lock_width, lock_windup: limits of what another locking of the shaft changes in the width of the loop and in the
+    wind-up; declare what a lock angle study found when results shall speak of the whole unit, not of one position.
+    """
+
+    stiffness_nm_per_arcmin: Stiffness
+    curve: FixtureCurve | None = None
+    accuracy_fraction: Fraction = 0.05
+    drift_arcmin_min: Drift = 0.005
+    lock_width_rad: AngleNoise = 0.12 * ARCSEC_RAD
+    lock_windup_fraction: Fraction = 0.0005
+
+
+class QuadrantLine(Section):
+    """Line T_out = offset + slope · T_in of one quadrant, and what its fit said of it where that is known.
+
+    Without standard uncertainties 0.5 % of the slope and 0.5 N·m are assumed.
+    """
+
+    slope: Annotated[float, Field(gt=0, le=10000)]
+    offset_nm: SignedTorque
+    u_slope: Annotated[float, Field(ge=0, le=10000)] | None = None
+    u_offset_nm: SignedTorque | None = None
+    correlation: Annotated[float, Field(ge=-1, le=1)] | None = None
+    residual_sd_nm: SignedTorque | None = None
+
+
+class Calibration(Section):
+    """Stored torque ratio of one model on this bench, by sign of the torque and loading or unloading."""
+
+    id: Name
+    model: Name
+    made: date
+    due: date
+    transition_rad: Travel | None = None
+    """Angle at the input over which friction changes sides after a reversal; left out, that stretch is masked."""
+    load_positive: QuadrantLine
+    unload_positive: QuadrantLine
+    load_negative: QuadrantLine
+    unload_negative: QuadrantLine
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Calibration:
+        _due_after_made(self.made, self.due)
+        return self
+
+
+def _due_after_made(made: date, due: date) -> None:
+    if due <= made:
+        raise refusal(str(due), f"a day after {made}, when it was made", "Correct one of them.", at="due")

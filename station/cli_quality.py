@@ -1,0 +1,201 @@
+"""Models, line statistics and reports on the command line."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from station.cli_options import (
+    DEFAULT_DATA,
+    BranchOption,
+    ColumnOption,
+    DataOption,
+    FileArgument,
+    JsonOption,
+    LevelOption,
+    MetricOption,
+    RecipeFilter,
+    RunArgument,
+    SerialFilter,
+    SideOption,
+)
+
+AttemptsOption = Annotated[
+    str, typer.Option("--attempts", metavar="WHICH", help="Which runs of a unit count: first, last or all.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module to the command line."""
+    for command in (report, model, play_model, capability, units, gage, master_part):
+        app.command()(command)
+
+
+def report(
+    name: RunArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to. Default: that of the run.")
+    ] = None,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the report of a stored run, as HTML that stands alone and as PDF."""
+    from station import command_report
+
+    raise typer.Exit(command_report.report(name, data, out, open_it=open_it, as_json=as_json))
+
+
+def model(
+    trace: Annotated[str, typer.Argument(metavar="TRACE", help="Stored run, or a CSV, Parquet or TDMS file.")],
+    kind: Annotated[
+        str, typer.Option("--kind", metavar="NAME", help="cubic, dahl, bouc-wen, maxwell-slip, or all to compare.")
+    ] = "all",
+    fix: Annotated[
+        list[str] | None,
+        typer.Option("--fix", metavar="NAME=VALUE", help="A parameter that is known; may be repeated."),
+    ] = None,
+    recipe: Annotated[
+        str | None, typer.Option("--recipe", metavar="RECIPE", help="How to evaluate a file. A run has its own.")
+    ] = None,
+    bench: Annotated[
+        str | None, typer.Option("--bench", metavar="FILE", help="Bench that a file comes from: its fixture.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write the parameters as JSON, for a simulator.")
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Identify a model of the reducer from its loop, with uncertainties, for a robot simulator."""
+    from station.command_model import Asked
+    from station.command_model import model as identify
+
+    raise typer.Exit(identify(Asked(trace, kind, fix or [], recipe, bench, data, out), as_json=as_json))
+
+
+def play_model(
+    file: Annotated[Path, typer.Argument(metavar="MODEL", help="Model that 'model --out' wrote.")],
+    angles: Annotated[Path, typer.Argument(metavar="ANGLES", help="CSV file with a column angle_arcmin.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="CSV file. Default: the screen.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Play an exported model: wind-ups in, torques out, as a simulator would."""
+    from station import command_model
+
+    raise typer.Exit(command_model.play_model(file, angles, out, as_json=as_json))
+
+
+def capability(
+    file: FileArgument = None,
+    metric: MetricOption = None,
+    recipe: RecipeFilter = None,
+    side: SideOption = None,
+    branch: BranchOption = None,
+    attempts: AttemptsOption = "first",
+    column: ColumnOption = "value",
+    lower: Annotated[
+        float | None, typer.Option("--min", metavar="X", help="Lower limit. Default: the recipe's.")
+    ] = None,
+    upper: Annotated[
+        float | None, typer.Option("--max", metavar="X", help="Upper limit. Default: the recipe's.")
+    ] = None,
+    subgroup: Annotated[
+        int, typer.Option("--subgroup", metavar="N", min=1, help="Values made together. 1: moving range.")
+    ] = 1,
+    level: LevelOption = 0.95,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Capability of the line for one metric: Cp, Cpk, Pp and Ppk against its limits."""
+    from station import command_line_statistics as line
+    from station.stored_values import Ask
+
+    asked = line.Asked(
+        file, column, data, None if metric is None else Ask(metric, side, branch, recipe, None, attempts)
+    )
+    raise typer.Exit(line.capability_of(asked, (lower, upper), subgroup, level, as_json=as_json))
+
+
+def units(
+    file: FileArgument = None,
+    metric: MetricOption = None,
+    recipe: RecipeFilter = None,
+    side: SideOption = None,
+    branch: BranchOption = None,
+    column: ColumnOption = "value",
+    level: LevelOption = 0.95,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """How one metric differs from unit to unit, apart from how it repeats, and which units are unusual."""
+    from station import command_line_statistics as line
+    from station.stored_values import Ask
+
+    asked = line.Asked(file, column, data, None if metric is None else Ask(metric, side, branch, recipe))
+    raise typer.Exit(line.units_of(asked, level, as_json=as_json))
+
+
+def gage(
+    file: FileArgument = None,
+    metric: MetricOption = None,
+    recipe: RecipeFilter = None,
+    side: SideOption = None,
+    branch: BranchOption = None,
+    by: Annotated[
+        str, typer.Option("--by", metavar="WHAT", help="What stands for the operator in stored runs: day or bench.")
+    ] = "day",
+    tolerance: Annotated[
+        float | None, typer.Option("--tolerance", metavar="X", help="Upper minus lower limit. Default: the recipe's.")
+    ] = None,
+    level: LevelOption = 0.95,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Gage study: how much of the spread comes from the measuring, by variance and by average and range.
+
+    FILE has the columns operator, part and value; or operator, part and run, and the values of --metric are taken
+    from these stored runs.
+    """
+    from station import command_gage
+    from station.stored_values import Ask
+
+    ask = None if metric is None else Ask(metric, side, branch, recipe)
+    raise typer.Exit(command_gage.gage(file, ask, data, by, (tolerance, level), as_json=as_json))
+
+
+def master_part(
+    file: FileArgument = None,
+    metric: MetricOption = None,
+    serial: SerialFilter = None,
+    recipe: RecipeFilter = None,
+    side: SideOption = None,
+    branch: BranchOption = None,
+    column: ColumnOption = "value",
+    baseline: Annotated[
+        int, typer.Option("--baseline", metavar="N", min=1, help="How many of the first make the limits.")
+    ] = 10,
+    reference: Annotated[float | None, typer.Option("--reference", metavar="X", help="Certified value.")] = None,
+    u_reference: Annotated[
+        float, typer.Option("--u-reference", metavar="U", min=0, help="Its standard uncertainty.")
+    ] = 0.0,
+    level: LevelOption = 0.99,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Trend of a master part: does the bench change? Control chart, drift, distance from the certified value.
+
+    Exit code: 0 in control, 1 a rule is broken, 2 bad input.
+    """
+    from station import command_line_statistics as line
+    from station.stored_values import Ask
+
+    ask = None if metric is None else Ask(metric, side, branch, recipe, serial)
+    certified = None if reference is None else (reference, u_reference)
+    raise typer.Exit(
+        line.master_part_of(line.Asked(file, column, data, ask), baseline, certified, level, as_json=as_json)
+    )

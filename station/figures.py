@@ -1,0 +1,60 @@
+"""What a bench file declares of sensors, fixture and lock, as the analysis takes it for its uncertainty budget."""
+
+from __future__ import annotations
+
+import math
+
+from analysis import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
+from analysis.quadrants import QUADRANTS
+from analysis.units import ARCMIN_PER_RAD
+from recipes import Bench, Calibration
+from recipes.bench_schema import AngleSensor, TorqueSensor
+from recipes.calibration_schema import QuadrantLine
+
+U_SLOPE_FRACTION = 0.005
+U_OFFSET_NM = 0.5
+"""Standard uncertainty of a stored calibration line of which none is declared."""
+
+
+def figures_of(bench: Bench, stored: Calibration | None = None) -> SensorFigures:
+    """Return the declared figures of a bench; stored: the calibration that converts the torque, when one does."""
+    sensors, fixture = bench.sensors, bench.fixture
+    return SensorFigures(
+        torque_in=_torque(sensors.torque_in),
+        torque_out=_torque(sensors.torque_out),
+        angle_in=_angle(sensors.angle_in),
+        angle_out=_angle(sensors.angle_out),
+        skew_s=sensors.skew_s,
+        drift_arcmin_per_min=fixture.drift_arcmin_min,
+        fixture_fraction=fixture.accuracy_fraction,
+        lock_width_arcmin=fixture.lock_width_rad * ARCMIN_PER_RAD,
+        lock_windup_fraction=fixture.lock_windup_fraction,
+        calibration={} if stored is None else {name: _line(getattr(stored, name)) for name in QUADRANTS},
+    )
+
+
+def _torque(sensor: TorqueSensor | None) -> TorqueFigures | None:
+    if sensor is None:
+        return None
+    return TorqueFigures(
+        full_scale_nm=sensor.full_scale_nm,
+        gain_fraction=sensor.accuracy_fraction,
+        zero_fraction=sensor.tared_zero_fraction,
+        reversibility_fraction=sensor.reversibility_fraction,
+        noise_fraction=sensor.noise_fraction,
+    )
+
+
+def _angle(sensor: AngleSensor | None) -> AngleFigures | None:
+    if sensor is None:
+        return None
+    step_rad = 2.0 * math.pi / 2.0**sensor.resolution_bits
+    return AngleFigures(step_rad, sensor.accuracy_rad, sensor.interpolation_rad, sensor.noise_rad)
+
+
+def _line(line: QuadrantLine) -> LineCovariance:
+    return LineCovariance(
+        U_OFFSET_NM if line.u_offset_nm is None else abs(line.u_offset_nm),
+        U_SLOPE_FRACTION * line.slope if line.u_slope is None else line.u_slope,
+        line.correlation or 0.0,
+    )

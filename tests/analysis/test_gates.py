@@ -1,0 +1,244 @@
+"""Validity gates: each one fails for what it is there for, and passes a good run; a failed one decides nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from reference_unit import ARC, RATIO, ReferenceUnit, bench_trace, exact_trace, timed_trace
+
+from analysis import (
+    GATES,
+    AnalysisError,
+    Evidence,
+    FixtureCurve,
+    Method,
+    MetricWanted,
+    Result,
+    RunFacts,
+    Trace,
+    Verdict,
+    analyse,
+    gate_reasons,
+    judge_gates,
+)
+from recipes.recipe_schema import Validity
+from recipes.section import option_name
+
+P1 = ReferenceUnit()
+METHOD = Method(ratio=RATIO, rated_torque_nm=412, fixture_stiffness_nm_per_arcmin=1e4)
+WANTED = [MetricWanted("backlash_width_3pct", max=1.0)]
+LAGS = {"torque_out_nm": 0.001, "torque_in_nm": 0.001, "angle_in_rad": 0.001, "angle_out_rad": 0.001}
+FACTS = RunFacts(periods=100_000, missed=3, missed_allowed=0.001, oldest_sample_scans=2, sample_age_allowed_scans=10)
+GOOD = dataclasses.replace(
+    bench_trace(P1, 453.2, cycles=3), temperature_c=np.linspace(22.0, 23.0, bench_trace(P1, 453.2, cycles=3).samples)
+)
+KNOWN = dataclasses.replace(METHOD, lags_s=LAGS)
+
+Bad = Callable[[], dict[str, Any]]
+"""What `judged` is given instead of the good run."""
+
+
+def judged(
+    trace: Trace = GOOD, method: Method = KNOWN, facts: RunFacts | None = FACTS, invalid: tuple[str, ...] = ()
+) -> Result:
+    return analyse(trace, method, WANTED, invalid=invalid, facts=facts)
+
+
+def facts(**changes: Any) -> dict[str, Any]:
+    return {"facts": dataclasses.replace(FACTS, **changes)}
+
+
+def changed(**channels: Any) -> dict[str, Any]:
+    return {"trace": dataclasses.replace(GOOD, **channels)}
+
+
+def steps_in_angle() -> dict[str, Any]:
+    """The lock slips in the middle of the first cycle, and stays where it went to."""
+    first = [index for index, info in GOOD.segments.items() if info.role == "measure" and info.cycle == 1]
+    late = GOOD.segment > first[0]
+    return changed(angle_in_rad=GOOD.angle_in_rad + late * 0.5 * ARC * RATIO)
+
+
+def one_cycle_off() -> dict[str, Any]:
+    """The second cycle finds another angle, and the third the old one."""
+    second = [index for index, info in GOOD.segments.items() if info.role == "measure" and info.cycle == 2]
+    return changed(angle_in_rad=GOOD.angle_in_rad + np.isin(GOOD.segment, second) * 0.5 * ARC * RATIO)
+
+
+def uneven_ramp() -> dict[str, Any]:
+    """Every second stretch of the way is run ten times as slowly."""
+    step = np.where((np.arange(GOOD.samples) // 700) % 2, 1e-3, 1e-2)
+    return changed(t_s=np.cumsum(step))
+
+
+def sparse() -> dict[str, Any]:
+    exact = exact_trace(P1, 480.0, points=101)
+    return {"trace": exact, "facts": None}
+
+
+def back_and_forth() -> dict[str, Any]:
+    """Within the first falling branch the torque rises by 60 N·m and falls again."""
+    (first, *_) = [index for index, info in GOOD.segments.items() if info.role == "measure"]
+    inside = np.flatnonzero(GOOD.segment == first)
+    bump = 60.0 * np.exp(-np.square((np.arange(GOOD.samples) - inside.mean()) / 300.0))
+    return changed(torque_out_nm=GOOD.torque_out_nm + bump)
+
+
+BAD: dict[str, Bad] = {
+    "record": lambda: {"invalid": ("200 records were lost",)},
+    "missed_periods": lambda: facts(missed=400),
+    "sample_age": lambda: facts(oldest_sample_scans=11),
+    "torque_in_saturated": lambda: facts(torque_in_saturated=1),
+    "torque_out_saturated": lambda: facts(torque_out_saturated=7),
+    "not_ready": lambda: facts(not_ready=2),
+    "clipping": lambda: changed(torque_out_nm=np.clip(GOOD.torque_out_nm, -430.0, 430.0)),
+    "wrong_way": lambda: changed(angle_in_rad=-GOOD.angle_in_rad, angle_out_rad=-GOOD.angle_out_rad),
+    "loop_closure": steps_in_angle,
+    "drift": lambda: changed(angle_in_rad=GOOD.angle_in_rad + 1.0 / 60 * GOOD.t_s * ARC * RATIO),
+    "repeat": one_cycle_off,
+    "lag": lambda: {"method": dataclasses.replace(KNOWN, lags_s=LAGS | {"torque_out_nm": 0.2})},
+    "ramp_rate": uneven_ramp,
+    "points_per_bin": sparse,
+    "monotone_loading": back_and_forth,
+    "torque_agreement": lambda: changed(torque_in_nm=-GOOD.torque_in_nm),
+    "temperature_change": lambda: changed(temperature_c=np.linspace(20.0, 26.0, GOOD.samples)),
+    "temperature_low": lambda: changed(temperature_c=np.full(GOOD.samples, 4.0)),
+    "temperature_high": lambda: changed(temperature_c=np.full(GOOD.samples, 55.0)),
+    "locked_angle": lambda: {
+        "trace": dataclasses.replace(GOOD, angle_out_rad=None),
+        "method": dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=None),
+    },
+}
+"""What makes each gate fail."""
+
+GOOD_RUN = judged()
+
+
+def of(result: Result, gate: str):
+    (found,) = [one for one in result.gates if one.id == gate]
+    return found
+
+
+def test_every_gate_has_something_that_makes_it_fail() -> None:
+    assert set(BAD) == set(GATES)
+    assert [gate.id for gate in GOOD_RUN.gates] == list(GATES)
+
+
+@pytest.mark.parametrize("gate", GATES)
+def test_a_good_run_passes(gate: str) -> None:
+    found = of(GOOD_RUN, gate)
+    assert found.passed is True, found
+    assert found.figure is not None
+    assert f"{found.limit:.3g}" in found.text
+    assert (GOOD_RUN.verdict, GOOD_RUN.reasons) == (Verdict.PASS, ())
+
+
+@pytest.mark.parametrize("gate", GATES)
+def test_a_failed_gate_decides_nothing_and_says_why(gate: str) -> None:
+    result = judged(**BAD[gate]())
+    found = of(result, gate)
+    assert found.passed is False, found
+    assert result.verdict is Verdict.NOT_DECIDABLE
+    assert result.metrics[0].verdict is Verdict.NOT_DECIDABLE
+    if gate == "record":
+        assert result.reasons[0] == "measurement invalid: 200 records were lost"
+        return
+    (reason,) = [text for text in result.reasons if text.startswith(f"measurement invalid: {gate}: ")]
+    assert found.text in reason
+    assert GATES[gate].action in reason
+    assert f"{found.figure:.3g}" in reason
+    assert f"{found.limit:.3g}" in reason
+
+
+@pytest.mark.parametrize("gate", GATES)
+def test_what_could_not_be_evaluated_is_not_applicable(gate: str) -> None:
+    (found,) = [one for one in judge_gates(Evidence(None)) if one.id == gate]
+    if gate == "record":
+        assert found.passed is True
+    else:
+        assert (found.passed, found.figure) == (None, None)
+        assert "not applicable" in found.text
+
+
+def test_facts_of_a_run_that_could_not_be_evaluated_still_speak() -> None:
+    gates = judge_gates(Evidence(None, dataclasses.replace(FACTS, missed=400, not_ready=3), ("lost",)))
+    reasons = gate_reasons(gates, ("lost",))
+    assert reasons[0] == "measurement invalid: lost"
+    assert any("400 of 100000 scan periods were missed (0.400%)" in reason for reason in reasons)
+    assert any("not ready: 3 samples" in reason for reason in reasons)
+    assert len(reasons) == 3
+
+
+def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
+    result = analyse(exact_trace(P1, 480.0), METHOD, WANTED)
+    assert result.verdict is Verdict.PASS
+    why = {one.id: one.text for one in result.gates if one.passed is None}
+    assert set(why) == {
+        "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
+        "lag", "ramp_rate", "torque_agreement", "temperature_change", "temperature_low", "temperature_high",
+    }  # fmt: skip
+    assert "one cycle" in why["drift"]
+    assert "no time" in why["ramp_rate"]
+    assert "one torque channel" in why["torque_agreement"]
+
+
+def test_different_lags_without_time_are_not_passed() -> None:
+    lags = {"torque_out_nm": 0.05, "angle_out_rad": 0.0}
+    result = analyse(exact_trace(P1, 480.0), dataclasses.replace(METHOD, lags_s=lags), WANTED)
+    found = of(result, "lag")
+    assert (found.passed, found.figure) == (False, None)
+    assert "no time" in found.text
+
+
+def test_the_locked_angle_may_be_replaced_by_the_fixture() -> None:
+    alone = dataclasses.replace(GOOD, angle_out_rad=None)
+    curve = FixtureCurve((-500.0, 500.0), (-0.05, 0.05))
+    bare = dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=None)
+    assert of(judged(trace=alone), "locked_angle").passed
+    assert of(judged(trace=alone, method=dataclasses.replace(bare, fixture_curve=curve)), "locked_angle").passed
+    both = dataclasses.replace(curve, angles="both")
+    assert not of(judged(trace=alone, method=dataclasses.replace(bare, fixture_curve=both)), "locked_angle").passed
+    assert of(judged(method=bare), "locked_angle").passed
+
+
+def test_limits_can_be_set_where_they_can() -> None:
+    strict = dataclasses.replace(KNOWN, gate_limits={"repeat": 1e-6, "points_per_bin": 1e6})
+    result = judged(method=strict)
+    assert [gate.id for gate in result.gates if gate.passed is False] == ["repeat", "points_per_bin"]
+    lax = dataclasses.replace(KNOWN, gate_limits={"drift": 20.0})
+    assert judged(**BAD["drift"]() | {"method": lax}).verdict is Verdict.PASS
+    for name in ("wrong_way", "no_such_gate", "missed_periods"):
+        with pytest.raises(AnalysisError, match=name):
+            judged(method=dataclasses.replace(KNOWN, gate_limits={name: 1.0}))
+
+
+def test_the_recipe_has_an_option_for_every_limit_with_the_same_default() -> None:
+    written = {
+        option_name(name): value * 100.0 if name.endswith("_fraction") else value
+        for name, value in Validity().model_dump().items()
+    }
+    assert written == pytest.approx({name: gate.limit for name, gate in GATES.items() if gate.configurable})
+
+
+def test_gates_are_plain_data() -> None:
+    plain = json.loads(json.dumps(GOOD_RUN.to_dict()["gates"], allow_nan=False))
+    assert [set(one) for one in plain] == [{"id", "figure", "limit", "unit", "passed", "text"}] * len(GATES)
+
+
+def test_a_bad_unit_still_fails() -> None:
+    worn = dataclasses.replace(P1, f_c=2 * P1.f_c, j=0.6)
+    result = analyse(bench_trace(worn, 453.2, cycles=3), KNOWN, WANTED, facts=FACTS)
+    assert result.verdict is Verdict.FAIL
+
+
+def test_a_drift_that_is_corrected_but_large_is_not_judged() -> None:
+    trace = timed_trace(P1, 480.0, cycles=3)
+    drifting = dataclasses.replace(trace, angle_out_rad=trace.angle_out_rad + 0.5 / 60 * trace.t_s * ARC)
+    result = analyse(drifting, METHOD, WANTED)
+    assert result.metrics[0].headline.value == pytest.approx(0.94, abs=5e-5)
+    assert result.verdict is Verdict.NOT_DECIDABLE

@@ -1,0 +1,252 @@
+"""The budget of a metric: against the formula of the loop width, against Monte Carlo, and for few cycles."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from reference_unit import Bench, ReferenceUnit, bench_trace, exact_trace
+
+from analysis import (
+    METRICS,
+    AnalysisError,
+    AngleFigures,
+    Decision,
+    LineCovariance,
+    Method,
+    MetricResult,
+    MetricWanted,
+    SensorFigures,
+    TorqueFigures,
+    analyse,
+)
+from analysis.uncertainty.distributions import DISTRIBUTIONS
+from analysis.uncertainty.repeatability import enlarged, student_factor
+from analysis.uncertainty.sources import SOURCES
+
+RATIO = 121.0
+METHOD = Method(ratio=RATIO, rated_torque_nm=412.0, fixture_stiffness_nm_per_arcmin=1e4)
+CALIBRATED = dataclasses.replace(METHOD, output_torque="calibrated")
+UNIT = ReferenceUnit()
+TRACE = bench_trace(UNIT, 453.2, cycles=2)
+QUIET = bench_trace(
+    UNIT,
+    453.2,
+    cycles=2,
+    bench=Bench(torque_out_noise_nm=0.0, torque_in_noise_nm=0.0, angle_in_bits=None, angle_out_bits=None),
+)
+NO_ERRORS = {"gain_fraction": 0.0, "zero_fraction": 0.0, "reversibility_fraction": 0.0, "noise_fraction": 0.0}
+FIGURES = SensorFigures(
+    torque_in=TorqueFigures(5.0),
+    torque_out=TorqueFigures(1000.0),
+    angle_in=AngleFigures(2 * math.pi / 2**20),
+    angle_out=AngleFigures(2 * math.pi / 2**23, accuracy_rad=1e-5, interpolation_rad=5e-7),
+    skew_s=2e-4,
+    drift_arcmin_per_min=0.005,
+    fixture_fraction=0.05,
+    lock_width_arcmin=0.002,
+    lock_windup_fraction=5e-4,
+)
+EVERY = [MetricWanted(name) for name in METRICS]
+
+
+def metric(name: str, figures: SensorFigures | None, method: Method = METHOD, trace: object = QUIET) -> MetricResult:
+    return analyse(trace, method, [MetricWanted(name)], figures=figures).metrics[0]
+
+
+def contributions(found: MetricResult) -> dict[str, float]:
+    return {row.quantity: row.contribution for row in found.headline.budget.rows}
+
+
+def test_every_metric_has_a_budget_whose_shares_are_one() -> None:
+    for found in analyse(TRACE, METHOD, EVERY, figures=FIGURES).metrics:
+        plain = found.to_dict()
+        assert plain["uncertainty_kind"] == "budget"
+        for side in found.sides:
+            rows = side.budget.rows
+            assert side.budget.u > 0
+            if not found.definition.graded:  # a grade counts in whole steps; its budget is that of its backlash
+                assert side.uncertainty == 2 * side.budget.u
+            assert sum(row.share for row in rows) == pytest.approx(1.0)
+            assert math.hypot(*(row.contribution for row in rows)) == pytest.approx(side.budget.u)
+            assert all(row.contribution == pytest.approx(abs(row.sensitivity) * row.u) for row in rows)
+            assert plain["sides"][side.side]["budget"] == side.budget_rows
+        assert plain["budget"] == found.headline.budget_rows
+        assert set(plain["budget"][0]) == {"quantity", "text", "u", "unit", "sensitivity", "contribution", "share"}
+
+
+def slopes(torque: float) -> tuple[float, float]:
+    """1/K of the forward and of the return branch of the exact loop at a torque, arcmin per N·m."""
+    phi, rising, falling = UNIT.branches(453.2)
+    at = np.array([torque - 0.5, torque + 0.5])
+    return float(np.diff(np.interp(at, rising, phi))[0]), float(np.diff(np.interp(at, falling, phi))[0])
+
+
+def test_loop_width_agrees_with_its_formula_term_by_term() -> None:
+    """u²(B) = 2u²_enc + (1/K_r − 1/K_f)² u²(T_off) + (1/K_r + 1/K_f)² u²(T_rev) + (2ω)² u²(Δτ) + (Δt u_drift)²."""
+    forward, backward = slopes(12.36)
+    found = contributions(metric("backlash_width_3pct", FIGURES))
+    third = 1 / math.sqrt(3)
+    lens = 1 - (12.36 / 453.2) ** 2
+    # a difference of two slopes that are nearly the same, on branches with a torque every 2 N·m
+    assert found["torque_out_zero"] == pytest.approx(abs(backward - forward) * 0.2 * third, rel=0.15)
+    assert found["torque_out_gain"] == pytest.approx(abs(backward - forward) * 12.36e-3 * third, rel=0.15)
+    assert found["torque_out_reversibility"] == pytest.approx((backward + forward) * 0.2 * lens * third, rel=0.03)
+    # ω differs between the branches: the rate of torque over the stiffness of each
+    assert found["skew"] == pytest.approx((forward + backward) * 60.0 * 2e-4 * third, rel=0.03)
+    apart_min = (2 * 453.2 + 2 * 12.36) / 60.0 / 60.0  # down from +12.36 to -453.2 and up again; the dwell beside it
+    assert found["drift"] == pytest.approx((apart_min + 0.1 / 60) * 0.005 * third, rel=0.1)
+    assert found["lock_width"] == pytest.approx(0.002 * third)
+
+
+def test_encoder_at_two_angles_counts_twice_when_they_are_half_a_period_apart() -> None:
+    """2 u²_enc for errors that do not know of each other; between two angles of one sine it is 2 u² (1 − cos Δ)."""
+    width_rad = metric("backlash_width_3pct", FIGURES).headline.value / 60 / 180 * math.pi * RATIO
+    limit = 1e-5
+    for periods in (0.5, 0.25):
+        line = width_rad / periods
+        encoder = AngleFigures(line / 512, accuracy_rad=0.0, interpolation_rad=limit)
+        figures = SensorFigures(torque_out=TorqueFigures(1000.0, **NO_ERRORS), angle_in=encoder)
+        u = limit / math.sqrt(6) / RATIO * 180 / math.pi * 60
+        expected = u * math.sqrt(2 * (1 - math.cos(2 * math.pi * periods)))
+        assert contributions(metric("backlash_width_3pct", figures))["angle_in_line"] == pytest.approx(
+            expected, rel=0.02
+        )
+
+
+def test_gain_of_the_torque_goes_into_a_stiffness_that_is_even() -> None:
+    """A straight unit: stiffness is as wrong as the torque, whatever its definition."""
+    straight = ReferenceUnit(b=0.0, j=0.0, f_c=1.0)
+    trace = exact_trace(straight, 480.0, points=3001)
+    figures = SensorFigures(torque_out=dataclasses.replace(TorqueFigures(1000.0, **NO_ERRORS), gain_fraction=1e-3))
+    for name in ("stiffness_lsq", "stiffness_two_point", "stiffness_50_100", "stiffness_at", "spring_constant"):
+        side = metric(name, figures, trace=trace).headline
+        assert side.budget.u / side.value == pytest.approx(1e-3 / math.sqrt(3), rel=1e-2), name
+
+
+def test_offset_error_of_the_fixture_enters_only_where_it_is_corrected() -> None:
+    assert "fixture" not in contributions(metric("windup", FIGURES))
+    alone = dataclasses.replace(QUIET, angle_out_rad=None)
+    found = contributions(metric("windup", FIGURES, trace=alone))
+    assert found["fixture"] == pytest.approx(2 * 412 / 1e4 * 0.05 / math.sqrt(3), rel=1e-2)
+
+
+def test_input_sensor_cancels_where_it_was_calibrated_in_the_same_run() -> None:
+    """Gain and zero of the input sensor are in the lines and in the conversion, and go out again."""
+    figures = SensorFigures(torque_in=TorqueFigures(5.0), torque_out=TorqueFigures(1000.0, **NO_ERRORS))
+    found = contributions(metric("windup", figures, CALIBRATED))
+    assert found.get("torque_in_gain", 0.0) < 1e-9
+    assert found.get("torque_in_zero", 0.0) < 1e-9
+
+
+def test_output_sensor_enters_a_converted_torque_through_the_lines() -> None:
+    gain = SensorFigures(
+        torque_in=TorqueFigures(5.0),
+        torque_out=dataclasses.replace(TorqueFigures(1000.0, **NO_ERRORS), gain_fraction=1e-3),
+    )
+    direct = contributions(metric("windup", gain))["torque_out_gain"]
+    assert contributions(metric("windup", gain, CALIBRATED))["torque_out_gain"] == pytest.approx(direct, rel=0.03)
+
+
+def test_stored_lines_bring_their_covariance_and_another_zero() -> None:
+    measured = analyse(QUIET, CALIBRATED, [MetricWanted("windup")]).quadrants
+    stored = dataclasses.replace(CALIBRATED, quadrants=dataclasses.replace(measured, fits={}))
+    u = LineCovariance(u_offset_nm=0.5, u_slope=0.3, correlation=-0.87)
+    figures = dataclasses.replace(FIGURES, calibration={"load_positive": u})
+    found, measured_here = (contributions(metric("stiffness_50_100", figures, one)) for one in (stored, CALIBRATED))
+    assert found["torque_in_zero"] > 1e-3
+    assert measured_here.get("torque_in_zero", 0.0) < 1e-9
+    torque_in = (412.0 - measured.load_positive.offset_nm) / measured.load_positive.slope
+    u_torque = math.sqrt(0.5**2 + (0.3 * torque_in) ** 2 - 2 * 0.87 * 0.5 * 0.3 * torque_in)
+    row = next(row for row in metric("windup", figures, stored).headline.budget.rows if "calibration" in row.quantity)
+    assert row.u == pytest.approx(u_torque)
+
+
+def test_without_figures_it_is_repeatability_and_the_result_says_so() -> None:
+    result = analyse(TRACE, METHOD, [MetricWanted("windup")])
+    side = result.metrics[0].headline
+    expected = student_factor(1) * side.standard_deviation / math.sqrt(2)
+    assert side.uncertainty == pytest.approx(expected)
+    assert side.uncertainty_kind == "repeatability"
+    assert [row.quantity for row in side.budget.rows] == ["repeatability"]
+    assert any("repeatability only" in note for note in result.notes)
+
+
+def test_one_cycle_has_an_uncertainty_only_with_figures() -> None:
+    one = bench_trace(UNIT, 453.2, cycles=1)
+    assert metric("windup", None, trace=one).headline.uncertainty is None
+    with_figures = metric("windup", FIGURES, trace=one)
+    assert with_figures.headline.uncertainty > 0
+    assert "repeatability" not in contributions(with_figures)
+    guarded = analyse(one, METHOD, [MetricWanted("windup", max=10.0)], Decision("guard_band"), figures=FIGURES)
+    assert guarded.verdict == "PASS"
+
+
+@pytest.mark.parametrize(("freedom", "factor"), [(1, 13.968), (2, 4.527), (3, 3.307), (9, 2.320), (math.inf, 2.0)])
+def test_student_factors_of_few_cycles(freedom: float, factor: float) -> None:
+    """GUM table G.2, 95.45 %."""
+    assert student_factor(freedom) == pytest.approx(factor, abs=1e-3)
+
+
+def test_scatter_that_is_small_beside_what_is_known_needs_no_factor() -> None:
+    assert enlarged(1.0, 0.01, 2) == pytest.approx(0.01, rel=1e-3)
+    assert enlarged(0.0, 0.01, 2) == pytest.approx(0.01 * 4.527 / 2, rel=1e-3)
+    assert enlarged(1.0, 0.0, 2) == 0.0
+
+
+def test_scatter_beyond_the_noise_is_counted() -> None:
+    """A unit that changes from cycle to cycle: its noise cannot explain it."""
+    angle = TRACE.angle_in_rad.copy()
+    cycle = np.array([TRACE.segments[int(key)].cycle for key in TRACE.segment])
+    angle[cycle == 2] *= 1.001
+    rows = contributions(metric("windup", FIGURES, trace=dataclasses.replace(TRACE, angle_in_rad=angle)))
+    calm = contributions(metric("windup", FIGURES, trace=TRACE))
+    assert rows["repeatability"] > 20 * calm["repeatability"]
+
+
+def test_noise_is_as_large_as_the_scatter_of_many_runs() -> None:
+    """Predicted from the declared noise against 30 runs with other noise."""
+    names = ["backlash_width_3pct", "stiffness_50_100", "spring_constant"]
+    wanted = [MetricWanted(name) for name in names]
+    bench = Bench(angle_in_bits=None, angle_out_bits=None, rate_nm_s=120.0)
+    noise = {**NO_ERRORS, "noise_fraction": 2e-4}
+    figures = SensorFigures(torque_out=TorqueFigures(1000.0, **noise))
+    traces = [bench_trace(UNIT, 453.2, cycles=1, bench=bench, seed=seed) for seed in range(30)]
+    values = [[found.headline.value for found in analyse(trace, METHOD, wanted).metrics] for trace in traces]
+    predicted = [found.headline.budget.u for found in analyse(traces[0], METHOD, wanted, figures=figures).metrics]
+    for name, expected, seen in zip(names, predicted, np.std(values, axis=0, ddof=1), strict=True):
+        assert 0.6 < seen / expected < 1.6, name  # both are known to 13 % at best: three of it and a margin
+
+
+def test_tables_are_complete() -> None:
+    ids = [source.id for source in SOURCES]
+    assert len(ids) == len(set(ids))
+    for source in SOURCES:
+        assert source.distribution in DISTRIBUTIONS
+        assert source.text
+        assert source.unit
+        assert source.shapes
+
+
+@pytest.mark.parametrize("name", list(DISTRIBUTIONS))
+def test_draws_have_the_standard_uncertainty_of_their_distribution(name: str) -> None:
+    row = DISTRIBUTIONS[name]
+    components = 2 if name in ("cyclic", "quantised") else 1
+    drawn = row.draw(np.random.default_rng(5), 3.0, 200_000, components)
+    assert drawn.shape == (200_000, components)
+    assert drawn.std(axis=0) == pytest.approx(3.0 / row.divisor, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: TorqueFigures(0.0),
+        lambda: TorqueFigures(5.0, gain_fraction=-1e-3),
+        lambda: AngleFigures(math.nan),
+        lambda: LineCovariance(0.1, 0.1, 1.5),
+        lambda: SensorFigures(skew_s=-1e-3),
+    ],
+)
+def test_figures_that_make_no_sense_are_refused(wrong: object) -> None:
+    with pytest.raises(AnalysisError, match="found"):
+        wrong()

@@ -1,0 +1,52 @@
+"""Concluded runs with values that a test chooses: a real store with sealed records, without a bench behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from station.record_store import RunRecord, Store
+from station.seal import fingerprint, seal
+
+START = datetime(2026, 1, 5, 8, tzinfo=UTC)
+
+
+def metric(value: float | None, **changes: Any) -> dict[str, Any]:
+    """A metric of a result, sided, with a limit."""
+    sides = {side: {"value": value, "uncertainty": None, "verdict": "PASS"} for side in ("+", "-")}
+    found: dict[str, Any] = {"id": "lost_motion", "definition": "centreline", "value": value, "unit": "arcmin"}
+    found |= {"uncertainty": None, "branch": "mean", "side": "+", "estimator": "interpolation", "band": 0.03}
+    found |= {"torque_nm": None, "cycles": 3, "limits": {"min": None, "max": 1.0}, "verdict": "PASS", "sides": sides}
+    return found | changes
+
+
+def store_run(
+    data: Path,
+    serial: str,
+    metrics: Sequence[Mapping[str, Any]],
+    *,
+    day: float = 0.0,
+    reasons: Sequence[str] = (),
+    state: str = "complete",
+    recipe: str = "inverse",
+) -> RunRecord:
+    """Store one concluded run; `day` moves its start."""
+    manifest: dict[str, Any] = {"bench": {"name": "b", "sha256": ""}, "unit": {"model": "RV", "virtual": None}}
+    manifest |= {"recipe": {"name": recipe, "revision": 1, "sha256": ""}, "clock": "real", "verdict": None}
+    run = Store(data).create(serial, manifest, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
+    run.samples.touch()
+    sha = {part: fingerprint(run.folder / f"{part}.yaml")["sha256"] for part in ("recipe", "bench")}
+    verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS"
+    shown = [dict(one) | ({"verdict": None} if verdict != "PASS" else {}) for one in metrics]
+    result = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
+    result |= {"reasons": list(reasons), "bench": {"name": "b"}, "unit": {"virtual": None}, "clock": "real"}
+    run.write_json("result.json", result)
+    run.update(
+        recipe=manifest["recipe"] | {"sha256": sha["recipe"]},
+        bench=manifest["bench"] | {"sha256": sha["bench"]},
+        started=(START + timedelta(days=day)).isoformat(timespec="milliseconds"),
+    )
+    seal(run, state=state, verdict=verdict, records=0)
+    return run

@@ -1,0 +1,213 @@
+"""Capability, units, gage and master part: from stored runs and from CSV files, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from stored_runs import metric, store_run
+
+from analysis import AnalysisError
+from station import command_gage
+from station import command_line_statistics as line
+from station.command_line_statistics import Asked
+from station.csv_columns import read_csv_columns
+from station.errors import StationError
+from station.stored_values import Ask, stored_values
+
+DATA = Path(__file__).parents[1] / "data"
+ASK = Ask("lost_motion")
+
+
+def csv(folder: Path, text: str) -> Path:
+    path = folder / "values.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def of_file(path: Path, column: str = "value") -> Asked:
+    return Asked(path, column, path.parent, None)
+
+
+def printed(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    """Five units, the first one measured twice; a run that was stopped, one that was invalid, one without value."""
+    for number, value in enumerate((0.40, 0.42, 0.38, 0.41, 0.39)):
+        store_run(tmp_path, f"U{number}", [metric(value)], day=number)
+    store_run(tmp_path, "U0", [metric(0.5)], day=6)
+    store_run(tmp_path, "U5", [], state="stopped")
+    store_run(tmp_path, "U6", [metric(9.0)], reasons=["measurement invalid: drift"])
+    store_run(tmp_path, "U7", [metric(None)])
+    store_run(tmp_path, "U8", [metric(9.0)], recipe="other")
+    return tmp_path
+
+
+def test_runs_that_do_not_count_are_left_out_and_counted(runs: Path) -> None:
+    found = stored_values(runs, Ask("lost_motion", recipe="inverse"))
+    assert [one.value for one in found.values] == [0.40, 0.42, 0.38, 0.41, 0.39, 0.5]
+    assert sorted(found.left_out) == [
+        "that ended as stopped", "whose measurement was invalid", "whose value could not be evaluated",
+    ]  # fmt: skip
+    altered = found.values[0].run
+    (altered.folder / "recipe.yaml").write_bytes(b"changed\n")
+    assert stored_values(runs, ASK).left_out["altered"] == 1
+
+
+def test_each_unit_counts_once_when_asked_for(runs: Path) -> None:
+    for which, value in (("first", 0.40), ("last", 0.5)):
+        found = stored_values(runs, Ask("lost_motion", recipe="inverse", attempts=which))
+        assert {one.serial: one.value for one in found.values}["U0"] == value
+        assert len(found.values) == 5
+
+
+def test_runs_that_mean_something_else_are_refused(runs: Path) -> None:
+    store_run(runs, "U9", [metric(0.4, band=0.04)])
+    with pytest.raises(StationError, match=r"mean different things by lost_motion: band is 0.03 and 0.04"):
+        stored_values(runs, ASK)
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (Ask("unknown"), "no run has a value of unknown"),
+        (Ask("lost_motion", side="both"), "--side: found 'both'"),
+        (Ask("lost_motion", attempts="best"), "--attempts: found 'best'"),
+    ],
+)
+def test_what_was_asked_for_wrongly_is_said(runs: Path, ask: Ask, said: str) -> None:
+    with pytest.raises(StationError, match=said):
+        stored_values(runs, ask)
+
+
+def test_capability_against_the_limit_of_the_recipe(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = Asked(None, "value", runs, Ask("lost_motion", recipe="inverse", attempts="first"))
+    assert line.capability_of(asked, (None, None), 1, 0.95, as_json=True) == 0
+    found = printed(capsys)
+    assert (found["upper"], found["lower"], found["values"]) == (1.0, None, 5)
+    assert found["mean"] == pytest.approx(0.40)
+    assert found["within"]["both"] is None
+    # one limit: (1 - 0.40) / (3 · mean moving range / 1.128)
+    assert found["within"]["nearest"] == pytest.approx(0.6 / (3 * 0.0275 / 1.1284), rel=1e-3)
+    line.capability_of(asked, (None, None), 1, 0.95, as_json=False)
+    text = capsys.readouterr().out
+    assert "≤ 1 arcmin" in text
+    assert "left out: 1 that are not the first of their unit" in text
+
+
+def test_capability_of_a_file_needs_a_limit(tmp_path: Path) -> None:
+    path = csv(tmp_path, "value\n9.9\n10.1\n10\n")
+    with pytest.raises(StationError, match="there is no limit"):
+        line.capability_of(of_file(path), (None, None), 1, 0.95, as_json=False)
+    assert line.capability_of(of_file(path), (9.0, 11.0), 1, 0.95, as_json=False) == 0
+
+
+def test_units_are_compared_apart_from_their_repeatability(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line.units_of(Asked(None, "value", runs, Ask("lost_motion", recipe="inverse")), 0.95, as_json=True)
+    found = printed(capsys)
+    assert (found["units"], found["measurements"]) == (5, 6)
+    assert found["most"] == ["U0", pytest.approx(0.45)]
+    assert found["sd_within"] == pytest.approx(0.1 / 2**0.5)
+
+
+def test_the_published_gage_study(capsys: pytest.CaptureFixture[str]) -> None:
+    command_gage.gage(DATA / "gage_study.csv", None, DATA, "day", (None, 0.95), as_json=True)
+    found = printed(capsys)
+    assert found["anova"]["part"]["sum_of_squares"] == pytest.approx(88.36193, abs=1e-5)
+    assert found["anova"]["grr_pct"]["value"] == pytest.approx(27.86, abs=0.005)
+    assert (found["anova"]["ndc"], found["average_range"]["ndc"]) == (4, 5)
+
+
+def test_a_gage_study_of_stored_runs_by_day_and_by_a_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows, data = ["operator,part,run"], tmp_path / "data"
+    for day in (0, 1):
+        for part in range(3):
+            for trial in (0, 1):
+                value = 0.3 + 0.1 * part + 0.01 * day + 0.001 * trial
+                run = store_run(data, f"P{part}", [metric(value)], day=day + 0.1 * trial)
+                rows.append(f"{'AB'[day]},{part},{run.id}")
+    command_gage.gage(None, ASK, data, "day", (2.0, 0.95), as_json=True)
+    by_day = printed(capsys)
+    assert (by_day["parts"], by_day["trials"]) == (["P0", "P1", "P2"], 2)
+    command_gage.gage(csv(tmp_path, "\n".join(rows)), ASK, data, "day", (2.0, 0.95), as_json=True)
+    assert printed(capsys)["anova"] == by_day["anova"]
+    with pytest.raises(StationError, match="every run is of one bench"):
+        command_gage.gage(None, ASK, data, "bench", (None, 0.95), as_json=True)
+    with pytest.raises(StationError, match="row 2, column run: found 'nothing'"):
+        command_gage.gage(
+            csv(tmp_path, f"{rows[0]}\n{rows[1]}\nA,1,nothing\n"), ASK, data, "day", (None, 0.95), as_json=True
+        )
+    with pytest.raises(StationError, match="more than once"):
+        command_gage.gage(
+            csv(tmp_path, f"{rows[0]}\n{rows[1]}\n{rows[1]}\n"), ASK, data, "day", (None, 0.95), as_json=True
+        )
+
+
+def test_a_bench_that_drifts_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    steady = [5.0, 5.1, 4.9, 5.05, 4.95, 5.02, 4.97, 5.08, 4.93, 5.0]
+    rows = [f"2026-01-{day:02d}T08:00:00,{value}" for day, value in enumerate(steady, start=1)]
+    path = csv(tmp_path, "\n".join(["started,value", *rows]))
+    assert line.master_part_of(of_file(path), 6, (5.0, 0.01), 0.99, as_json=False) == 0
+    assert "in control" in capsys.readouterr().out
+    path = csv(tmp_path, "\n".join(["started,value", *rows, "2026-02-01,9"]))
+    assert line.master_part_of(of_file(path), 6, None, 0.99, as_json=True) == 1
+    found = printed(capsys)
+    assert not found["in_control"]
+    assert found["signals"][0]["measurement"] == 11
+
+
+def test_a_master_part_of_stored_runs(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line.master_part_of(Asked(None, "value", runs, Ask("lost_motion", recipe="inverse")), 5, None, 0.99, as_json=True)
+    assert printed(capsys)["measurements"] == 6
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("value\n1\n2\nx\n", r"values.csv: row 3, column value: found 'x'; needed is a finite number"),
+        ("value\n1\nnan\n", "row 2, column value: found 'nan'"),
+        ("value\n1\n1e999\n", "row 2, column value: found '1e999'"),
+        ("value\n1\n1_0\n", "row 2, column value: found '1_0'"),
+        ("value,b\n1,\n", None),
+        ("value,b\n,1\n", "row 1, column value: is empty"),
+        ("other\n1\n", "column value is missing; found are other"),
+        ("value\n1,2\n", "row 1: has 2 cells, the header has 1"),
+        ("value,value\n1,2\n", "more than once"),
+        ("value\n", "has 0 rows"),
+        ("", "has 0 rows"),
+        ('value\n"1\n', "cannot be read"),
+        ("value\n\x00\n", "row 1"),
+    ],
+)
+def test_a_bad_file_is_told_by_row_and_column(tmp_path: Path, text: str, said: str | None) -> None:
+    path = csv(tmp_path, text)
+    if said is None:
+        assert read_csv_columns(path).numbers("value") == [1.0]
+        return
+    with pytest.raises(StationError, match=said):
+        read_csv_columns(path).numbers("value")
+
+
+def test_files_that_are_no_text_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "values.csv"
+    path.write_bytes(b"\xff\xfe\x00")
+    for bad in (path, tmp_path, tmp_path / "none.csv"):
+        with pytest.raises(StationError, match="cannot be read"):
+            read_csv_columns(bad)
+
+
+def test_few_or_equal_values_are_refused_in_words(tmp_path: Path) -> None:
+    with pytest.raises(AnalysisError, match="needed are 3 or more"):
+        line.capability_of(of_file(csv(tmp_path, "value\n1\n2\n")), (0.0, 1.0), 1, 0.95, as_json=False)
+    with pytest.raises(AnalysisError, match="spread above zero"):
+        line.capability_of(of_file(csv(tmp_path, "value\n1\n1\n1\n")), (0.0, 1.0), 1, 0.95, as_json=False)
+    with pytest.raises(StationError, match="either a CSV FILE, or --metric"):
+        line.units_of(Asked(None, "value", tmp_path, None), 0.95, as_json=False)
+    with pytest.raises(StationError, match="row 2, column time: found 'soon'"):
+        line.master_part_of(of_file(csv(tmp_path, "time,value\n2026-01-01,1\nsoon,2\n")), 5, None, 0.99, as_json=False)

@@ -1,0 +1,126 @@
+"""Serial ports of the virtual bench: RTU lines asked by pymodbus' own client, names of ports, a bus after its end."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import pytest
+from pymodbus.client import AsyncModbusSerialClient
+from pymodbus.exceptions import ModbusIOException
+
+from drivers.virtual.config import CanBus, ModbusPort, Register, RegisterMap
+from drivers.virtual.modbus_rtu import RtuLine
+from drivers.virtual.modbus_servers import Device, ModbusServer
+from drivers.virtual.pty_port import PtyPort
+from drivers.virtual.python_can_port import PythonCanPort
+from drivers.virtual.slcan_server import SlcanServer
+
+REGISTERS = RegisterMap("brake", 0x4C42, "input", 0, 2, (Register("identity", 0, "u16"), Register("value", 1, "i16")))
+
+
+def server(unit_id: int, value: float, trouble: Callable[[], tuple[str, float]] = lambda: ("", 0.0)) -> ModbusServer:
+    port = ModbusPort(REGISTERS, unit_id, rtu=True)
+    return ModbusServer(Device(port, lambda: {"value": value}), lambda: None, trouble)
+
+
+async def asked(line: RtuLine, unit_id: int) -> list[int] | None:
+    """What pymodbus' client gets from a unit of a line; None for silence."""
+    client = AsyncModbusSerialClient(await line.start(), baudrate=115200, timeout=0.2, retries=0)
+    try:
+        assert await client.connect()
+        reply = await client.read_input_registers(0, count=2, device_id=unit_id)
+        return None if reply.isError() else list(reply.registers)
+    except ModbusIOException:  # no response
+        return None
+    finally:
+        client.close()
+        await line.stop()
+
+
+def quiet(_kind: str, _text: str) -> None:
+    pass
+
+
+@pytest.mark.parametrize(("unit_id", "found"), [(2, [0x4C42, 17]), (3, [0x4C42, 23]), (4, None)])
+def test_each_device_of_a_line_answers_its_own_unit_only(unit_id: int, found: list[int] | None) -> None:
+    line = RtuLine([server(2, 17), server(3, 23)], "", quiet)
+    assert asyncio.run(asked(line, unit_id)) == found
+
+
+def test_a_device_without_power_is_silent() -> None:
+    line = RtuLine([server(2, 17, lambda: ("off", 0.0))], "", quiet)
+    assert asyncio.run(asked(line, 2)) is None
+
+
+def test_a_port_has_its_name_until_it_is_closed(tmp_path: Path) -> None:
+    link = tmp_path / "can"
+
+    async def use() -> None:
+        port = PtyPort(lambda _data: None, str(link))
+        assert port.open() == str(link)
+        assert os.ttyname(os.open(link, os.O_RDWR | os.O_NOCTTY)) == str(link.resolve())
+        port.close()
+        port.close()
+
+    asyncio.run(use())
+    assert not link.is_symlink()
+
+
+def test_the_name_left_by_a_bench_that_was_killed_is_taken_over(tmp_path: Path) -> None:
+    link = tmp_path / "can"
+    link.symlink_to("/dev/pts/nothing")
+
+    async def use() -> None:
+        port = PtyPort(lambda _data: None, str(link))
+        port.open()
+        assert link.exists()
+        port.close()
+
+    asyncio.run(use())
+
+
+@pytest.mark.parametrize(("name", "said"), [("there", "not there yet"), ("/dev/ttyUSB9", "for real devices")])
+def test_a_name_that_is_taken_or_a_device_is_refused(tmp_path: Path, name: str, said: str) -> None:
+    (tmp_path / "there").touch()
+
+    async def use() -> None:
+        PtyPort(lambda _data: None, str(tmp_path / name)).open()
+
+    with pytest.raises(OSError, match=said):
+        asyncio.run(use())
+    assert (tmp_path / "there").is_file()
+
+
+def test_a_frame_after_the_end_of_the_bus_is_nobodys_trouble() -> None:
+    """The drive still had something to say when its bus was closed: ValueError, file descriptor -1."""
+
+    async def use() -> None:
+        adapter = SlcanServer("", 1_000_000, lambda _id, _data: None, quiet)
+        port = PythonCanPort(CanBus("slcan", await adapter.start()), lambda _id, _data: None, quiet)
+        await port.start()
+        port.send(0x185, b"\x37\x12")
+        await port.stop()
+        port.send(0x185, b"\x37\x12")
+        await port.stop()
+        await adapter.stop()
+
+    asyncio.run(use())
+
+
+def test_a_bus_that_was_closed_under_its_port_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+
+    def closed(*_args: object, **_options: object) -> None:
+        raise ValueError("file descriptor cannot be a negative integer (-1)")  # as python-can's socketcan says it
+
+    port = PythonCanPort(CanBus("virtual", "closed"), lambda _id, _data: None, lambda kind, _text: told.append(kind))
+    with can.Bus(interface="virtual", channel="closed") as bus:
+        monkeypatch.setattr(bus, "send", closed)
+        port._bus = bus
+        port.send(0x185, b"")
+        port.send(0x185, b"")
+    assert told == ["can_send_failed"]

@@ -47,11 +47,11 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -m "not wires" -n 2
 	$(BIN)/python -m pytest -m wires
 
-model-wire-faults: $(STAMP)
-	$(BIN)/lostmotion faults matrix --wires --page docs/wire-faults.md
-
-check: $(STAMP)
+model-check: $(STAMP)
 	$(BIN)/python tests/model_check --mutants
+
+wire-faults: $(STAMP)
+	$(BIN)/lostmotion faults matrix --wires --page docs/wire-faults.md
 
 check: $(STAMP)
 	$(BIN)/ruff check .

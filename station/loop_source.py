@@ -81,6 +81,7 @@ def loop_of(source: Source) -> LoopSamples:
 
     Raises:
         AnalysisError: a column is missing, or there is no loop in the trace.
+        StationError: both angles are there and no recipe says what they are.
 
     """
     if source.result is not None:
@@ -94,6 +95,11 @@ def channels_of(source: Source) -> tuple[FloatArray, FloatArray]:
     """Return wind-up [arcmin] and output torque [N·m] sample by sample; AnalysisError naming a missing column."""
     torque = source.trace.channel("torque_out_nm", "the torque, where there is no recipe to convert another one by")
     if source.method is None:
+        if source.trace.angle_in_rad is not None and source.trace.angle_out_rad is not None:
+            raise StationError(
+                f"{source.name}: both shafts' angles are in it, and which of them is locked is not said; the output's "
+                "alone may be that of the lock. Name the recipe (--recipe), which has ratio and loaded side",
+            )
         what = "the wind-up, where there is no recipe to make it by"
         return source.trace.channel("angle_out_rad", what) * ARCMIN_PER_RAD, torque
     windup = measured_windup(source.trace, source.method)

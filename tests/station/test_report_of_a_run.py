@@ -181,6 +181,15 @@ def test_a_file_without_recipe_is_compared_with_every_model(tmp_path: Path, caps
         assert f"\n{kind} " in text
 
 
+def test_no_model_is_made_of_the_locks_own_deflection(tmp_path: Path) -> None:
+    """With the load at the input the output's angle is what lock and couplings give, not the unit."""
+    head, *rows = (ROOT / "tests" / "data" / "loop_published_curve.csv").read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "both.csv"
+    path.write_text("\n".join([f"{head},angle_in_rad", *(f"{row},0.1" for row in rows)]))
+    with pytest.raises(StationError, match=r"which of them is locked is not said.*--recipe"):
+        command_model.model(Asked(str(path), "cubic", [], None, None, ROOT, None), as_json=False)
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -20,7 +20,7 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 
-from kills import COMMAND, ROOT, RUN_S, lostmotion, short_recipe  # noqa: E402 - after the path of a script run by hand
+from kills import COMMAND, LASTS_S, ROOT, lostmotion, short_recipe  # noqa: E402 - after the path of a script run by hand
 
 from station.record_check import check_file, read_table  # noqa: E402
 
@@ -181,7 +181,7 @@ def main() -> int:
         drill = Drill(Path(folder))
         for number in range(cuts):
             loaded = number % 4 != 3
-            after_s = chance.uniform(0.0, RUN_S) if loaded else chance.uniform(0.3, START_S)
+            after_s = chance.uniform(0.0, LASTS_S["run"]) if loaded else chance.uniform(0.3, START_S)
             found, wrong = drill.cut(after_s, ring_too=number % 2 == 1, loaded=loaded)
             bad += bool(wrong)
             since = "its first record" if loaded else "the command"

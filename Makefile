@@ -12,12 +12,13 @@ FUZZ_REPLIES ?= 100000
 SEEDS ?= 1000
 SECONDS ?= 600
 
-.PHONY: help setup run test model-check check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan clean
+.PHONY: help setup run test model-check wire-faults check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
 	@echo "make test    set everything up and run the tests"
 	@echo "make model-check  every state that the controller can reach, and every safety row made wrong once"
+	@echo "make wire-faults  the fault matrix over real wires, in real time: about ten minutes on a quiet machine"
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code"
@@ -48,6 +49,9 @@ test: $(STAMP)
 
 model-check: $(STAMP)
 	$(BIN)/python tests/model_check --mutants
+
+wire-faults: $(STAMP)
+	$(BIN)/lostmotion faults matrix --wires --page docs/wire-faults.md
 
 check: $(STAMP)
 	$(BIN)/ruff check .

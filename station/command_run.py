@@ -172,10 +172,11 @@ def _unit(options: Options, job: Job) -> str | None:
 def _scenario(options: Options) -> Source | None:
     if options.scenario is None:
         return None
-    from station.assemble_virtual import parse_scenario  # noqa: PLC0415 - as above
+    from station.assemble_virtual import check_clock, parse_scenario  # noqa: PLC0415 - as above
 
     source = Source.read(options.scenario)
-    parse_scenario(source.content, str(source.path))
+    scenario = parse_scenario(source.content, str(source.path))
+    check_clock(source.path, scenario, wires=not options.virtual_time)
     return source
 
 

@@ -31,6 +31,9 @@ from station.request import Job
 from station.ring import RingReader, ScanState, StopCause, create
 from station.scan_record import unpack
 
+BENCH_LOG = "virtual-bench.jsonl"
+"""What the virtual bench or the gateway said."""
+
 TRUTH = "truth.csv"
 """Torque in the virtual reducer itself over the monotonic clock, in the folder of a run with faults."""
 
@@ -98,8 +101,11 @@ class Desk:
         *,
         left: Mapping[str, float] | None = None,
         attend: Callable[[RingReader], None] | None = None,
+        gateway: bool = False,
     ) -> None:
+        """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench."""
         self._job, self._record = job, record
+        self._gateway = gateway
         self._companion = companion
         self._show, self._say = _if_possible(show), _if_possible(say)
         self._left, self._attend = left, attend
@@ -124,7 +130,7 @@ class Desk:
                 before = signal.signal(number, self._interrupt)
                 cleanup.callback(signal.signal, number, before)
             ports, life_line = None, None
-            if self._job.bench.bench.embedded:
+            if self._job.bench.bench.embedded or self._gateway:
                 life_line = children.LifeLine()
                 cleanup.callback(life_line.close)
                 ports = self._start_bench(cleanup, life_line, unit, scenario)
@@ -159,7 +165,7 @@ class Desk:
         unit: str | None,
         scenario: Path | None,
     ) -> dict[str, Any]:
-        self._say("starting the virtual bench")
+        self._say("starting the gateway" if self._gateway else "starting the virtual bench")
         folder = self._record.folder
         spec = {
             "bench": str(folder / "bench.yaml"),
@@ -171,7 +177,8 @@ class Desk:
         }
         path = folder / "virtual-bench-spec.json"
         path.write_text(json.dumps(spec))
-        process, ready = children.start_virtual_bench(path, folder / "virtual-bench.jsonl", life_line)
+        start = children.start_gateway if self._gateway else children.start_virtual_bench
+        process, ready = start(path, folder / BENCH_LOG, life_line)
         cleanup.callback(children.stop, process)
         return ready
 

@@ -19,8 +19,8 @@ from drivers.virtual.scenario import When
 from station.desk_watch import LONGEST_SILENCE_S, DeskWatch
 from station.exit_rows import EXITS, LOAD_NM, RATED_NM, Exit
 from station.fault_judge import first_alarm
-from station.fault_matrix import LOW_SHARE_OF_RATED, REST_SHARE_OF_RATED, scenario_of, undisturbed
-from station.fault_rows import ROWS, Row
+from station.fault_matrix import LOW_SHARE_OF_RATED, scenario_of, undisturbed
+from station.fault_rows import REST_SHARE_OF_RATED, ROWS, Row
 from station.fault_run import Bench, FaultRun
 from station.ring import RingWriter, create
 from station.scan_loop import Stop

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from station.exit_rows import EXITS, LOAD_NM, RATED_NM, Exit
 from station.exits import Measured
-from station.fault_matrix import LOW_SHARE_OF_RATED, REST_SHARE_OF_RATED
+from station.fault_matrix import LOW_SHARE_OF_RATED
+from station.fault_rows import REST_SHARE_OF_RATED
 
 HEAD = f"""# Exits
 

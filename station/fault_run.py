@@ -32,7 +32,7 @@ class FaultRun:
     torque_nm: list[float] = field(default_factory=list)  # in the reducer itself, whatever the sensors say
     events: list[Event] = field(default_factory=list)
     acted: list[tuple[str, int]] = field(default_factory=list)  # "target verb" and the place in `scans`
-    unseen: list[str] = field(default_factory=list)
+    unseen: list[str] = field(default_factory=list)  # a sentence for each fault that has had no effect
     finished: bool = False
     refused: str = ""  # why the bench was not opened: nothing has moved
 
@@ -138,7 +138,7 @@ class Bench:
         self.run.finished = self.controller.finished
         for _ in range(AFTER_END_SCANS):
             self.go()
-        self.run.unseen = [f"{fault.target} {fault.verb}" for fault in self.bench.faults.unseen()]
+        self.run.unseen = self.bench.faults.why_unseen()
         return self.run
 
     def branch(self, scenario: Scenario) -> Bench:

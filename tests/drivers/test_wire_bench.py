@@ -140,6 +140,13 @@ def test_everything_arrives_in_the_image(running: Stand) -> None:
     assert image.links_lost == 0
 
 
+def test_a_life_counter_that_stands_still_makes_values_age(running: Stand) -> None:
+    running.modbus.alive = False
+    running.run(lambda image: image.io_age_scans > 300)
+    running.modbus.alive = True
+    running.run(lambda image: image.io_age_scans < 50)
+
+
 def test_orders_arrive_at_the_devices(running: Stand) -> None:
     running.run(lambda _: running.drive.od.read(0x6071, 0) == 300 and running.modbus.orders == [1, 2500])
     assert running.drive.od.read(0x6040, 0) == 0x0F

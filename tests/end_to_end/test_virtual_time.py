@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from recipes import PRESETS
+
 BENCH_RECIPES = ("rv-40e-121-inverse", "rv-40e-121-measurement", "rv-40e-121-output", "static-50nm")
 
 
@@ -44,6 +46,10 @@ def test_calibrated_input_torque_recovers_them_too(lostmotion, tmp_path):
 def test_recipe_of_each_bench_runs_to_complete(lostmotion, name):
     ran = lostmotion("run", recipe(name), "--virtual-time", "--json", "--serial", "SN1")
     assert (ran.json["state"], ran.json["verdict"]) == ("complete", "PASS"), ran.json["reasons"]
+    assert [one["id"] for one in ran.json["metrics"] if one["value"] is None] == []
+    presets = {"rv-40e-121-output": "output", "static-50nm": "static"}
+    asked = {one.id for one in PRESETS[presets[name]].metrics} if name in presets else set()
+    assert asked <= {one["id"] for one in ran.json["metrics"]}
 
 
 @pytest.mark.parametrize(
@@ -117,3 +123,12 @@ def test_stored_run_is_shown_listed_and_analysed_again(lostmotion, short_recipe)
     assert "PASS" in lostmotion("show", run_id).out
     again = lostmotion("analyze", str(ran.record), "--recipe", short_recipe, "--json").json
     assert [m["value"] for m in again["metrics"]] == [m["value"] for m in ran.json["metrics"]]
+
+
+def test_a_scenario_acts_in_a_run_as_it_does_in_its_own_command(lostmotion):
+    scenario = str(Path(__file__).parents[2] / "scenarios" / "heartbeat-lost.yaml")
+    ran = lostmotion("run", recipe("rv-40e-121-faults"), "--virtual-time", "--json", "--serial", "H",
+                     "--scenario", scenario)  # fmt: skip
+    assert ran.exit_code == 4
+    assert ran.json["state"] == "fault"
+    assert [alarm["id"] for alarm in ran.json["alarms"] if alarm["first"]] == ["drive_heartbeat_lost"]

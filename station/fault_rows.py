@@ -186,6 +186,9 @@ ROWS: tuple[Row, ...] = (
         "drive_internal_limit"), 20_000, states=BEFORE_RELEASE),
     Row("sensor.torque_in", "offset", 6, ("torque_in_trip",), 3, wires="calibrate"),
     Row("sensor.torque_out", "offset", 600, ("torque_out_trip", "sensor_saturated"), 3),
+    Row("sensor.torque_out", "offset", 50, ("tare_out_of_range",), RUN, states=("home",)),
+    Row("sensor.torque_out", "offset", 235, ("torque_out_alarm",), 300, states=("reverse",)),
+    Row("sensor.torque_out", "noise", 40, ("tare_unsteady",), RUN, states=("home",)),
     Row("sensor.torque_out", "drift", 200, (
         "torque_channels_disagree", "torque_out_alarm", "torque_out_trip", "tare_unsteady", "tare_out_of_range",
         "lock_unproven", "unload_failed", "target_not_reached"), 8000, UNLOADING_S),

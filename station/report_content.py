@@ -67,9 +67,9 @@ def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | Non
     return Content(
         uncertainty=uncertainty_kind(result["metrics"]),
         budgets=budget_tables(result["metrics"]),
-        gates=gate_rows(result.get("gates") or ()),
+        gates=gate_rows(shown_gates(result)),
         stages=stage_rows(result.get("stages") or ()),
-        method=_method_rows(method),
+        method=() if analysis is None else _method_rows(method),
         lines=() if analysis is None else _line_rows(analysis),
         fits=() if analysis is None else _fit_rows(analysis),
         calibrations=_calibrations(record, method),
@@ -131,6 +131,11 @@ def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ..
         expanded = f"{number(metric['value'], metric['uncertainty'])} {uncertainty_text(dict(metric))}"
         found.append(BudgetTable(metric_name(dict(metric)), f"{expanded} {unit_text(metric['unit'])}", tuple(table)))
     return tuple(found)
+
+
+def shown_gates(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the gates that say something: of a run that was not evaluated, only those that failed."""
+    return [gate for gate in result.get("gates") or () if result["metrics"] or gate.get("passed") is False]
 
 
 def gate_rows(gates: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:

@@ -35,6 +35,9 @@ from station.result_view import timing_line
 LEAST_BELOW_HEADING = 35 * mm
 """A heading with less room than this below it goes to the next page."""
 
+TWO_PICTURES = 0.84
+"""Share of the width at which two pictures have room on the first page, below what is said there."""
+
 
 def report_pdf(
     result: dict[str, Any],
@@ -45,9 +48,11 @@ def report_pdf(
 ) -> bytes:
     """Return the report as PDF; arguments as of `report_html`. The same record gives the same bytes."""
     result = completed(result)
+    first = [name for name in FIRST if name in pictures]
+    share = 1.0 if len(first) < 2 else TWO_PICTURES
     story = [
         *_top(result, run),
-        *(picture(pictures[name]) for name in FIRST if name in pictures),
+        *(picture(pictures[name], share) for name in first),
         *_metrics(result, content),
         *_gates(content),
         *_alarms(result),
@@ -248,5 +253,6 @@ def _provenance(result: dict[str, Any], run: dict[str, Any], content: Content, c
     if content.checksums:
         sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]
         parts += [*_heading("To check it again"), grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))]
-        parts.append(paragraph(f"lostmotion analyze {result['run']} evaluates these files again.", "soft"))
+        word = "analyze" if result["metrics"] else "show"
+        parts.append(paragraph(f"lostmotion {word} {result['run']} reads these files again.", "soft"))
     return parts

@@ -53,7 +53,9 @@ MAPS = {
 
 NOT_IN_THE_MATRIX = {
     "operator_quick_stop": "tests/golden/golden_runs.py",
-    "devices_not_ready": "tests/controller/test_sequence.py",
+    "devices_not_ready": "tests/controller/test_interlocks.py",
+    "homing_failed": "tests/controller/test_interlocks.py",
+    "sample_not_ready": "tests/controller/test_interlocks.py",
     "calibration_failed": "tests/controller/test_sequence.py",
 }
 """Faults that no injected fault brings about, and where they are brought about instead."""

@@ -20,11 +20,6 @@ pytestmark = pytest.mark.wires
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture(scope="module")
-def job():
-    return load_job("rv-40e-121-faults", None)
-
-
 def test_a_scenario_holds_over_wires_and_its_record_is_kept(tmp_path, capsys):
     path = ROOT / "scenarios" / "heartbeat-lost.yaml"
     code = command_faults.run(path, command_faults.How(wires=True, data=tmp_path), as_json=True)
@@ -38,17 +33,28 @@ def test_a_scenario_holds_over_wires_and_its_record_is_kept(tmp_path, capsys):
     assert json.loads((record / "run.json").read_bytes())["notes"] == ["faults were injected: heartbeat lost"]
 
 
-@pytest.mark.parametrize("name", ["modbus.amplifier off"])
-def test_a_row_of_the_matrix_keeps_its_bounds_over_wires(job, tmp_path, name):
-    (number,) = [number for number in wire_rows() if ROWS[number].name == name]
-    found = measure_over_wires(job, number, tmp_path, lambda _: None)
+def test_a_drive_that_lies_is_refused_before_anything_moves(tmp_path, capsys):
+    path = ROOT / "scenarios" / "drive-that-lies.yaml"
+    assert command_faults.run(path, command_faults.How(wires=True, data=tmp_path), as_json=True) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["wrong"] == []
+    assert "6072:00" in said["refused"]
+    assert said["states"] == []
+
+
+def test_a_row_of_the_matrix_keeps_its_bounds_over_wires(tmp_path):
+    (number,) = [number for number in wire_rows() if ROWS[number].name == "modbus.brake.brake_current_a freeze"]
+    found = measure_over_wires(load_job("rv-40e-121-faults", None), number, tmp_path, lambda _: None)
     assert found.cell.wrong == ()
     assert found.cell.alarm in ROWS[number].causes
     assert found.cell.order_scans == 0
 
 
-def test_twelve_faults_at_least_are_run_over_wires():
-    assert len(wire_rows()) >= 12
+def test_the_documentation_has_every_row_that_is_run_over_wires():
+    page = (ROOT / "docs" / "wire-faults.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1].strip(" `") for line in page.splitlines() if line.startswith("| `")]
+    assert rows == [ROWS[number].name for number in wire_rows()], "run 'lostmotion faults matrix --wires --page ...'"
+    assert len(rows) >= 12
 
 
 class BenchOnACable:

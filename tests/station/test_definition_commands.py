@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 
 from analysis import METRICS, Method, MetricWanted, analyse, read_trace
-from recipes import PRESETS
+from recipes import PRESETS, find_recipe, load_bench, parse_recipe
 from recipes.recipe_schema import preset_metrics
 from station.command_analyze import analyze
 from station.command_metrics import metrics
 from station.command_repeatability import repeat
 from station.errors import StationError
+from station.evaluation import method_fields, method_of, wanted_of
 from station.stiffness_plot import stiffness_figure
 
 ROOT = Path(__file__).parents[2]
@@ -79,6 +80,23 @@ def test_each_number_of_a_preset_has_its_definition(printed: Print) -> None:
         assert metric["value"] is not None
         assert words(metric["definition"]) in shown
         assert words(metric["estimator"]) in shown
+
+
+def test_choices_of_a_recipe_reach_the_analysis() -> None:
+    text = find_recipe(RECIPE).read_text(encoding="utf-8")
+    breaks = "  break_torque: 80 N·m\n  break_torque_t1: 60 N·m\n  break_torque_t2: 240 N·m\n  calibration: measured "
+    asked = (
+        "presets: [inverse]\nmetrics:\n  - {id: spring_constant, variant: centred, branch: load, fit: three_region}\n"
+    )
+    text = text.replace("  calibration: measured ", breaks).replace("metrics:\n", asked)
+    recipe = parse_recipe(text.encode(), "r.yaml")
+    wanted = wanted_of(recipe)
+    assert (wanted[0].variant, wanted[0].branch, wanted[0].fit) == ("centred", "load", "three_region")
+    assert [one.fit for one in wanted if one.id == "stiffness_at"] == [None, "six_segment_20pct", "three_region"]
+    assert [one.fit for one in wanted_of(recipe, "inverse") if one.id == "windup"] == ["three_region"]
+    method = method_of(recipe, load_bench("virtual"))
+    assert (method.break_nm, method.stiffness_breaks_nm) == (80.0, (60.0, 240.0))
+    assert Method(**method_fields(recipe)).stiffness_breaks_nm == (60.0, 240.0)
 
 
 def test_a_preset_without_limits_decides_nothing(printed: Print) -> None:

@@ -21,7 +21,7 @@ from station.errors import StationError
 from station.headline import virtual_badges
 from station.illustrate import Shown, illustrate
 from station.record_store import RunRecord, Store
-from station.report_content import budget_tables, gate_rows, stage_rows, uncertainty_kind
+from station.report_content import budget_tables, gate_rows, shown_gates, stage_rows, uncertainty_kind
 from station.run_analysis import complete_run
 from station.run_conditions import housing_temperature_c, lock_position_deg
 
@@ -249,6 +249,8 @@ def test_gates_budgets_and_stages_become_rows() -> None:
         ("gain", "0.001", "−9", "0.1 arcmin", "100.0%"),
         ("less than 0.5% each: q", "", "", "", "0.0%"),
     )
+    assert shown_gates({"metrics": [], "gates": gates}) == gates[2:]
+    assert shown_gates({"metrics": [metric], "gates": gates}) == gates
     stages = [
         {"stage": "drift", "text": "none", "figures": {"slope_here": {"value": 0.5, "unit": "arcmin/min"}}},
         {"name": "fits", "text": "made"},

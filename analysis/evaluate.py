@@ -131,6 +131,8 @@ class MetricResult:
                 for side in self.sides
             },
         }
+        if shown.budget is not None and shown.budget.monte_carlo is not None:
+            found["monte_carlo"] = shown.budget.monte_carlo._asdict()
         if self.wanted.id == "hysteresis_energy":
             found["value_j"] = None if shown.value is None else shown.value * RAD_PER_ARCMIN
         return found

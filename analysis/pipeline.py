@@ -7,7 +7,7 @@ monotone regression; reversal zones; fits; metrics. Each stage is a function of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,14 +87,15 @@ def analyse(
     *,
     facts: RunFacts | None = None,
     figures: SensorFigures | None = None,
+    draws: int = 0,
 ) -> Result:
     """Evaluate a trace and judge it.
 
     invalid: reasons, in plain words, why the record does not count; any makes the verdict NOT DECIDABLE, as a failed
     validity gate does. facts: how the trace was recorded, for the gates on timing and samples. figures: what is
-    declared of the sensors; without them the uncertainty is the scatter of the cycles. Raises AnalysisError for a
-    trace without what the method needs, for wanted metrics that do not exist, and for nothing else; a metric that the
-    loop does not carry is NOT DECIDABLE with its reason.
+    declared of the sensors; without them the uncertainty is the scatter of the cycles. draws: of Monte Carlo
+    beside the budget, 0 for none. Raises AnalysisError for a trace without what the method needs, for wanted metrics
+    that do not exist, and for nothing else; a metric that the loop does not carry is NOT DECIDABLE with its reason.
     """
     rule = Decision() if decision is None else decision
     rows = [definition(one) for one in wanted]
@@ -102,7 +103,7 @@ def analyse(
         found = measure(trace, method, with_ratio=any(row.estimate is None for row in rows))
         gates = judge_gates(Evidence(found, facts, tuple(invalid)), method.gate_limits)
         problems = gate_reasons(gates, tuple(invalid))
-        errors, stage = measurement_of(found, figures)
+        errors, stage = measurement_of(found, figures, draws)
         metrics = tuple(
             evaluate(one, found.loops, found.quadrants, method, rule, invalid=bool(problems), measurement=errors)
             for one in wanted
@@ -121,7 +122,7 @@ def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measur
     """
     if method.alignment != "two_speeds":
         return _stages(*align(trace, method), method, with_ratio=with_ratio)
-    as_recorded = _stages(*align(trace, method), method, with_ratio=with_ratio)
+    as_recorded = _stages(*align(trace, replace(method, alignment="report")), method, with_ratio=with_ratio)
     estimated = skew_of_cycles(as_recorded.loops, as_recorded.pairs)
     return _stages(*align(trace, method, estimated), method, with_ratio=with_ratio)
 

@@ -14,6 +14,8 @@ from recipes.bench_schema import ModbusDevice
 Ports = Mapping[str, Any]
 """Ready line of the virtual bench: host and port of `can`, `amplifier`, `brake` and `remote_io`."""
 
+PARITY_LETTERS: dict[str, Literal["N", "E", "O"]] = {"none": "N", "even": "E", "odd": "O"}
+
 CHANNEL_OF_SENSOR = {
     "torque_in": "torque_in_nm",
     "torque_out": "torque_out_nm",
@@ -90,4 +92,6 @@ def _modbus(device: ModbusDevice, profiles: Mapping[str, Path], ports: Ports | N
         timeout_s=device.timeout_s,
         serial_port=device.serial_port,
         baudrate=device.baudrate,
+        parity=PARITY_LETTERS[device.parity],
+        stop_bits=device.stopbits,
     )

@@ -10,7 +10,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Measure": ("check", "run", "resume", "recover"),
     "Look at runs": ("list", "show", "report", "analyze", "metrics", "export", "replay"),
     "Models": ("model", "play-model"),
-    "Line and gage": ("repeatability", "capability", "units", "gage", "master-part", "study"),
+    "Line and gage": ("repeatability", "capability", "units", "gage", "master-part", "decision", "study"),
     "Bench": ("virtual-bench", "timing", "blank", "calibration", "faults"),
 }
 """Headings of the help and the commands below each; a name may stand here before its command is there."""

@@ -31,7 +31,7 @@ AttemptsOption = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the commands of this module to the command line."""
-    for command in (report, model, play_model, capability, units, gage, master_part):
+    for command in (report, model, play_model, capability, units, gage, master_part, decision):
         app.command()(command)
 
 
@@ -199,3 +199,35 @@ def master_part(
     raise typer.Exit(
         line.master_part_of(line.Asked(file, column, data, ask), baseline, certified, level, as_json=as_json)
     )
+
+
+def decision(
+    u: Annotated[float, typer.Option("--u", metavar="U", help="Standard uncertainty of the measurement, half of U.")],
+    mean: Annotated[
+        float | None, typer.Option("--process-mean", metavar="X", help="Mean of what is produced, normal distribution.")
+    ] = None,
+    sd: Annotated[
+        float | None, typer.Option("--process-sd", metavar="S", help="Its standard deviation, without the measurement.")
+    ] = None,
+    gamma: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--process-gamma", metavar="A B", help="Instead: a gamma distribution, shape and scale."),
+    ] = None,
+    low: Annotated[float | None, typer.Option("--min", metavar="X", help="Lower limit.")] = None,
+    high: Annotated[float | None, typer.Option("--max", metavar="X", help="Upper limit.")] = None,
+    guard: Annotated[
+        float | None, typer.Option("--guard", metavar="W", help="Guard band by which limits are moved in.")
+    ] = None,
+    factor: Annotated[
+        float | None, typer.Option("--factor", metavar="R", help="Instead: w = R·U, as decision.guard_factor says it.")
+    ] = None,
+    pfa: Annotated[
+        float | None, typer.Option("--pfa", metavar="P", help="Instead: find w for this share wrongly accepted.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Risks of a decision rule: bad parts accepted, good parts rejected, and the guard band that keeps them."""
+    from station import command_decision
+
+    asked = command_decision.Asked(mean, sd, gamma, low, high, u, guard, factor, pfa)
+    raise typer.Exit(command_decision.decision(asked, as_json=as_json))

@@ -95,7 +95,7 @@ def capability_of(
         f"limit {limits_text({'min': lower, 'max': upper})} {unit_text(found.unit)}".rstrip(),
         Grid(("spread", "standard deviation", "Cp, Pp", "Cpk, Ppk"), rows, right=(1, 2, 3)),
         f"Cpk {figure(one.cpk_low, '', 3)} … {figure(one.cpk_high, '', 3)} with {level:.0%} confidence",
-        f"expected outside the limits: {one.outside_fraction:.2%} of the units, if they are normally distributed",
+        f"expected beyond limits: {100 * one.outside_fraction:.2g} % of the units, if they are normally distributed",
     ]
     if not both:
         blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk are of the side that has the limit")

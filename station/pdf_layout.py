@@ -102,7 +102,7 @@ def grid(
     return table
 
 
-def picture(content: bytes) -> Any:
-    """Return a PNG picture over the width of the page."""
+def picture(content: bytes, share: float = 1.0) -> Any:
+    """Return a PNG picture over the width of the page, or a share of it."""
     width, height = ImageReader(io.BytesIO(content)).getSize()
-    return Image(io.BytesIO(content), width=WIDTH_PT, height=WIDTH_PT * height / width)
+    return Image(io.BytesIO(content), width=share * WIDTH_PT, height=share * WIDTH_PT * height / width)

@@ -10,7 +10,7 @@
         timing.json       proof of timing
         calibration.json  torque ratio, when the run measured one
         result.json       metrics and verdict
-        loop.png, report.html, log.jsonl
+        loop.png, report.html, report.pdf, log.jsonl
 
 The run id sorts by time. Several runs of one serial number are attempts 1, 2, 3 ...
 """

@@ -46,7 +46,7 @@ WITHOUT: dict[str, Any] = {
     "decision": {"rule": "simple", "guard_factor": 0.0},
     "notes": [],
     "alarms": [],
-    "timing": {},
+    "timing": {"scans": 0},
     "left": None,
     "altered": [],
 }

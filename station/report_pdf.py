@@ -35,6 +35,9 @@ from station.result_view import timing_line
 LEAST_BELOW_HEADING = 35 * mm
 """A heading with less room than this below it goes to the next page."""
 
+TWO_PICTURES = 0.84
+"""Share of the width at which two pictures have room on the first page, below what is said there."""
+
 
 def report_pdf(
     result: dict[str, Any],
@@ -45,9 +48,11 @@ def report_pdf(
 ) -> bytes:
     """Return the report as PDF; arguments as of `report_html`. The same record gives the same bytes."""
     result = completed(result)
+    first = [name for name in FIRST if name in pictures]
+    share = 1.0 if len(first) < 2 else TWO_PICTURES
     story = [
         *_top(result, run),
-        *(picture(pictures[name]) for name in FIRST if name in pictures),
+        *(picture(pictures[name], share) for name in first),
         *_metrics(result, content),
         *_gates(content),
         *_alarms(result),
@@ -170,7 +175,7 @@ def _gates(content: Content) -> list[Any]:
         for place, row in enumerate(content.gates, 1)
         if row[-1] == "FAILED"
     ]
-    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (25, 70, 22, 22, 18), red)]
+    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (30, 110, 18), red)]
 
 
 def _alarms(result: dict[str, Any]) -> list[Any]:
@@ -192,7 +197,7 @@ def _alarms(result: dict[str, Any]) -> list[Any]:
 def _budgets(content: Content) -> list[Any]:
     parts: list[Any] = []
     for budget in content.budgets:
-        table = grid(BUDGET_HEADS, budget.rows, (75, 24, 22, 26, 14))
+        table = grid(BUDGET_HEADS, budget.rows, (75, 27, 18, 30, 12))
         parts.append(KeepTogether([paragraph(f"{budget.metric} = {budget.expanded}", "subhead"), table]))
     return [*_heading("Uncertainty budgets"), *parts] if parts else []
 
@@ -248,5 +253,6 @@ def _provenance(result: dict[str, Any], run: dict[str, Any], content: Content, c
     if content.checksums:
         sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]
         parts += [*_heading("To check it again"), grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))]
-        parts.append(paragraph(f"lostmotion analyze {result['run']} evaluates these files again.", "soft"))
+        word = "analyze" if result["metrics"] else "show"
+        parts.append(paragraph(f"lostmotion {word} {result['run']} reads these files again.", "soft"))
     return parts

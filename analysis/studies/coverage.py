@@ -22,7 +22,11 @@ SEED = 20
 
 @dataclass(frozen=True)
 class CoverageRow:
-    """One metric, sides pooled: mean of the values, bias, U (median and largest), units covered of those measured."""
+    """One metric, its sides together: mean of the true values, bias and standard deviation of the error.
+
+    expanded: median U; largest, largest_relative: the largest U of any unit, and over its value; covered: share of
+    `count` values whose error is within U.
+    """
 
     metric: str
     unit: str
@@ -82,7 +86,7 @@ def _row(wanted: MetricWanted, unit: str, values: list[tuple[float, float, float
         deviation=float(error.std(ddof=1)),
         expanded=float(np.median(expanded)),
         largest=float(expanded.max()),
-        largest_relative=float((expanded / np.abs(exact)).max()),
+        largest_relative=float((expanded / np.maximum(np.abs(exact), 1e-9)).max()),
         covered=float((np.abs(error) <= expanded).mean()),
         count=error.size,
     )

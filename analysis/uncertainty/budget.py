@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from analysis.uncertainty.circumstances import Circumstances
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
 from analysis.uncertainty.lines import covariance_of, line_moves, quadrants_used, u_torque_nm
+from analysis.uncertainty.monte_carlo import Drawn, MonteCarlo, drawn_loops, monte_carlo
 from analysis.uncertainty.noise import noisy_loops
 from analysis.uncertainty.repeatability import deviation, enlarged
 from analysis.uncertainty.sources import SOURCES
@@ -62,6 +63,7 @@ class Budget:
     rows: tuple[BudgetRow, ...]
     u: float
     kind: str
+    monte_carlo: MonteCarlo | None = None
 
     @property
     def expanded(self) -> float:
@@ -118,6 +120,16 @@ def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigure
     return tuple(found)
 
 
+def _change(base: float, high: float, low: float) -> float:
+    """Half the difference that an error of either sign makes; where both signs move a metric the same way, the larger.
+
+    A metric that is a magnitude does that near zero: its slope is nothing there, and says nothing.
+    """
+    if (high - base) * (low - base) <= 0.0:
+        return (high - low) / 2.0
+    return max(high - base, low - base, key=abs)
+
+
 def smoothed(loop: Loop) -> Loop:
     """Return a loop of few points per branch, means of neighbours: it shows its slope in spite of the noise."""
     return Loop(_smoothed(loop.forward), _smoothed(loop.backward), loop.method)
@@ -139,22 +151,39 @@ def _smoothed(branch: Branch) -> Branch:
 class LoopUncertainty:
     """Uncertainty of whatever is read from the loops of one measurement. Perturbed loops are made once, for all."""
 
-    def __init__(self, loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> None:
+    def __init__(self, loop: Loop, circumstances: Circumstances, figures: SensorFigures, draws: int = 0) -> None:
         self.smooth = smoothed(loop)
         self.used = used_sources(self.smooth, circumstances, figures)
         self._pairs = [[(move.applied(self.smooth, one.scale), move.applied(self.smooth, -one.scale))
                         for move in one.moves] for one in self.used]  # fmt: skip
         self._noisy = noisy_loops(loop, circumstances, figures)
+        drawn = [Drawn(one.distribution, one.limit, one.moves) for one in self.used]
+        self._drawn = drawn_loops(self.smooth, drawn, draws) if draws else []
 
     def budget(self, estimate: Estimate, values: Sequence[float], unit: str) -> Budget:
         """Return the budget of a metric whose values per cycle are given; AnalysisError where a moved loop has none."""
         entries = []
+        base = estimate(self.smooth)
         for one, pairs in zip(self.used, self._pairs, strict=True):
-            changes = [(estimate(high) - estimate(low)) / 2.0 for high, low in pairs]
+            changes = [_change(base, estimate(high), estimate(low)) for high, low in pairs]
             # one component keeps its sign; of several with unknown phase only the size means something
             contribution = changes[0] if len(changes) == 1 else math.hypot(*changes)
             entries.append(Entry(one.id, one.text, one.u, one.unit, contribution))
-        return combined(entries, self.noise(estimate), values, unit)
+        noise = self.noise(estimate)
+        found = combined(entries, noise, values, unit)
+        if not self._drawn:
+            return found
+        cycles = max(len(values), 1)
+        drawn = monte_carlo(
+            estimate,
+            self.smooth,
+            self._drawn,
+            float(np.mean(values)),
+            noise=noise / math.sqrt(cycles),
+            scatter=_beyond(values, noise),
+            freedom=cycles - 1,
+        )
+        return replace(found, monte_carlo=drawn)
 
     def noise(self, estimate: Estimate) -> float:
         """Return the standard deviation of one cycle's value by the noise of the sensors."""
@@ -168,10 +197,14 @@ def combined(entries: Sequence[Entry], noise: float, values: Sequence[float], un
     known = math.hypot(u_noise, *(entry.contribution for entry in entries))
     rows = [*entries, Entry(*NOISE, u_noise, unit, u_noise)] if noise else [*entries]
     if cycles > 1:
-        beyond = math.sqrt(max(deviation(values) ** 2 - noise**2, 0.0) / cycles)
-        scatter = enlarged(known, beyond, cycles - 1)
+        scatter = enlarged(known, _beyond(values, noise), cycles - 1)
         rows.append(Entry(*SCATTER, scatter, unit, scatter))
     return _budget(rows, "budget")
+
+
+def _beyond(values: Sequence[float], noise: float) -> float:
+    """Standard deviation of the mean by what scatters between cycles beyond the noise."""
+    return math.sqrt(max(deviation(values) ** 2 - noise**2, 0.0) / max(len(values), 1))
 
 
 def of_scatter(values: Sequence[float], unit: str) -> Budget | None:

@@ -28,10 +28,10 @@ WITHOUT_FIGURES = (
 class Measurement:
     """Errors of one measurement: how it was made, and what is declared of its sensors (None: nothing)."""
 
-    def __init__(self, loop: Loop, circumstances: Circumstances, figures: SensorFigures | None) -> None:
+    def __init__(self, loop: Loop, circumstances: Circumstances, figures: SensorFigures | None, draws: int = 0) -> None:
         self._circumstances = circumstances
         self._figures = figures
-        self._loops = None if figures is None else LoopUncertainty(loop, circumstances, figures)
+        self._loops = None if figures is None else LoopUncertainty(loop, circumstances, figures, draws)
 
     def of_loops(self, estimate: Callable[[Loop], float], values: Sequence[float], unit: str) -> Budget | None:
         """Return the budget of the mean of a metric's values per cycle; None where nothing can be said."""
@@ -47,7 +47,10 @@ class Measurement:
         return ratio_budget(line, unit, self._circumstances, self._figures, of_slope=metric == "torque_ratio_slope")
 
 
-def measurement_of(found: Measured, figures: SensorFigures | None) -> tuple[Measurement, StageRecord]:
-    """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains."""
+def measurement_of(found: Measured, figures: SensorFigures | None, draws: int = 0) -> tuple[Measurement, StageRecord]:
+    """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains.
+
+    draws: of Monte Carlo beside the budget; 0 for none.
+    """
     text = WITHOUT_FIGURES if figures is None else WITH_FIGURES
-    return Measurement(found.loops[0], circumstances_of(found), figures), StageRecord("uncertainty", text)
+    return Measurement(found.loops[0], circumstances_of(found), figures, draws), StageRecord("uncertainty", text)

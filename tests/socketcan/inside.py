@@ -22,6 +22,8 @@ SLOW = {
     "  sample_age: 60 ms": "  sample_age: 5 s",
     "  drive_age: 60 ms": "  drive_age: 5 s\n  io_age: 5 s\n  brake_age: 5 s\n  drive_heartbeat: 5 s",
     "missed_in_a_row: 5": "missed_in_a_row: 250",
+    "torque_rate: 300 N·m/s": "torque_rate: 40 N·m/s",
+    "{id: torque_ratio_slope}": "{id: torque_ratio_slope, min: 80, max: 110}",
 }
 """An emulated processor is slow: the recipe of the golden runs with interlocks that only a lost device trips.
 
@@ -96,6 +98,7 @@ def main_job(folder: Path) -> dict[str, Any]:
         virtual.wait()
     for line in done.stderr.splitlines():
         say(f"run: {line}")
+    assert done.stdout.startswith("{"), f"the run ended with {done.returncode} and said no result"
     result: dict[str, Any] = json.loads(done.stdout)
     return result
 

@@ -5,10 +5,14 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
 KILLS ?= 100
+CUTS ?= 50
+FUZZ_SECONDS ?= 60
+FUZZ_FRAMES ?= 1000000
+FUZZ_REPLIES ?= 100000
 SEEDS ?= 1000
 SECONDS ?= 600
 
-.PHONY: help setup run test model-check wire-faults check format docs golden bench ten-minutes kill-tests seeds test-socketcan clean
+.PHONY: help setup run test model-check wire-faults check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -20,6 +24,9 @@ help:
 	@echo "make docs    write the reference pages that are tables of the code"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
+	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"
+	@echo "make fuzz    coverage-guided fuzzing of every input (FUZZ_SECONDS=N each)"
+	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"
 	@echo "make seeds   1000 seeded runs in virtual time (SEEDS=N), each made twice and replayed: the same bytes"
 	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
 	@echo "make bench   performance figures, as ratios measured in one run"
@@ -40,11 +47,11 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -m "not wires" -n 2
 	$(BIN)/python -m pytest -m wires
 
-model-wire-faults: $(STAMP)
-	$(BIN)/lostmotion faults matrix --wires --page docs/wire-faults.md
-
-check: $(STAMP)
+model-check: $(STAMP)
 	$(BIN)/python tests/model_check --mutants
+
+wire-faults: $(STAMP)
+	$(BIN)/lostmotion faults matrix --wires --page docs/wire-faults.md
 
 check: $(STAMP)
 	$(BIN)/ruff check .
@@ -61,6 +68,16 @@ docs: $(STAMP)
 
 kill-tests: $(STAMP)
 	$(BIN)/python tests/end_to_end/kills.py $(KILLS)
+
+power-cuts: $(STAMP)
+	$(BIN)/python tests/end_to_end/power_cuts.py $(CUTS)
+
+fuzz: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,fuzz]'
+	$(BIN)/python tests/fuzz/coverage_guided.py $(FUZZ_SECONDS)
+
+fuzz-wires: $(STAMP)
+	$(BIN)/python tests/fuzz/wires.py $(FUZZ_FRAMES) $(FUZZ_REPLIES)
 
 seeds: $(STAMP)
 	nice $(BIN)/python tests/end_to_end/seeds.py $(SEEDS)

@@ -65,6 +65,19 @@ def faults_gateway(
     raise typer.Exit(command_faults.gateway(bench, scenario))
 
 
+@faults_app.command("exits")
+def faults_exits(
+    only: Annotated[list[str] | None, typer.Argument(metavar="[ID]...", help="Exits by their id.")] = None,
+    page: Annotated[Path | None, typer.Option("--page", metavar="FILE", help="Write the table as Markdown.")] = None,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure how soon the torque is zero on every way in which a run can end. Exit code: 0 within bounds, 1 not."""
+    from station import command_exits
+
+    raise typer.Exit(command_exits.exits(only or [], page, workers, as_json=as_json))
+
+
 @faults_app.command("matrix")
 def faults_matrix(
     only: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Rows whose name holds NAME.")] = None,

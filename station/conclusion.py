@@ -114,7 +114,9 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "stages": judged["stages"],
         "timing": timing,
         "alarms": alarms_in(events),
-        "left": None if state == "complete" else left_state(table, record.read_json("program.json")),
+        "left": None
+        if state == "complete"
+        else left_state(table, record.read_json("program.json"), to_its_end=state != INTERRUPTED),
         "record": str(record.folder),
     }
     if found is not None and state == "complete":

@@ -12,7 +12,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import SimpleQueue
@@ -86,7 +86,10 @@ def _if_possible(tell: Callable[[Told], None]) -> Callable[[Told], None]:
 
 
 class Desk:
-    """One real-time run of a job."""
+    """One real-time run of a job.
+
+    A recovery is one too: `left` says how the bench was left, and `attend` is called at every look, to tell and to ask.
+    """
 
     def __init__(
         self,
@@ -96,6 +99,8 @@ class Desk:
         say: Say,
         companion: Companion | None = None,
         *,
+        left: Mapping[str, float] | None = None,
+        attend: Callable[[RingReader], None] | None = None,
         gateway: bool = False,
     ) -> None:
         """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench."""
@@ -103,6 +108,7 @@ class Desk:
         self._gateway = gateway
         self._companion = companion
         self._show, self._say = _if_possible(show), _if_possible(say)
+        self._left, self._attend = left, attend
         self._interrupts = 0
         self._sent = 0
         self._disk_refused = ""
@@ -196,6 +202,7 @@ class Desk:
             "desk": os.getpid(),
             "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
             "after_end_scans": 0 if self._companion is None else self._companion.after_end_scans,
+            "left": None if self._left is None else dict(self._left),
         }
         path = folder / "scan-spec.json"
         path.write_text(json.dumps(spec))
@@ -227,6 +234,8 @@ class Desk:
             if not armed and now - started > ARM_TIMEOUT_S:
                 raise BenchFaultError(f"the scan process did not come up within {ARM_TIMEOUT_S:.0f} s")
             self._pass_on(ring, process, armed=armed)
+            if self._attend is not None and ring.written:
+                self._attend(ring)
             self._look()
             if writer.first_trouble and not self._disk_refused:
                 self._stop_for_the_disk(writer.first_trouble, ring, process, armed=armed)

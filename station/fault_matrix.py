@@ -62,7 +62,7 @@ def scenario_of(row: Row | None, state: str) -> Scenario:
 
 
 @cache
-def _undisturbed() -> dict[str, Bench]:
+def undisturbed() -> dict[str, Bench]:
     """Benches of one undisturbed run, each stopped just before the moment at which faults start in its state."""
     job = _job()
     unit = choose_unit(None, job.recipe.unit_under_test.model)
@@ -81,7 +81,7 @@ def _undisturbed() -> dict[str, Bench]:
 def measure(number: int, state: str) -> Cell:
     """Run one cell, from the undisturbed run's state on."""
     job, row = _job(), ROWS[number]
-    run = _undisturbed()[state].branch(scenario_of(row, state)).finish()
+    run = undisturbed()[state].branch(scenario_of(row, state)).finish()
     return assess(run, number, row, state, job.recipe.unit_under_test.rated_torque_nm)
 
 

@@ -109,6 +109,15 @@ class Bench:
             run.acted.append((f"{acted.fault.target} {acted.fault.verb}", len(run.scans) - 1))
         return orders
 
+    def silence(self) -> None:
+        """Let one period pass without a controller: nothing is sent, the orders of the last scan are kept."""
+        self._scan += 1
+        run = self.run
+        run.scans.append(self._scan)
+        run.images.append(self.bench.read(self._scan, 0, 0))
+        run.orders.append(run.orders[-1])
+        run.torque_nm.append(self.bench.plant.reducer_torque_nm)
+
     def until(self, condition: Callable[[Orders], bool]) -> bool:
         """Run until a condition holds; False when the run ended or lasted too long before that."""
         most = round(LONGEST_RUN_S / self.run.period_s)

@@ -184,6 +184,15 @@ def alarm_lines(result: dict[str, Any]) -> list[Text]:
     return lines
 
 
+def way_back_command(result: dict[str, Any]) -> str:
+    """Return the command that takes a bench back after a fault; '' where nothing is left to take back."""
+    bench = result.get("bench") or {}
+    if result.get("clock") != "real" or bench.get("embedded", True) or result["state"] not in ("fault", "interrupted"):
+        return ""
+    data = Path(result["record"]).parent
+    return "lostmotion recover" + ("" if data.name == "runs" and not data.is_absolute() else f" --data {data}")
+
+
 def verdict_panel(result: dict[str, Any]) -> Panel:
     """Return the box at the end of a result: headline, verdict, whether it is real, why, how the bench was left."""
     head = headline(result)
@@ -202,4 +211,9 @@ def verdict_panel(result: dict[str, Any]) -> Panel:
     left = result.get("left")
     if left:
         body.append(f"\n{left['text']}: ", style="bold").append(left["next_action"])
+        way_back = way_back_command(result)
+        if way_back:
+            body.append("\nThe bench can do it, step by step, and asks before it moves: ").append(
+                way_back, style="bold"
+            )
     return Panel(body, border_style=style.split()[-1], padding=(0, 1))

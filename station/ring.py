@@ -51,6 +51,9 @@ W_COMMANDS_WRITTEN, W_COMMANDS_TAKEN = 24, 32
 W_SLOTS = 40
 
 
+_COMMANDS = frozenset(map(int, Command))
+
+
 class ScanState(IntEnum):
     """What the scan process says of itself; `DIED` is set by the desk when it ended without saying so."""
 
@@ -143,6 +146,7 @@ class RingWriter(_Mapped):
         self.sequence: int = 0
         self.lost: int = 0
         self.last_scan: int = -1
+        self.strange_commands: int = 0
         self._taken: int = self._words[W_COMMANDS_TAKEN]
         self._words[W_PID] = os.getpid()
 
@@ -181,14 +185,24 @@ class RingWriter(_Mapped):
         return True
 
     def take_command(self) -> int:
-        """Return the oldest command not seen yet, and never the same one again; `Command.NONE` when there is none."""
+        """Return the oldest command not seen yet, and never the same one again; `Command.NONE` when there is none.
+
+        What is no command is taken and counted: it must end neither the scan nor its record.
+        """
         taken = self._taken
         words = self._words
-        if words[W_COMMANDS_WRITTEN] == taken:
+        written: int = words[W_COMMANDS_WRITTEN]
+        if written == taken:
+            return 0
+        if not 0 < written - taken <= MAILBOX_SLOTS:  # no desk of this program counts so
+            self.strange_commands += 1
+            self._taken = words[W_COMMANDS_TAKEN] = written
             return 0
         command: int = words[W_SLOTS + taken % MAILBOX_SLOTS]
-        self._taken = taken + 1
-        words[W_COMMANDS_TAKEN] = taken + 1
+        self._taken = words[W_COMMANDS_TAKEN] = taken + 1
+        if command not in _COMMANDS:
+            self.strange_commands += 1
+            return 0
         return command
 
 

@@ -178,7 +178,7 @@ class SocketcandClient(asyncio.Protocol):
         except (ValueError, IndexError):
             self._refuse(b" ".join(words[1:]))
             return
-        if size > 8 or len(data) != size or cob_id > 0x1FFFFFFF:
+        if size > 8 or len(data) != size or not 0 <= cob_id <= 0x1FFFFFFF:
             self._refuse(b" ".join(words[1:]))
             return
         self._server.received(self, cob_id, data)

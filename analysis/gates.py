@@ -105,7 +105,7 @@ GATES: dict[str, Gate] = {
         "torque and angle lag differently", "load slower, or set both channels to the same filter",
     ),
     "ramp_rate": _row(
-        "deviation from the steady rate that nine tenths of a branch stay within", "%", 80.0, figures.ramp_rate,
+        "deviation from the steady rate that nine tenths of a branch stay within", "%", 50.0, figures.ramp_rate,
         "the load does not follow a steady ramp", "check the drive, or load slower",
     ),
     "points_per_bin": _row(

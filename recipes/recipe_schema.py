@@ -255,7 +255,7 @@ class Validity(Section):
     drift_fraction: Fraction = 0.01
     repeat_fraction: Fraction = 0.02
     lag_fraction: Fraction = 0.01
-    ramp_rate_fraction: Fraction = 0.8
+    ramp_rate_fraction: Fraction = 0.5
     points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3
     monotone_loading_fraction: Fraction = 0.05
     torque_agreement_fraction: Fraction = 0.6

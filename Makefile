@@ -5,20 +5,28 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 RUN_DATA ?= runs
 KILLS ?= 100
+CUTS ?= 50
+FUZZ_SECONDS ?= 60
+FUZZ_FRAMES ?= 1000000
+FUZZ_REPLIES ?= 100000
 SEEDS ?= 1000
 SECONDS ?= 600
 
-.PHONY: help setup run test model-check check format docs golden bench ten-minutes kill-tests seeds test-socketcan coverage-study clean
+.PHONY: help setup run test model-check wire-faults check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan coverage-study clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
 	@echo "make test    set everything up and run the tests"
 	@echo "make model-check  every state that the controller can reach, and every safety row made wrong once"
+	@echo "make wire-faults  the fault matrix over real wires, in real time: about ten minutes on a quiet machine"
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
+	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"
+	@echo "make fuzz    coverage-guided fuzzing of every input (FUZZ_SECONDS=N each)"
+	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"
 	@echo "make seeds   1000 seeded runs in virtual time (SEEDS=N), each made twice and replayed: the same bytes"
 	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
 	@echo "make coverage-study  does the stated uncertainty hold? 200 simulated units, about ten minutes"
@@ -43,6 +51,9 @@ test: $(STAMP)
 model-check: $(STAMP)
 	$(BIN)/python tests/model_check --mutants
 
+wire-faults: $(STAMP)
+	$(BIN)/lostmotion faults matrix --wires --page docs/wire-faults.md
+
 check: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -58,6 +69,16 @@ docs: $(STAMP)
 
 kill-tests: $(STAMP)
 	$(BIN)/python tests/end_to_end/kills.py $(KILLS)
+
+power-cuts: $(STAMP)
+	$(BIN)/python tests/end_to_end/power_cuts.py $(CUTS)
+
+fuzz: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,fuzz]'
+	$(BIN)/python tests/fuzz/coverage_guided.py $(FUZZ_SECONDS)
+
+fuzz-wires: $(STAMP)
+	$(BIN)/python tests/fuzz/wires.py $(FUZZ_FRAMES) $(FUZZ_REPLIES)
 
 seeds: $(STAMP)
 	nice $(BIN)/python tests/end_to_end/seeds.py $(SEEDS)

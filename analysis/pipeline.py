@@ -7,7 +7,7 @@ monotone regression; reversal zones; fits; metrics. Each stage is a function of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -122,7 +122,7 @@ def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measur
     """
     if method.alignment != "two_speeds":
         return _stages(*align(trace, method), method, with_ratio=with_ratio)
-    as_recorded = _stages(*align(trace, method), method, with_ratio=with_ratio)
+    as_recorded = _stages(*align(trace, replace(method, alignment="report")), method, with_ratio=with_ratio)
     estimated = skew_of_cycles(as_recorded.loops, as_recorded.pairs)
     return _stages(*align(trace, method, estimated), method, with_ratio=with_ratio)
 

@@ -133,10 +133,10 @@ def fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> F
     slope = 2.0 / (high_nm - low_nm)
     x = np.array([-(high_nm + low_nm) / (high_nm - low_nm), slope])
     coefficients = np.zeros(degree + 1)
-    power = np.ones(1)
+    power: FloatArray = np.ones(1)
     for coefficient in scaled:
         coefficients[: power.size] += coefficient * power
-        power = np.convolve(power, x)
+        power = np.convolve(power, x).astype(np.float64)
     return coefficients
 
 

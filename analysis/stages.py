@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -42,5 +43,10 @@ class StageRecord:
 
     def to_dict(self) -> dict[str, object]:
         """Return the object of the JSON contract."""
-        figures = {name: {"value": one.value, "unit": one.unit} for name, one in self.figures.items()}
+        figures = {name: {"value": _finite(one.value), "unit": one.unit} for name, one in self.figures.items()}
         return {"stage": self.name, "text": self.text, "applied": self.applied, "figures": figures}
+
+
+def _finite(value: float | None) -> float | None:
+    """JSON has no other way to say that there is no number."""
+    return value if value is not None and math.isfinite(value) else None

@@ -94,20 +94,24 @@ def _read_table(file: Path) -> Any:
             from analysis.tdms_files import read_tdms_table  # noqa: PLC0415 - half a second for one kind of file
 
             return read_tdms_table(file, frozenset([*COLUMNS, *SEGMENT_COLUMNS]))
-        if start == PARQUET_MAGIC:
-            return pa_parquet.read_table(file)
-        return pa_csv.read_csv(
-            file,
-            read_options=pa_csv.ReadOptions(use_threads=False),
-            parse_options=pa_csv.ParseOptions(invalid_row_handler=None),
-            convert_options=pa_csv.ConvertOptions(column_types=_as_text(file), strings_can_be_null=False),
-        )
+        table = pa_parquet.read_table(file) if start == PARQUET_MAGIC else _read_csv(file)
+        _ = table.column_names  # Arrow checks names when they are asked for: UnicodeDecodeError here, not later
     except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
         reason = " ".join(str(error).split())
         raise AnalysisError(
             f"{file}: cannot be read as CSV, Parquet or TDMS: {reason}; needed is a table with a header row, "
             "commas between columns and points in numbers"
         ) from error
+    return table
+
+
+def _read_csv(file: Path) -> Any:
+    return pa_csv.read_csv(
+        file,
+        read_options=pa_csv.ReadOptions(use_threads=False),
+        parse_options=pa_csv.ParseOptions(invalid_row_handler=None),
+        convert_options=pa_csv.ConvertOptions(column_types=_as_text(file), strings_can_be_null=False),
+    )
 
 
 def _as_text(file: Path) -> dict[str, Any]:
@@ -127,7 +131,7 @@ def _numbers(column: Any, file: Path, name: str) -> FloatArray:
         try:
             text = column.cast(pa.string())
             numbers = pc.cast(pc.utf8_trim_whitespace(text), pa.float64())
-        except (pa.ArrowException, ValueError, UnicodeError) as error:
+        except (pa.ArrowException, ValueError) as error:
             row, found = _first_not_a_number(column)
             raise AnalysisError(
                 f"{file}: row {row}, column {name}: found '{found}'; needed is a number; repair or remove the row"
@@ -144,7 +148,11 @@ def _numbers(column: Any, file: Path, name: str) -> FloatArray:
 
 
 def _first_not_a_number(column: Any) -> tuple[int, str]:
-    for row, value in enumerate(column.to_pylist(), start=1):
+    for row, scalar in enumerate(column, start=1):
+        try:
+            value = scalar.as_py()
+        except UnicodeDecodeError as error:
+            return row, bytes(error.object).decode("utf-8", "replace")
         try:
             float(value)
         except (TypeError, ValueError):
@@ -198,5 +206,5 @@ def _parse(text: str, where: str) -> SegmentInfo:
 
 
 def _is_whole(text: str) -> bool:
-    digits = text.lstrip("+-")
+    digits = text[1:] if text[:1] in ("+", "-") else text
     return digits.isascii() and digits.isdigit() and len(digits) < 10

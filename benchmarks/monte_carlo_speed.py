@@ -17,7 +17,7 @@ SAMPLES_PER_CYCLE = 600_000
 
 
 def measure() -> tuple[float, float, int]:
-    """Return processor seconds of an analysis with budget and draws, of one without draws, and samples of the trace."""
+    """Return processor seconds with budget and draws, those without draws, and the samples of the trace."""
     figures = figures_of(load_bench("virtual"))
     peak_nm = SimulatedBench().peak_nm
     bench = SimulatedBench(rate_nm_s=4.0 * peak_nm / (SAMPLES_PER_CYCLE * 1e-3))

@@ -66,11 +66,11 @@ class Histogram:
         if not any(count for _, count in counted):
             return None
         named = {
-            key: line.split(":")[1].split() for line in lines for key in ("Max", "Overflows") if f"# {key}" in line
+            line.split(":")[0]: line.split(":")[1].split() for line in lines if line.startswith("# ") and ":" in line
         }
-        beyond = sum(int(word) for word in named.get("Overflows", [])[:1])
+        overflows, maxima = named.get("# Histogram Overflows", []), named.get("# Max Latencies", [])
         seen = float(max(us for us, count in counted if count))
-        return cls(counted, beyond, float(named["Max"][0]) if named.get("Max") else seen)
+        return cls(counted, sum(int(word) for word in overflows[:1]), float(maxima[0]) if maxima else seen)
 
     @property
     def total(self) -> int:

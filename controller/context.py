@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from controller.image import DriveCommand, DriveMode, Image
+from controller.image import AGE_NEVER, DriveCommand, DriveMode, Image
 from controller.interlocks import Measured
 from controller.program import Program
 
@@ -43,6 +43,7 @@ class Context:
         "drive_torque_nm",
         "drive_velocity_rad_s",
         "hold",
+        "left_loaded",
         "loading_offset_nm",
         "loading_slope",
         "lock_proven",
@@ -65,6 +66,7 @@ class Context:
         self.angle_in_zero_rad = self.angle_out_zero_rad = self.lock_zero_rad = 0.0
         self.brake_current_a = 0.0
         self.brake_on = 0
+        self.left_loaded = False
         self.notes: list[str] = []
         self.begin()
 
@@ -91,6 +93,23 @@ class Context:
         self.drive_torque_nm = self.drive_velocity_rad_s = 0.0
         self.measured.drive_enabled_expected = False
         self.measured.mode_expected = 0
+
+    def keep_lock(self, image: Image) -> None:
+        """Leave the lock as it is found before a run: nobody knows yet what a closed one holds."""
+        if image.brake_age_scans == AGE_NEVER:
+            return
+        if not image.brake_on:
+            self.brake_on, self.brake_current_a = 0, 0.0
+        elif not self.brake_on:
+            found_a = image.brake_current_a if math.isfinite(image.brake_current_a) else 0.0
+            self.brake_on, self.brake_current_a = 1, max(self.program.lock.current_a, found_a)
+
+    def take_up(self, image: Image, torque_in_tare_nm: float, torque_out_tare_nm: float) -> None:
+        """Go on where an earlier run ended: its zeroes, angles from where the shafts stand, the lock as found."""
+        self.left_loaded = True
+        self.torque_in_tare_nm, self.torque_out_tare_nm = torque_in_tare_nm, torque_out_tare_nm
+        self.take_references(image)
+        self.measured.brake_current_expected_a = self.program.lock.current_a if self.brake_on else 0.0
 
     def take_over_torque(self, image: Image) -> None:
         """Torque set-point from what the drive shows, so that a change of mode does not move the shaft.

@@ -14,6 +14,7 @@ from functools import partial
 from controller.aftermath import FaultReaction, Release
 from controller.context import RUNNING, Context, Event, Outcome
 from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
+from controller.held_lock import Left
 from controller.image import Command, Image, Orders, Reaction, State
 from controller.interlocks import Watch
 from controller.loading import Loading
@@ -32,10 +33,12 @@ _orders_of = partial(tuple.__new__, Orders)
 class Controller:
     """Runs a program. `events` collects what happened; whoever calls `step` takes them out.
 
-    `watch` may be given to look over the interlocks' shoulder; it must decide as `Watch(program)` does.
+    `watch` may be given to look over the interlocks' shoulder; it must decide as `Watch(program)` does. With `left` it
+    runs nothing: at the start it takes up the fault in which an earlier run left the bench, and waits there for the
+    way back (acknowledge, reset) or for a stop, which leaves everything as it is.
     """
 
-    def __init__(self, program: Program, watch: Watch | None = None) -> None:
+    def __init__(self, program: Program, watch: Watch | None = None, left: Left | None = None) -> None:
         self.program = program
         self.events: list[Event] = []
         self.first_out = 0
@@ -57,6 +60,8 @@ class Controller:
             State.COMPLETE: self._scan_end,
             State.STOPPED: self._scan_end,
         }
+        self._left = left
+        self._waits_for_person = left is not None
         self._start_pending = False
         self._logged = 0
         self._last_counter = -1
@@ -77,7 +82,8 @@ class Controller:
         state = self._sequence.state
         if state in END_STATES:
             return self._in_state >= self.program.settle_scans
-        return state == _FAULT and self._context.phase == FaultReaction.SETTLED
+        settled = state == _FAULT and self._context.phase == FaultReaction.SETTLED
+        return settled and not self._waits_for_person
 
     def step(self, image: Image, scan: int) -> Orders:
         """Decide one scan. `scan` is the scan number, which jumps over missed periods; never raises on any image."""
@@ -140,7 +146,15 @@ class Controller:
     # --- the state that is on
 
     def _scan_idle(self, image: Image, elapsed: int) -> Outcome:
-        return self._readiness.scan(image, elapsed) if self._start_pending else RUNNING
+        context, left = self._context, self._left
+        context.keep_lock(image)
+        outcome = self._readiness.scan(image, elapsed) if self._start_pending else RUNNING
+        if outcome.trigger and left is not None:
+            context.take_up(image, left.torque_in_tare_nm, left.torque_out_tare_nm)
+            return Outcome(fault=FAULT_BY_NUMBER[left.fault].id)
+        if outcome.fault:
+            self._waits_for_person = False  # there is nothing to go back to
+        return outcome
 
     def _scan_lock(self, image: Image, elapsed: int) -> Outcome:
         closing = self._context.phase in (CloseLock.CLOSE, CloseLock.SETTLE)
@@ -174,6 +188,8 @@ class Controller:
             refused = self._fault.request_reset()
             if refused:
                 self._context.notes.append(refused)
+        elif command == Command.STOP:
+            self._waits_for_person = False
 
     # --- moving
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from controller.calibration import LoadingLine
 from controller.context import RUNNING, Context, Outcome
+from controller.held_lock import HeldLock
 from controller.image import DriveCommand, DriveMode, DriveState, Image, State
 from controller.preparation import ENABLE_PATH
 from controller.program import Segment
@@ -37,6 +38,7 @@ class Loading:
         self._speed = SpeedRamp(context.program.control, context.program.period_s)
         self._line = LoadingLine()
         self._unloading = Unloading(context, self._torque)
+        self._held_lock = HeldLock(context)
         self._waited = 0
         self._target_nm = 0.0
         self._regulating: tuple[int, bool] = (DriveMode.NONE, False)
@@ -68,6 +70,7 @@ class Loading:
         self._regulating = (DriveMode.NONE, False)
         if not context.measured.drive_enabled_expected:
             context.phase = self.ENABLE
+            self._held_lock.begin()
         else:
             context.phase = self.MODE
             context.measured.mode_expected = 0
@@ -133,8 +136,11 @@ class Loading:
     def _enable(self, image: Image) -> Outcome:
         """Only on the way back from a fault: the drive comes on without torque, to unwind what is stored."""
         context = self._context
-        if context.torque_is_low():
+        if context.torque_is_low() and not self._left_above_rest():
             return Outcome(trigger="release")
+        if not context.lock_proven and context.left_loaded:
+            self._waited = 0
+            return self._held_lock.scan(image, 1)
         if not context.lock_proven:
             context.notes.append("no drive on a lock that is not proven: release the unit by hand")
             return Outcome(fault="unload_failed")
@@ -148,6 +154,13 @@ class Loading:
         elif self._waited > context.program.enable_scans:
             return Outcome(fault="drive_enable_timeout")
         return RUNNING
+
+    def _left_above_rest(self) -> bool:
+        """Whether a unit that was left loaded holds more than an unloading leaves: at the threshold, noise decides."""
+        context = self._context
+        rest_nm = Unloading.SMALL_SHARE * context.program.release_torque_nm
+        locked = context.left_loaded and context.measured.brake_current_expected_a > 0.0
+        return locked and abs(context.measured.controlled_nm) > rest_nm
 
     def _switch_mode(self, image: Image, segment: Segment) -> Outcome:
         context = self._context

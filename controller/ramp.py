@@ -14,7 +14,7 @@ At constant speed: the velocity follows a trapezoid and brakes in time, so that 
 
 from __future__ import annotations
 
-import math
+from math import sqrt
 
 from controller.program import Segment, TorqueControl
 
@@ -60,7 +60,7 @@ class TorqueRamp:
             acceleration = rate_nm_s / control.rate_acceleration_s
             # braking law sqrt(2 a d), less the period that is already under way
             distance_nm = abs(remaining_nm)
-            wanted = min(rate_nm_s, math.sqrt(2.0 * acceleration * distance_nm), distance_nm / period_s)
+            wanted = min(rate_nm_s, sqrt(2.0 * acceleration * distance_nm), distance_nm / period_s)
             lead = error_nm * direction / control.window_nm
             if lead > 0.5:
                 wanted *= max(0.0, 2.0 * (1.0 - lead))
@@ -76,11 +76,17 @@ class TorqueRamp:
             advance_nm = remaining_nm
         self.reference_nm += advance_nm
         drive_rate = (self._rate + control.gain_per_s * error_nm) / self.slope
-        drive_rate = min(control.slew_nm_s, max(-control.slew_nm_s, drive_rate))
-        # back from beyond a bound that came later: at the slew, not in one step
-        step_nm = control.slew_nm_s * period_s
-        low_nm, high_nm = min(self.low_nm, self.drive_nm + step_nm), max(self.high_nm, self.drive_nm - step_nm)
-        self.drive_nm = min(high_nm, max(low_nm, self.drive_nm + drive_rate * period_s))
+        # a comparison first: within the limits, as it nearly always is, nothing has to be cut
+        slew_nm_s = control.slew_nm_s
+        if not -slew_nm_s < drive_rate < slew_nm_s:
+            drive_rate = min(slew_nm_s, max(-slew_nm_s, drive_rate))
+        drive_nm = self.drive_nm + drive_rate * period_s
+        if not self.low_nm < drive_nm < self.high_nm:
+            # back from beyond a bound that came later: at the slew, not in one step
+            step_nm = slew_nm_s * period_s
+            low_nm, high_nm = min(self.low_nm, self.drive_nm + step_nm), max(self.high_nm, self.drive_nm - step_nm)
+            drive_nm = min(high_nm, max(low_nm, drive_nm))
+        self.drive_nm = drive_nm
         there = abs(target_nm - controlled_nm) <= control.tolerance_nm
         return there and abs(target_nm - self.reference_nm) <= 1e-9
 
@@ -115,7 +121,7 @@ class SpeedRamp:
         remaining_nm = (segment.target_nm - controlled_nm) * direction
         wanted = 0.0
         if not hold and remaining_nm > 0.0:
-            braking = math.sqrt(2.0 * segment.acceleration_rad_s2 * remaining_nm / self._stiffness)
+            braking = sqrt(2.0 * segment.acceleration_rad_s2 * remaining_nm / self._stiffness)
             wanted = direction * max(min(segment.speed_rad_s, braking), self.CREEP_SHARE * segment.speed_rad_s)
         step = segment.acceleration_rad_s2 * self._period_s
         self.velocity_rad_s += min(step, max(-step, wanted - self.velocity_rad_s))

@@ -10,7 +10,7 @@ from typing import Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from analysis import METRICS, Definition
+from analysis import GATES, METRICS, STAGES, Definition
 from analysis.curves import FITS
 from analysis.grades import GRADES
 from controller.budgets import BUDGETS
@@ -19,6 +19,8 @@ from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
 from controller.interlocks import INTERLOCKS
 from controller.program import ROLES
 from controller.states import TRANSITIONS
+from drivers.virtual.fault_vocabulary import FAULTS as INJECTED
+from drivers.virtual.fault_vocabulary import ONLY_IN_VIRTUAL_TIME, ONLY_OVER_WIRES, on_the_wire
 from recipes.bench_schema import (
     AngleSensor,
     BenchHeader,
@@ -41,6 +43,7 @@ from recipes.recipe_schema import (
     MetricWanted,
     Sampling,
     UnitUnderTest,
+    Validity,
 )
 from recipes.section import Quantity
 from recipes.sequence_schema import (
@@ -186,6 +189,8 @@ PRESET_WORDS = """A preset asks for the definitions that belong together at one 
 of them: `presets: [inverse, nabtesco]`. For a trace: `lostmotion analyze TRACE --recipe R --preset nabtesco` reports
 the preset's metrics instead of the recipe's. A preset has no limits; a limit in the recipe for the same
 definition holds, and with `--preset` nothing passes while the recipe limits a definition that the preset leaves out.
+A recipe that asks for one
+metric in several ways has several series of it: `lostmotion capability --metric "spring_constant three_region"`.
 Percentages are always of the recipe's `reference_torque`; Yaskawa's lost motion is `lost_motion` with `band: 5 %`.
 
 """
@@ -214,6 +219,8 @@ def _default(field: FieldInfo) -> str:
 
 def _allowed(field: FieldInfo) -> str:
     """What an option takes, in words."""
+    if field.description:
+        return field.description
     quantity = _quantity(field)
     if quantity is not None:
         return quantity.allowed()
@@ -247,7 +254,7 @@ def recipe_options() -> str:
     sections = {
         "recipe": Header, "unit_under_test": UnitUnderTest, "unit_under_test.loading_torque_ratio": LoadingTorqueRatio,
         "measurement": Measurement, "sampling": Sampling, "interlocks": Interlocks, "metrics (each)": MetricWanted,
-        "decision": Decision,
+        "decision": Decision, "validity": Validity,
     }  # fmt: skip
     steps = {
         "home": Home, "lock": Lock, "calibrate": Calibrate, "torque_cycles": TorqueCycles, "speed_cycles": SpeedCycles,
@@ -260,6 +267,27 @@ def recipe_options() -> str:
     for name_of, model in steps.items():
         text += f"\n## sequence: {name_of}\n\n{(model.__doc__ or '').strip()}\n\n{_options(model)}"
     return text
+
+
+def fault_vocabulary() -> str:
+    """The page of the faults that can be injected."""
+
+    def where(key: tuple[str, str]) -> str:
+        clocks = ["virtual time"] * (key not in ONLY_OVER_WIRES) + ["wires"] * (key not in ONLY_IN_VIRTUAL_TIME)
+        return ", ".join(clocks + ["gateway"] * (on_the_wire(*key) and key not in ONLY_IN_VIRTUAL_TIME))
+
+    rows = (
+        (f"`{target}`", f"`{verb}`", row.value, row.acts_on, where((target, verb)))
+        for (target, verb), row in INJECTED.items()
+    )
+    return (
+        "# Faults that can be injected\n\n"
+        + NOTE
+        + "\nA scenario names target and verb, gives the value where there is "
+        "one, and says when; see [Fault injection](fault-injection.md). *Virtual time*: `faults run` and `faults matrix`. "
+        "*Wires*: the same with `--wires`. *Gateway*: against a real bench.\n\n"
+        + table(("target", "verb", "value", "what a controller finds changed", "where it acts"), rows)
+    )
 
 
 def bench_options() -> str:
@@ -276,13 +304,37 @@ def bench_options() -> str:
     return text
 
 
+def gates() -> str:
+    """The page of the stages and the validity gates of the analysis."""
+
+    def limit(key: str) -> str:
+        gate = GATES[key]
+        unit = "" if gate.unit == "1" else f" {gate.unit}"
+        return f"{'at least' if gate.least else 'at most'} {gate.limit:g}{unit}"
+
+    rows = (
+        (f"`{key}`", gate.what, limit(key), f"`validity.{key}`" if gate.configurable else "", gate.failed, gate.action)
+        for key, gate in GATES.items()
+    )
+    head = ("gate", "figure", "limit", "option of the recipe", "when it fails", "what to do")
+    return (
+        "# Stages and validity gates\n\n" + NOTE + "\nWhat they are for: [the pipeline](pipeline.md).\n"
+        "\n## Stages\n\n" + table(("stage", "what it does"), STAGES.items())
+        + "\n## Gates\n\nA gate that fails makes the verdict NOT DECIDABLE, whatever the metrics say. A gate whose figure cannot be had"
+        " says why, and decides nothing. Shares of the wind-up are of the angle between the turning points.\n\n"
+        + table(head, rows)
+    )  # fmt: skip
+
+
 PAGES: dict[str, Callable[[], str]] = {
     "states.md": states,
     "faults.md": faults,
     "process-image.md": process_image,
     "metrics.md": metrics,
     "recipe-options.md": recipe_options,
+    "fault-vocabulary.md": fault_vocabulary,
     "bench-options.md": bench_options,
+    "gates.md": gates,
 }
 
 if __name__ == "__main__":

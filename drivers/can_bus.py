@@ -101,6 +101,10 @@ class CanLink:
         self.sends_failed += 1
         return False
 
+    def fileno(self) -> int:
+        """Return the descriptor that is readable once frames have arrived, for a program that waits for them."""
+        return self._socket.fileno() if self._socket is not None else int(self.bus.fileno())
+
     def close(self) -> None:
         """Close the bus once its last frames are out (at most `CLOSE_TIMEOUT_S`); safe twice and on a broken one."""
         if self._socket is not None and self._sendable:

@@ -30,6 +30,13 @@ FRAMES_AFTER_GAP = 512
 VELOCITY_SCANS_AFTER_CSV = 10
 """Zero velocity is sent this long after the velocity mode was left, so that no old set-point waits in the drive."""
 
+SILENT_AFTER_SCANS = 50
+"""Age of the process data from which on a drive that is to be off gets no set-points any more.
+
+Whether it obeyed cannot be seen, and one that misses SYNC never does, for it waits with what it was sent. Without
+set-points its own time-out (0x1400:5, read back before the scan) takes the torque away.
+"""
+
 _EMCY_BYTES = 8
 _FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
 
@@ -211,7 +218,7 @@ class CanDrive:
         return min(scan - self._heartbeat_scan + self._polls_with_frames_left, AGE_NEVER)
 
     def send(self, orders: Orders, scan: int) -> None:
-        """Send the set-points of one scan, then SYNC, then our heartbeat when it is due."""
+        """Send the set-points of one scan (see `SILENT_AFTER_SCANS`), then SYNC, then our heartbeat when it is due."""
         mode = orders.drive_mode
         torque, torque_clamped = to_integer(orders.drive_target_torque_nm / self.units.torque_nm_per_count, "i16")
         velocity, velocity_clamped = 0, False
@@ -227,7 +234,9 @@ class CanDrive:
             self._reset_asked = True
         numbers = (control_word(orders.drive_command), mode_number, torque, velocity)
         link_send = self.link.send
-        for sender in self._senders:
+        unseen = SILENT_AFTER_SCANS <= self.age_scans(scan) < AGE_NEVER
+        silent = unseen and orders.drive_command == DriveCommand.DISABLE_VOLTAGE
+        for sender in () if silent else self._senders:
             if sender.only_velocity and not self._velocity_scans_left:
                 continue
             sender.codec.pack_into(sender.data, 0, *[numbers[source] for source in sender.sources])

@@ -36,6 +36,9 @@ EMCY_TEXTS = MappingProxyType(
             "motor blocked", "check the unit's mounting and that the recipe's torque suits the motor, then reset"
         ),
         0x7300: EmcyText("encoder fault", "check the encoder cable and its connectors, home again after the reset"),
+        0x8100: EmcyText(
+            "the drive lost its connection", "check CAN cable, termination and who set the drive's NMT state"
+        ),
         0x8110: EmcyText("CAN overrun, the drive lost messages", "check bus load: longer scan period or fewer nodes"),
         0x8120: EmcyText("CAN error passive", "check termination, cable and bit rate"),
         0x8130: EmcyText(
@@ -47,6 +50,7 @@ EMCY_TEXTS = MappingProxyType(
         0x8250: EmcyText(
             "set-points stayed away longer than allowed", "check the CAN link and the timing of the last run"
         ),
+        0x8700: EmcyText("the drive missed SYNC", "check bus load and the timing of the last run"),
         0x8311: EmcyText(
             "torque above the drive's limit", "check the unit for jamming and the recipe's peak torque, then reset"
         ),

@@ -23,6 +23,9 @@ EXCEPTIONS_IN_A_ROW = 3
 
 NO_FIELD = -1
 
+COUNTERS = ("sample_counter", "life_counter")
+"""Fields in which a device counts its own samples or cycles: values are new only when the counter has moved."""
+
 
 class RegisterReader:
     """Turns the registers of one read block into values, in the order of the profile's fields."""
@@ -101,7 +104,8 @@ class ModbusDevice:
         self._reassert_scans = reassert_scans
         self._exceptions_in_a_row = 0
         self._arrived_scan = -1
-        self._counter_place = self.place("sample_counter")
+        counters = [self.place(name) for name in COUNTERS if name in self.reader.names]
+        self._counter_place = counters[0] if counters else NO_FIELD
         identity = profile.identity
         self._identity_request = line.read_request(config.unit_id, identity.table, identity.address, 1)
         block = profile.read
@@ -139,7 +143,7 @@ class ModbusDevice:
         return self.line.lost or self._exceptions_in_a_row >= EXCEPTIONS_IN_A_ROW
 
     def age_scans(self, scan: int) -> int:
-        """Age of the values; a sample counter that stands still makes them age although replies come."""
+        """Age of the values; a counter that stands still (`COUNTERS`) makes them age although replies come."""
         return AGE_NEVER if self._arrived_scan < 0 else min(scan - self._arrived_scan, AGE_NEVER)
 
     def order(self, orders: Mapping[str, float]) -> None:

@@ -186,7 +186,9 @@ class WireBench:
     def write(self, orders: Orders, scan: int) -> None:
         """Send the orders of this scan and the Modbus requests that are due."""
         self.drive.send(orders, scan)
-        self.brake.order({"brake_on": orders.brake_on, "brake_current_a": orders.brake_current_a})
+        if self.brake.age_scans(scan) != AGE_NEVER:
+            # a lock is ordered to nothing before it is known whether it is closed: it may hold a wound-up unit
+            self.brake.order({"brake_on": orders.brake_on, "brake_current_a": orders.brake_current_a})
         for line, devices in self._sharing:
             if line.ready(scan):
                 device = devices[0] if len(devices) == 1 else max(devices, key=lambda one: one.urgency(scan))

@@ -97,6 +97,8 @@ class ModbusDevice(Section):
     port: Port = 502
     serial_port: Word | Literal[""] = ""
     baudrate: Baudrate = 115200
+    parity: Literal["none", "even", "odd"] = "none"
+    stopbits: Literal[1, 2] = 1
     unit_id: Annotated[int, Field(ge=0, le=247)]
     profile: Name
     poll_every_s: Age
@@ -169,6 +171,11 @@ class Sensors(Section):
     skew_s: Lag = 0.0002
 
 
+def _line_text(setting: tuple[int, str, int]) -> str:
+    baudrate, parity, stopbits = setting
+    return f"{baudrate} baud, parity {parity}, {stopbits} stop bit{'s' if stopbits > 1 else ''}"
+
+
 class Bench(Section):
     """A bench file as loaded."""
 
@@ -181,6 +188,21 @@ class Bench(Section):
     sensors: Sensors
     fixture: Fixture
     calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
+
+    @model_validator(mode="after")
+    def _one_setting_per_serial_line(self) -> Bench:
+        lines: dict[str, tuple[str, tuple[int, str, int]]] = {}
+        for name in ("amplifier", "brake", "remote_io"):
+            device: ModbusDevice = getattr(self, name)
+            if device.transport != "rtu":
+                continue
+            setting = (device.baudrate, device.parity, device.stopbits)
+            other, first = lines.setdefault(device.serial_port, (name, setting))
+            if setting != first:
+                found = f"{_line_text(setting)} on {device.serial_port}, where {other} has {_line_text(first)}"
+                hint = "Devices on one serial line talk alike."
+                raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=name)
+        return self
 
     def newest_calibration(self, model: str) -> Calibration | None:
         """Newest stored calibration for a model, None when there is none."""

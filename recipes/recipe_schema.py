@@ -142,16 +142,16 @@ class Interlocks(Section):
 class MetricWanted(Section):
     """One metric to report, with the limits that decide; limits are in the metric's own unit."""
 
-    id: str
+    id: str = Field(description="a metric of the [table](metrics.md)")
     branch: Literal["load", "unload", "mean", "width"] | None = None
     side: Literal["+", "-", "both"] | None = None
     torque_nm: TorqueOfReference | None = None
     band: Band | None = None
     """Fraction of the reference torque."""
-    variant: str | None = None
-    """One of the definition's variants."""
-    fit: str | None = None
-    """Fit that the stiffness curve is read from."""
+    variant: str | None = Field(default=None, description="a variant of the metric, see its [row](metrics.md)")
+    fit: str | None = Field(
+        default=None, description="the [fit](metrics.md#fits-of-the-stiffness-curve) that the curve is read from"
+    )
     min: float | None = None
     max: float | None = None
 

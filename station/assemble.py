@@ -14,6 +14,8 @@ from recipes.bench_schema import ModbusDevice
 Ports = Mapping[str, Any]
 """Ready line of the virtual bench: host and port of `can`, `amplifier`, `brake` and `remote_io`."""
 
+PARITY_LETTERS: dict[str, Literal["N", "E", "O"]] = {"none": "N", "even": "E", "odd": "O"}
+
 CHANNEL_OF_SENSOR = {
     "torque_in": "torque_in_nm",
     "torque_out": "torque_out_nm",
@@ -37,7 +39,7 @@ def wire_config(bench: Bench, profiles: Mapping[str, Path], period_ns: int, port
     """
     return WireBenchConfig(
         period_ns=period_ns,
-        can=_can(bench, ports),
+        can=can_config(bench, ports),
         drive=_drive(bench, load_document(profiles[bench.drive.profile], DriveProfile)),
         amplifier=_modbus(bench.amplifier, profiles, ports, "amplifier"),
         brake=_modbus(bench.brake, profiles, ports, "brake"),
@@ -46,7 +48,8 @@ def wire_config(bench: Bench, profiles: Mapping[str, Path], period_ns: int, port
     )
 
 
-def _can(bench: Bench, ports: Ports | None) -> CanConfig:
+def can_config(bench: Bench, ports: Ports | None = None) -> CanConfig:
+    """Return how to reach the CAN bus of a bench file; `ports` of a started virtual bench replace the file's."""
     can = bench.can
     if ports is not None:
         there = ports["can"]
@@ -89,4 +92,6 @@ def _modbus(device: ModbusDevice, profiles: Mapping[str, Path], ports: Ports | N
         timeout_s=device.timeout_s,
         serial_port=device.serial_port,
         baudrate=device.baudrate,
+        parity=PARITY_LETTERS[device.parity],
+        stop_bits=device.stopbits,
     )

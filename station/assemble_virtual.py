@@ -24,9 +24,10 @@ from drivers.virtual.config import (
     Socketcand,
     TorqueSensor,
 )
+from drivers.virtual.fault_vocabulary import ONLY_IN_VIRTUAL_TIME, ONLY_OVER_WIRES
 from drivers.virtual.scenario import Scenario
 from drivers.virtual.units import default_unit, find_unit
-from recipes import Bench, load_document, parse_document
+from recipes import Bench, Problem, RecipeError, load_document, parse_document
 from recipes.bench_schema import AngleSensor as AngleSensorFile
 from recipes.bench_schema import ModbusDevice
 from recipes.bench_schema import TorqueSensor as TorqueSensorFile
@@ -51,7 +52,29 @@ def parse_scenario(raw: bytes, path: str) -> Scenario:
     return parse_document(raw, path, Scenario)
 
 
-def _plain(path: Path) -> Mapping[str, Any]:
+def check_clock(path: Path, scenario: Scenario, *, wires: bool) -> None:
+    """Refuse faults that the clock of the run cannot have; RecipeError with every one of them."""
+    lacking, hint = (ONLY_IN_VIRTUAL_TIME, "leave --wires out") if wires else (ONLY_OVER_WIRES, "run it over wires")
+    where = "virtual time" if wires else "wires"
+    problems = [
+        Problem(
+            str(path),
+            0,
+            0,
+            f"faults.{place}",
+            f"{fault.target} {fault.verb}",
+            f"a fault that is not for {where} only",
+            hint,
+        )
+        for place, fault in enumerate(scenario.faults)
+        if (fault.target, fault.verb) in lacking
+    ]
+    if problems:
+        raise RecipeError(problems)
+
+
+def plain_document(path: Path) -> Mapping[str, Any]:
+    """Return a YAML file as plain data."""
     document: Mapping[str, Any] = YAML(typ="safe").load(path)
     return document
 
@@ -93,7 +116,7 @@ def _drive(bench: Bench, profiles: Profiles) -> DriveConfig:
         controller_node_id=drive.controller_node_id,
         gear_ratio=drive.gear_ratio,
         rated_torque_nm=drive.rated_torque_nm,
-        profile=DriveProfile.from_mapping(_plain(profiles[drive.profile])),
+        profile=DriveProfile.from_mapping(plain_document(profiles[drive.profile])),
         protections=Protections(
             max_torque_nm=drive.max_torque_nm,
             max_speed_rad_s=drive.max_speed_rad_s,
@@ -122,7 +145,7 @@ def server_config(
     can = bench.can
 
     def port(device: ModbusDevice) -> ModbusPort:
-        registers = RegisterMap.from_mapping(_plain(profiles[device.profile]))
+        registers = RegisterMap.from_mapping(plain_document(profiles[device.profile]))
         if embedded:
             return ModbusPort(registers, device.unit_id)
         if device.transport == "rtu":

@@ -59,9 +59,20 @@ def start_virtual_bench(spec: Path, log: Path, life_line: LifeLine) -> tuple[sub
         BenchFaultError: it did not come up; the text holds what it said.
 
     """
+    return _start_serving("station.virtual_bench_process", "virtual bench", spec, log, life_line)
+
+
+def start_gateway(spec: Path, log: Path, life_line: LifeLine) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    """Start the gateway before a bench on a cable; as `start_virtual_bench`."""
+    return _start_serving("station.gateway_process", "gateway", spec, log, life_line)
+
+
+def _start_serving(
+    module: str, name: str, spec: Path, log: Path, life_line: LifeLine
+) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
     with log.open("wb") as errors:
         process = _run_module(
-            "station.virtual_bench_process",
+            module,
             spec,
             stdin=life_line.reader,
             stdout=subprocess.PIPE,
@@ -73,7 +84,7 @@ def start_virtual_bench(spec: Path, log: Path, life_line: LifeLine) -> tuple[sub
     except ValueError:
         stop(process)
         said = log.read_text(errors="replace").strip().splitlines()[-3:]
-        raise BenchFaultError(f"the virtual bench did not start: {' '.join(said) or 'it said nothing'}") from None
+        raise BenchFaultError(f"the {name} did not start: {' '.join(said) or 'it said nothing'}") from None
     return process, ready
 
 

@@ -255,6 +255,23 @@ def resume(
 
 
 @app.command()
+def recover(
+    bench: BenchOption = None,
+    data: DataOption = DEFAULT_DATA,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask: what must be checked has been checked.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """The way back after a fault: show how the bench was left, acknowledge, bring the torque to zero, open the lock.
+
+    Nothing is enabled before you say so. The bench is the one of the newest run, or the one that --bench names.
+    Exit code: 0 the unit is unloaded and the lock open, 2 bad input, 4 not.
+    """
+    from station import command_recover
+
+    raise typer.Exit(command_recover.recover(bench, data, yes=yes, as_json=as_json))
+
+
+@app.command()
 def replay(
     name: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
     recipe: Annotated[

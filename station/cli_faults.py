@@ -40,13 +40,42 @@ def faults_run(
     wires: Annotated[
         bool, typer.Option("--wires", help="In real time over CAN and Modbus, the virtual bench in its own process.")
     ] = False,
+    bench: Annotated[
+        str | None,
+        typer.Option("--bench", metavar="FILE", help="With --wires: a real bench, faults by a gateway on its wires."),
+    ] = None,
     data: FaultDataOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run a scenario and judge its expect and never clauses. Exit code: 0 holds, 1 not, 2 bad input."""
     from station import command_faults
 
-    raise typer.Exit(command_faults.run(scenario, recipe, unit, data, wires=wires, as_json=as_json))
+    how = command_faults.How(recipe, unit, wires, bench, data)
+    raise typer.Exit(command_faults.run(scenario, how, as_json=as_json))
+
+
+@faults_app.command("gateway")
+def faults_gateway(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file: faults of can.… and modbus.…")],
+    bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file of the bench on the cable.")],
+) -> None:
+    """Stand on the wires of a real bench and inject faults there. Prints its ports, then runs until Ctrl-C."""
+    from station import command_faults
+
+    raise typer.Exit(command_faults.gateway(bench, scenario))
+
+
+@faults_app.command("exits")
+def faults_exits(
+    only: Annotated[list[str] | None, typer.Argument(metavar="[ID]...", help="Exits by their id.")] = None,
+    page: Annotated[Path | None, typer.Option("--page", metavar="FILE", help="Write the table as Markdown.")] = None,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure how soon the torque is zero on every way in which a run can end. Exit code: 0 within bounds, 1 not."""
+    from station import command_exits
+
+    raise typer.Exit(command_exits.exits(only or [], page, workers, as_json=as_json))
 
 
 @faults_app.command("matrix")

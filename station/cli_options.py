@@ -18,7 +18,7 @@ FileArgument = Annotated[
     Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Without it, the stored runs are taken.")
 ]
 MetricOption = Annotated[
-    str | None, typer.Option("--metric", metavar="ID", help="Metric of the stored runs, as in docs/metrics.md.")
+    str | None, typer.Option("--metric", metavar="ID", help="Metric of the stored runs, as 'metrics' lists it.")
 ]
 RecipeFilter = Annotated[
     str | None, typer.Option("--recipe", metavar="NAME", help="Only runs by the recipe of this name.")

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from analysis import Method, Result, Trace, analyse, read_trace
+from analysis import Method, analyse, read_trace
 from recipes import PRESETS, Bench, Recipe, find_bench, load_bench, load_recipe
 from station.command_run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.command_show import stored_result
@@ -17,19 +17,16 @@ from station.conclusion import NOT_DECIDABLE
 from station.errors import StationError
 from station.evaluation import (
     decision_of,
-    evaluate_trace,
     figures_for,
     method_fields,
     method_of,
-    trace_of,
     wanted_of,
 )
-from station.record_check import check_file, read_table
 from station.record_store import INTERRUPTED, RECORDING, RESULT, RunRecord, Store
 from station.request import recipe_path
 from station.result_view import result_console, show_result
+from station.run_analysis import evaluate_run
 from station.seal import alterations
-from station.timing_proof import run_facts
 
 
 def analyze(
@@ -180,7 +177,7 @@ def reevaluate(
     _check_fits(recipe, recipe_file, load_recipe(own_recipe), run)
     other_bench = bench_file.read_bytes() != own_bench.read_bytes()
     reevaluated = preset is not None or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
-    found = _evaluate(run, manifest, recipe, bench, preset)
+    _, found = evaluate_run(run, recipe, bench, preset)
     plain = _judged_by_preset(found.to_dict(), recipe, preset)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:
@@ -220,14 +217,3 @@ def _check_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: RunRecord) 
             f"{recipe_file}: loading: found {recipe.loading}; run {run.id} was loaded at its {own.loading}. "
             f"Choose a recipe with loading: {own.loading}",
         )
-
-
-def _evaluate(run: RunRecord, manifest: dict[str, Any], recipe: Recipe, bench: Bench, preset: str | None) -> Result:
-    timing = run.read_json("timing.json")
-    read_back = check_file(run.samples, manifest["records"])
-    broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
-    table = read_table(run.samples)
-    facts = run_facts(table, timing, recipe.sampling)
-    segments = run.read_json("program.json")["segments"]
-    trace: Trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return evaluate_trace(trace, recipe, bench, broken, facts, preset)

@@ -11,7 +11,7 @@ from recipes import METRIC_UNITS, Recipe
 from station.plain_text import knows_braille
 from station.progress import clock
 from station.request import Job, load_job
-from station.result_view import limits_text
+from station.result_text import limits_text
 from station.terminal_plot import plot
 
 

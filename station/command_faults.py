@@ -8,20 +8,37 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
 
-from drivers.virtual.fault_vocabulary import FAULTS, ONLY_IN_VIRTUAL_TIME
+from drivers.virtual.fault_vocabulary import FAULTS, ONLY_IN_VIRTUAL_TIME, ONLY_OVER_WIRES, on_the_wire
 from drivers.virtual.scenario import Scenario
-from recipes import Problem, RecipeError
-from station.assemble_virtual import choose_unit, load_scenario
+from recipes import Problem, RecipeError, find_bench, load_bench
+from station.assemble_virtual import check_clock, choose_unit, load_scenario
+from station.errors import StationError
 from station.fault_judge import first_action, first_alarm, judge, low_from
 from station.fault_matrix import LOW_SHARE_OF_RATED, RECIPE, Cell, cells, run_matrix
 from station.fault_page import markdown, wires_markdown, write_page
 from station.fault_rows import ROWS
 from station.fault_run import FaultRun, run_scenario
-from station.request import Job, load_job
+from station.request import Job, find_profile, load_job
+
+
+def gateway(bench_name: str, scenario_path: Path) -> int:
+    """Stand between a controller and a bench on a cable until interrupted; the ports are printed as one JSON line.
+
+    Raises:
+        RecipeError, StationError, VirtualBenchError, DriverError: what cannot be had as asked.
+
+    """
+    from station.gateway_process import serve  # noqa: PLC0415 - brings the drivers
+
+    bench_path = find_bench(bench_name)
+    bench = load_bench(bench_path)
+    names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
+    serve(bench, {name: find_profile(name, bench_path) for name in names}, scenario_path, end_with_parent=False)
+    return 0
 
 
 def list_faults(*, as_json: bool) -> int:
@@ -35,6 +52,9 @@ def list_faults(*, as_json: bool) -> int:
                 "low": row.low if isfinite(row.low) else None,
                 "high": row.high if isfinite(row.high) else None,
                 "acts_on": row.acts_on,
+                "in_virtual_time": (target, verb) not in ONLY_OVER_WIRES,
+                "over_wires": (target, verb) not in ONLY_IN_VIRTUAL_TIME,
+                "by_gateway": on_the_wire(target, verb),
             }
             for (target, verb), row in FAULTS.items()
         ]
@@ -42,12 +62,24 @@ def list_faults(*, as_json: bool) -> int:
         return 0
     for (target, verb), row in FAULTS.items():
         value = f"; value: {row.value}" if row.value else ""
-        where = " (virtual time only)" if (target, verb) in ONLY_IN_VIRTUAL_TIME else ""
+        only = {" (virtual time only)": ONLY_IN_VIRTUAL_TIME, " (over wires only)": ONLY_OVER_WIRES}
+        where = next((words for words, rows in only.items() if (target, verb) in rows), "")
         sys.stdout.write(f"{target + ' ' + verb:32} {row.acts_on}{value}{where}\n")
     return 0
 
 
-def run(path: Path, recipe: str | None, unit: str | None, data: Path | None, *, wires: bool, as_json: bool) -> int:
+@dataclass(frozen=True)
+class How:
+    """How a scenario is run: recipe and unit in place of its own, over wires, a bench on a cable, where it is kept."""
+
+    recipe: str | None = None
+    unit: str | None = None
+    wires: bool = False
+    bench: str | None = None  # behind a gateway
+    data: Path | None = None
+
+
+def run(path: Path, how: How, *, as_json: bool) -> int:
     """Run a scenario, in virtual time or over wires, and judge it; 0 when it holds, 1 when not.
 
     Raises:
@@ -56,22 +88,30 @@ def run(path: Path, recipe: str | None, unit: str | None, data: Path | None, *, 
 
     """
     scenario = load_scenario(path)
-    _check_targets(path, scenario)
-    job = load_job(recipe or scenario.start.recipe or RECIPE, None)
-    chosen = choose_unit(unit or scenario.start.unit or None, job.recipe.unit_under_test.model)
-    if not wires:
+    _check_targets(path, scenario, wires=how.wires)
+    job = load_job(how.recipe or scenario.start.recipe or RECIPE, how.bench)
+    chosen = choose_unit(how.unit or scenario.start.unit or None, job.recipe.unit_under_test.model)
+    behind_gateway = not job.bench.bench.embedded
+    if behind_gateway and not how.wires:
+        raise StationError(f"--bench {how.bench} is a real bench: faults reach it over wires only; add --wires")
+    if not how.wires:
         found = run_scenario(job, chosen, scenario)
         wrong = judge(found, scenario)
-        _say(scenario, job, found, wrong, None, as_json=as_json)
+        kept = None
+        if how.data is not None:
+            from station.fault_record import keep  # noqa: PLC0415 - brings the analysis
+
+            kept = keep(job, chosen, path, scenario, run=found, data=how.data)
+        _say(scenario, job, found, wrong, kept, as_json=as_json)
         return 1 if wrong else 0
     from station.fault_wires import run_over_wires  # noqa: PLC0415 - brings the analysis
 
-    with kept_in(data) as folder:
-        there = run_over_wires(job, chosen, path, folder, _to_stderr)
+    with kept_in(how.data) as folder:
+        there = run_over_wires(job, None if behind_gateway else chosen, path, folder, _to_stderr)
         wrong = judge(there.run, scenario)
         if wrong and there.held_up:
             wrong.append(f"{there.held_up}: try again on a quiet machine")
-        _say(scenario, job, there.run, wrong, there.record.folder if data else None, as_json=as_json)
+        _say(scenario, job, there.run, wrong, there.record.folder if how.data else None, as_json=as_json)
     return 1 if wrong else 0
 
 
@@ -89,10 +129,11 @@ def _to_stderr(text: str) -> None:
     sys.stderr.write(f"{text}\n")
 
 
-def _check_targets(path: Path, scenario: Scenario) -> None:
+def _check_targets(path: Path, scenario: Scenario, *, wires: bool) -> None:
     if not scenario.faults and not scenario.operator:
         text = "nothing is injected and the operator does nothing: give faults or operator"
         raise RecipeError([Problem(str(path), 1, 1, "faults", "none", text)])
+    check_clock(path, scenario, wires=wires)
 
 
 def _say(
@@ -110,6 +151,7 @@ def _say(
         "alarms": [{"id": event.text, "scan": event.scan, "state": event.state} for event in found.alarms()],
         "detect_scans": None if alarm is None or acted is None else found.waited(acted, alarm),
         "torque_low_s": None if low is None else round(low * found.period_s, 6),
+        "refused": found.refused,
         "record": None if record is None else str(record),
     }
     if as_json:
@@ -123,7 +165,9 @@ def _say(
         lines.append(f"  detected  after {figures['detect_scans']} scans")
     if low is not None:
         lines.append(f"  torque    below 2 % of rated {low * found.period_s:.3f} s after the alarm")
-    lines.append(f"  states    {' → '.join(found.states)}")
+    if found.refused:
+        lines.append(f"  refused   {found.refused}")
+    lines.append(f"  states    {' → '.join(found.states) or 'none: nothing has moved'}")
     if record is not None:
         lines.append(f"  record    {record}")
     sys.stdout.write("\n".join(lines) + "\n")

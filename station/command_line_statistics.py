@@ -11,7 +11,7 @@ from typing import Any
 from analysis.line import capability, master_part_trend, unit_to_unit
 from station.csv_columns import CsvColumns, read_csv_columns
 from station.errors import StationError
-from station.result_view import limits_text, minus, unit_text
+from station.result_text import limits_text, minus, unit_text
 from station.say import Grid, say
 from station.stored_values import Ask, StoredValues, stored_values
 
@@ -95,7 +95,7 @@ def capability_of(
         f"limit {limits_text({'min': lower, 'max': upper})} {unit_text(found.unit)}".rstrip(),
         Grid(("spread", "standard deviation", "Cp, Pp", "Cpk, Ppk"), rows, right=(1, 2, 3)),
         f"Cpk {figure(one.cpk_low, '', 3)} … {figure(one.cpk_high, '', 3)} with {level:.0%} confidence",
-        f"expected outside the limits: {one.outside_fraction:.2%} of the units, if they are normally distributed",
+        f"expected beyond limits: {100 * one.outside_fraction:.2g} % of the units, if they are normally distributed",
     ]
     if not both:
         blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk are of the side that has the limit")

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis import AnalysisError
 from analysis.models import (
     MODELS,
     MOST_CORRELATION,
@@ -28,7 +29,7 @@ from analysis.models.maxwell_slip import EQUATIONS, parameter_units
 from station.csv_columns import read_csv_columns
 from station.errors import StationError
 from station.loop_source import Source, loop_of, loop_source
-from station.result_view import minus
+from station.result_text import minus
 from station.say import Grid, say
 
 KINDS = {"cubic": "cubic", "dahl": "gap_dahl", "bouc-wen": "bouc_wen", "maxwell-slip": "maxwell_slip"}
@@ -136,22 +137,29 @@ def described(found: Identified) -> dict[str, Any]:
 
 
 def _compare(source: Source, loop: LoopSamples, *, as_json: bool) -> int:
-    found = {kind: _identified(kind, loop, {}) for kind in KINDS}
+    found: dict[str, Identified] = {}
+    failed: dict[str, str] = {}
+    for kind in KINDS:
+        try:
+            found[kind] = _identified(kind, loop, {})
+        except AnalysisError as error:
+            failed[kind] = str(error)
     rows = [
-        (
-            kind,
-            f"{one.residual_pct:.3f} %",
-            f"{one.worst_pct:.2f} %",
-            str(len(one.values)),
-            "yes" if kind == "maxwell-slip" or not one.refused else f"no: {one.refused[0].parameter} not determined",
-        )
+        (kind, f"{one.residual_pct:.3f} %", f"{one.worst_pct:.2f} %", str(len(one.values)), _exportable(one))
         for kind, one in found.items()
     ]
+    rows += [(kind, "–", "–", "", f"no: {reason}") for kind, reason in failed.items()]
     grid = Grid(("model", "residual rms", "largest", "parameters", "can be exported"), rows, right=(1, 2, 3))
     last = "Residuals are of the peak torque. The parameters of one model: --kind NAME"
     document = {"source": source.name, "serial": source.serial, "virtual": source.virtual}
-    document |= {"models": [described(one) for one in found.values()]}
+    document |= {"models": [described(one) for one in found.values()], "failed": failed}
     return say(document, [_head(source, loop.peak_nm), grid, last], as_json=as_json)
+
+
+def _exportable(found: Identified) -> str:
+    if found.model == KINDS["maxwell-slip"] or not found.refused:
+        return "yes"
+    return f"no: {found.refused[0].parameter} {found.refused[0].reason}"
 
 
 def _head(source: Source, peak_nm: float) -> str:

@@ -14,7 +14,8 @@ from analysis.repeatability import LEAST_RUNS, repeatability
 from station.command_analyze import elsewhere, known_preset, reevaluate
 from station.errors import StationError
 from station.record_store import Store
-from station.result_view import definition_text, metric_name, number, result_console, unit_text
+from station.result_text import metric_name, number, unit_text
+from station.result_view import definition_text, result_console
 
 
 def repeat(names: list[str], recipe: str | None, preset: str | None, data: Path, *, as_json: bool) -> int:

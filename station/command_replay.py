@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.controller import Controller
+from controller.held_lock import Left
 from controller.program import Program
 from station.conclusion import finite
 from station.errors import StationError
@@ -44,7 +45,8 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
         raise StationError(f"{run.samples}: cannot be read: {error.strerror}") from error
     other_job = None if other is None else _other(other, job)
     shadow = None if other_job is None else ShadowWatch(job.program, other_job.program)
-    controller = Controller(job.program, shadow)
+    left = run.manifest().get("left")
+    controller = Controller(job.program, shadow, None if left is None else Left(**left))
     started = time.perf_counter()
     found = replay(content, controller)
     seconds = time.perf_counter() - started

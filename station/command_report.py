@@ -7,6 +7,8 @@ import sys
 import webbrowser
 from pathlib import Path
 
+from jinja2 import TemplateError
+
 from analysis import AnalysisError
 from recipes import RecipeError
 from station.command_show import stored_result
@@ -32,7 +34,11 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
     recover_all(store)
     run = store.find(name)
     folder = run.folder if out is None else out
-    html, pdf = illustrate(run, _shown(run))
+    try:
+        html, pdf = illustrate(run, _shown(run))
+    except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
+        what = " ".join(str(error).split())
+        raise RecordError(f"{run.id}: no report: its record is damaged: {what}. See 'lostmotion show'") from error
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for file, content in ((HTML, html), (PDF, pdf)):

@@ -8,11 +8,8 @@ import sys
 from pathlib import Path
 
 from controller.image import Command
-from station.command_run import exit_code
-from station.command_show import stored_result
 from station.record_store import RunRecord, Store
 from station.recovery import recover, resume
-from station.result_view import result_console, show_result
 from station.ring import RingReader
 
 
@@ -51,6 +48,11 @@ def resume_run(name: str, data: Path, *, as_json: bool) -> int:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+    # Only now: what shows a result takes longer to load than the scan waits for a new desk on a busy machine.
+    from station.command_run import exit_code  # noqa: PLC0415
+    from station.command_show import stored_result  # noqa: PLC0415
+    from station.result_view import result_console, show_result  # noqa: PLC0415
+
     result = stored_result(run)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")

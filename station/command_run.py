@@ -11,7 +11,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from station.command_show import stored_result
 from station.conclusion import Conclusion, Ending, conclude
+from station.disk_space import refuse_full_disk
 from station.errors import BenchFaultError, RecordError, StationError
 from station.illustrate import HTML, Shown, write_reports
 from station.live import LiveReader
@@ -64,6 +66,7 @@ def run(options: Options) -> int:
     unit = _unit(options, job)
     scenario = _scenario(options)
     serial = _serial(options, job)
+    refuse_full_disk(options.data, job)
     notes = recipe_notes(Store(options.data), job)
     record = create(options, job, serial, unit, scenario, notes=notes)
     for note in notes:
@@ -71,7 +74,7 @@ def run(options: Options) -> int:
     reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
     title = f"{serial}  {job.recipe.recipe.name}"
     stream = sys.stderr if options.json else sys.stdout
-    with open_log(record.folder / "log.jsonl") as log:
+    with contextlib.closing(record.lock), open_log(record.folder / "log.jsonl") as log:
         log.info("run started", run=record.id, serial=serial, recipe=job.recipe.recipe.name, unit=unit)
         try:
             with Progress(reader, title, stream, say_alarms=options.json) as progress:
@@ -82,13 +85,13 @@ def run(options: Options) -> int:
                     )
                 conclusion = _conclude(options, job, record, unit, progress)
         except BaseException as error:
-            # A full disk refuses this as well; what is there then says `recording`, and is shown as interrupted.
             with contextlib.suppress(OSError, RecordError):
                 log.exception("run failed", kind=type(error).__name__)
-                if record.manifest()["state"] == "recording":
+                # A run that waits for its disk stays as it is: whoever looks at it then, completes and concludes it.
+                if not isinstance(error, RecordError) and record.manifest()["state"] == "recording":
                     record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
             if isinstance(error, RecordError):
-                raise BenchFaultError(f"the record could not be kept, so there is no verdict: {error}") from error
+                return _no_record(record, error, as_json=options.json)
             raise
         result = conclusion.result
         log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
@@ -117,6 +120,16 @@ def _report(options: Options, log: Any, shown: Shown, record: RunRecord) -> None
     log.info("report written", path=str(record.folder / HTML))
     if not options.json:
         show_report(result_console(), record.folder)
+
+
+def _no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
+    """Tell that the disk refused the record; return the exit code. There is no verdict without a record."""
+    text = f"the record could not be kept, so there is no verdict: {error}"
+    sys.stderr.write(f"{text}\n")
+    if as_json:
+        result = stored_result(record) | {"state": "interrupted", "verdict": "NOT DECIDABLE", "reasons": [text]}
+        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+    return EXIT_BENCH
 
 
 def recipe_notes(store: Store, job: Job) -> list[str]:
@@ -159,10 +172,11 @@ def _unit(options: Options, job: Job) -> str | None:
 def _scenario(options: Options) -> Source | None:
     if options.scenario is None:
         return None
-    from station.assemble_virtual import parse_scenario  # noqa: PLC0415 - as above
+    from station.assemble_virtual import check_clock, parse_scenario  # noqa: PLC0415 - as above
 
     source = Source.read(options.scenario)
-    parse_scenario(source.content, str(source.path))
+    scenario = parse_scenario(source.content, str(source.path))
+    check_clock(source.path, scenario, wires=not options.virtual_time)
     return source
 
 
@@ -215,7 +229,7 @@ def create(
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
-    record = Store(options.data).create(serial, manifest, files)
+    record = Store(options.data).create(serial, manifest, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record
 

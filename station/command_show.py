@@ -10,18 +10,17 @@ from typing import Any
 from rich.box import HEAVY
 from rich.console import Console
 from rich.panel import Panel
-from rich.table import Table
 from rich.text import Text
 
 from station.errors import RecordError, StationError
 from station.record_check import check_file
 from station.record_store import RESULT, RunRecord, Store
 from station.recovery import recover_all
-from station.result_view import VERDICT_STYLES, result_console, show_result
+from station.result_view import result_console, show_result
+from station.run_list import print_runs
 from station.seal import INDEX, alterations, has_index, is_sealed
 
 ROW_KEYS = frozenset({"id", "value", "unit", "uncertainty", "branch", "side", "limits", "verdict"})
-STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
 
 
 def show(name: str, data: Path, *, as_json: bool) -> int:
@@ -149,16 +148,6 @@ def row(run: RunRecord) -> dict[str, Any]:
         return {"run": run.id, **damaged, "state": "damaged", "records": run.records(), "error": str(error)}
 
 
-def _state_shown(one: dict[str, Any]) -> str:
-    return f"still running (pid {one['scanning']})" if one.get("scanning") else str(one["state"])
-
-
-def table_width(rows: list[dict[str, Any]]) -> int:
-    """Return the width in characters that the list needs."""
-    widest = max(len(f"{one['run']}{one['serial']}{one['recipe']}{_state_shown(one)}") for one in rows)
-    return widest + 60
-
-
 def list_runs(data: Path, *, as_json: bool) -> int:
     """Print all runs, newest last.
 
@@ -178,23 +167,6 @@ def list_runs(data: Path, *, as_json: bool) -> int:
     if not rows:
         sys.stdout.write(f"{data}: holds no runs\n")
         return 0
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("run", "serial", "attempt", "recipe", "state", "verdict", "scans"):
-        table.add_column(name, justify="right" if name in ("attempt", "scans") else "left", no_wrap=True)
-    for one in rows:
-        verdict = one["verdict"] or ""
-        style = VERDICT_STYLES.get(verdict, "").split()[-1:]
-        table.add_row(
-            one["run"],
-            one["serial"] or "",
-            str(one["attempt"] or ""),
-            f"{one['recipe']} r{one['revision']}",
-            Text(_state_shown(one), style=STATE_STYLES.get(one["state"], "bold red")),
-            Text(verdict, style=" ".join(style)),
-            str(one["records"]),
-        )
     console = Console()
-    # A run id that is cut off cannot be copied: the table may be wider than the screen.
-    console.width = max(console.width, table_width(rows))
-    console.print(table)
+    print_runs(console, rows, fits=console.is_terminal)
     return 0

@@ -51,6 +51,9 @@ class Ending:
     counters: dict[str, int] = field(default_factory=dict)
     times: dict[str, Any] = field(default_factory=dict)
     started_ns: int = 0
+    stopped_because: str = ""
+    """Subject of the sentence that tells who stopped the run and why; empty for the operator."""
+    disk: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     run = record.manifest()
     period_ns = int(run["period_ns"])
     timing = timing_block(table, period_ns, run["clock"], ending.realtime) | {"wires": ending.counters}
+    if ending.disk:
+        timing |= {"disk": ending.disk}
     proof = timing | ending.times
     events = events_of(table, period_ns, ending.notes)
     state = "fault" if ending.refused else _end_state(table)
@@ -109,7 +114,9 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "stages": judged["stages"],
         "timing": timing,
         "alarms": alarms_in(events),
-        "left": None if state == "complete" else left_state(table, record.read_json("program.json")),
+        "left": None
+        if state == "complete"
+        else left_state(table, record.read_json("program.json"), to_its_end=state != INTERRUPTED),
         "record": str(record.folder),
     }
     if found is not None and state == "complete":
@@ -137,7 +144,7 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
         reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
     elif state == "stopped":
         silent = any(note["text"] == DESK_SILENT for note in ending.notes)
-        who = "the desk was gone and the scan process" if silent else "the operator"
+        who = "the desk was gone and the scan process" if silent else ending.stopped_because or "the operator"
         reasons.append(f"{who} stopped the run; the torque was brought to zero and the lock opened")
     elif state == INTERRUPTED and not reasons:
         reasons.append("the run has no end: its scan process stopped in the middle")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from pathlib import Path
@@ -62,24 +63,28 @@ def read_from_disk(path: Path) -> bytes:
 
 
 class Appender:
-    """A file that only grows; flushed to the disk by `sync`, which the owner calls about once a second."""
+    """A file that only grows by whole writes; flushed by `sync`, which the owner calls about once a second."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
             self._file = path.open("ab", buffering=0)
+            self._size = self._file.seek(0, os.SEEK_END)
             sync_folder(path.parent)
         except OSError as error:
             raise RecordError(f"{path}: cannot be written: {error.strerror}") from error
 
     def write(self, data: bytes | memoryview) -> None:
-        """Append all of `data`; raises RecordError when the disk is full."""
+        """Append all of `data`, or nothing: then RecordError, because the disk is full or refuses."""
         view = memoryview(data)
         try:
             while view:
                 view = view[self._file.write(view) :]
         except OSError as error:
+            with contextlib.suppress(OSError):
+                self._file.truncate(self._size)
             raise RecordError(f"{self._path}: cannot be written: {error.strerror}. Free the disk") from error
+        self._size += len(data)
 
     def sync(self) -> None:
         """Flush to the disk."""
@@ -89,7 +94,9 @@ class Appender:
             raise RecordError(f"{self._path}: cannot be flushed: {error.strerror}") from error
 
     def close(self) -> None:
-        """Flush and close."""
+        """Flush and close; closed also when flushing raises RecordError."""
         if not self._file.closed:
-            self.sync()
-            self._file.close()
+            try:
+                self.sync()
+            finally:
+                self._file.close()

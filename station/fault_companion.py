@@ -1,17 +1,23 @@
 """What runs beside the desk in a run with faults over wires.
 
 It tells the bench where the controller is, plays the operator of the scenario, and does to the scan process what a
-machine in trouble would do to it. It looks when the desk looks, every 20 ms: moments that wait for a state come up to
-that much late. When a fault acted is known all the same, from whoever injected it, on the monotonic clock.
+machine in trouble would do to it. It looks at records that were written, twice 20 ms after they were made at most:
+moments that wait for a state come up to that much late. When a fault acted is known all the same, from whoever
+injected it, on the monotonic clock.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import signal
+import time
 from collections.abc import Callable
 from typing import NamedTuple
 
 from controller.image import Command, State
+from drivers.virtual.fault_schedule import never_due
+from drivers.virtual.fault_vocabulary import BY_STATION
 from drivers.virtual.scenario import Operator, Scenario, When
 from station.scan_record import RECORD_BYTES, unpack
 
@@ -42,6 +48,9 @@ class Companion:
         """Follow a scenario; one that is not judged only has its faults injected."""
         self.after_end_scans = after_end_scans(scenario) if judged else 0
         self._waiting: list[Operator] = list(scenario.operator) if judged else []
+        self._faults = [fault for fault in scenario.faults if (fault.target, fault.verb) in BY_STATION]
+        self.acted: list[tuple[str, int]] = []
+        """Faults that were brought about here: "target verb" and the monotonic time [ns]."""
         self._reach: Reach | None = None
         self._state = ""
         self._entered = 0
@@ -70,6 +79,17 @@ class Companion:
         if due is not None:
             self._waiting.remove(due)
             reach.order(COMMANDS[due.command])
+
+        for fault in [fault for fault in self._faults if self.is_due(fault.when)]:
+            self._faults.remove(fault)
+            self.acted.append((f"{fault.target} {fault.verb}", time.monotonic_ns()))
+            os.kill(reach.scan_pid, signal.SIGSTOP)
+            time.sleep((fault.value or 0.0) * 1e-3)
+            os.kill(reach.scan_pid, signal.SIGCONT)
+
+    def why_unseen(self) -> list[str]:
+        """Say of each fault that was to be brought about here why it was not, one sentence each."""
+        return [never_due(fault) for fault in self._faults]
 
     def is_due(self, when: When) -> bool:
         """Tell whether a moment that the controller's state or scan gives has come."""

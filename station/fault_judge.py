@@ -12,10 +12,14 @@ from station.fault_run import FaultRun
 
 def judge(run: FaultRun, scenario: Scenario) -> list[str]:
     """Return what went wrong, in the order of the file; an empty list when the scenario holds."""
-    wrong = [f"{fault} has had no effect: it was never due, or nothing went its way" for fault in run.unseen]
+    wrong = list(run.unseen)
     if run.refused:
-        wrong.append(f"the bench was refused, so nothing was tried: {run.refused}")
-        return wrong
+        if all(expect.refused is None for expect in scenario.expect):
+            wrong.append(f"the bench was refused, so nothing was tried: {run.refused}")
+        refusals = [expect.refused for expect in scenario.expect if expect.refused is not None]
+        return wrong + [
+            f"expected refused {text}: it says {run.refused}" for text in refusals if text not in run.refused
+        ]
     if not run.finished:
         wrong.append("the run did not end")
     for expect in scenario.expect:
@@ -126,12 +130,17 @@ def _never_order(run: FaultRun, never: Never) -> str:
     return ""
 
 
+def _refused(_run: FaultRun, _expect: Expect) -> str:
+    return "the bench was opened"
+
+
 _EXPECT: dict[str, Callable[[FaultRun, Expect], str]] = {
     "event": _event,
     "order": _order,
     "torque_below_nm": _torque_below,
     "final_state": _final_state,
     "latched": _latched,
+    "refused": _refused,
 }
 _NEVER: dict[str, Callable[[FaultRun, Never], str]] = {
     "state": _never_state,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 from pathlib import Path
 
-from station.fault_matrix import LOW_SHARE_OF_RATED, REST_SHARE_OF_RATED, Cell
-from station.fault_rows import ROWS, RUN, STATES, Row
+from station.fault_matrix import LOW_SHARE_OF_RATED, Cell
+from station.fault_rows import REST_SHARE_OF_RATED, ROWS, RUN, STATES, Row
 
 WIDTH, HEIGHT = 90, 26
 LEGEND = (
@@ -33,9 +33,10 @@ def figures(cell: Cell) -> str:
 def bound(row: Row) -> str:
     """What a row allows."""
     if not row.causes:
-        return "must go on"
+        return row.note or "must go on"
     scans = f"{row.detect_scans} scans" if row.detect_scans < RUN else "when the run needs it"
-    return f"{scans}; {row.torque_s:g} s"
+    rest = "" if row.rest == REST_SHARE_OF_RATED else f"; rest up to {row.rest:.0%}"
+    return f"{scans}; {row.torque_s:g} s{rest}"
 
 
 def trace(cell: Cell) -> str:

@@ -19,12 +19,28 @@ RUN = 40_000
 """Scans: longer than any run; for faults that show only when the run comes to where they matter."""
 
 
+REST_SHARE_OF_RATED = 0.08
+"""What friction may keep in a unit whose drive was switched off; it is unwound on the way back."""
+
+IN_THE_RESULT = "not seen by the controller: the metrics show it"
+CLOSED_LOOP = "the torque loop makes up for it"
+DRIVE_STOPS = ("drive_fault", "drive_emergency", "drive_dropped_out")
+"""The drive's own protection acts and says so."""
+
+GARBAGE = (
+    "sensor_not_a_number", "sensor_saturated", "sample_not_ready", "torque_out_trip", "torque_in_trip", "over_travel",
+    "overspeed", "lock_slip",
+)  # fmt: skip
+"""What chance in the registers may show as first."""
+
+
 class Row(NamedTuple):
     """Row of the matrix.
 
     `causes`: fault ids that may come first, none when the run must go on to its end as if nothing had happened.
     `detect_scans`: from the fault's first effect to the alarm. `torque_s`: from the alarm until the torque in the
-    reducer is low for good. `wires`: the state in which the row is run over wires as well.
+    reducer is low for good. `wires`: the state in which the row is run over wires as well. `rest`: share of rated
+    torque that may be left for good. `note`: why a run that goes on is right.
     """
 
     target: str
@@ -36,6 +52,8 @@ class Row(NamedTuple):
     states: tuple[str, ...] = STATES
     for_ms: float | None = None
     wires: str = ""
+    rest: float = REST_SHARE_OF_RATED
+    note: str = ""
 
     @property
     def name(self) -> str:
@@ -58,7 +76,33 @@ ROWS: tuple[Row, ...] = (
     Row("can.drive.tpdo1", "delay", 30, ("drive_data_stale",), 12, wires="calibrate"),
     Row("can.drive.tpdo1", "duplicate", None, (), 0),
     Row("can.drive.node", "reset", None, ("drive_data_stale",), 12, wires="ramp_pos"),
+    Row("can.drive.heartbeat", "drop", 0.3, (), 0, states=("ramp_pos",)),
+    Row("can.drive.tpdo1", "jitter", 3, (), 0, states=LOADED, wires="ramp_pos"),
+    Row("can.drive.tpdo1", "reorder", None, (), 0, states=LOADED, wires="calibrate"),
+    Row("can.drive.tpdo1", "truncate", 1, ("drive_data_stale",), 12, wires="ramp_pos"),
+    Row("can.drive.tpdo1", "corrupt", None, ("drive_dropped_out",), 4, states=LOCKED, wires="calibrate"),
+    Row("can.drive.tpdo1", "stuck", None, ("unload_failed",), RUN, states=LOADED),
+    Row("can.drive.tpdo2", "off", None, ("drive_data_stale",), 12, states=LOADED, wires="calibrate"),
+    Row("can.drive.tpdo2", "drop", 0.2, (), 0, states=("ramp_pos",)),
+    Row("can.sync", "off", None, ("drive_data_stale",), 12, states=LOADED, wires="ramp_pos"),
+    Row("can.sync", "drop", 0.2, (), 0, states=("ramp_pos",)),
+    Row("can.setpoint", "off", None, DRIVE_STOPS, 60, states=LOADED, wires="ramp_pos"),
+    Row("can.setpoint", "drop", 0.2, (), 0, states=("ramp_pos",)),
+    Row("can.setpoint", "drop_next", 5, (), 0, states=("ramp_pos",)),
+    Row("can.controller.heartbeat", "off", None, DRIVE_STOPS, 130, states=LOADED, wires="ramp_pos"),
+    Row("can.controller.heartbeat", "drop", 0.2, (), 0, states=("ramp_pos",)),
+    Row("can.bus", "off", None, ("drive_data_stale",), 12, states=LOADED, wires="ramp_pos"),
+    Row("can.bus", "cut", None, ("can_lost",), 3, states=LOADED, wires="ramp_pos"),
+    Row("can.bus", "errors", 5, (), 0, states=(), wires="calibrate"),
+    Row("can.bus", "babble", 20, (), 0, states=(), wires="calibrate"),
+    Row("clock", "step", 3600, (), 0, states=(), wires="calibrate"),
     # drive
+    Row("drive.controlword", "ignore", None, ("drive_enable_timeout", "unload_failed"), RUN),
+    Row("drive.setpoint", "ignore", None, ("drive_not_following",), 22, states=LOADED, wires="ramp_pos"),
+    Row("drive.setpoint", "scale", 3, ("drive_internal_limit",), 700, UNLOADING_S, states=("reverse", "ramp_neg")),
+    Row("drive.setpoint", "scale", 2, (), 0, states=("calibrate", "ramp_pos"), note=CLOSED_LOOP),
+    Row("drive.setpoint", "scale", 0.3, ("target_not_reached",), 20_000, 5.0, states=LOADED),
+    Row("drive.mode", "stuck", None, ("drive_enable_timeout",), RUN, states=("home",)),
     Row("drive.statusword", "stuck", None, ("drive_enable_timeout", "unload_failed", "homing_failed"), RUN),
     Row("drive.mode", "refuse", None, ("drive_mode_refused", "drive_enable_timeout"), 2100, states=BEFORE_RELEASE,
         wires="calibrate"),
@@ -84,7 +128,57 @@ ROWS: tuple[Row, ...] = (
     Row("modbus.remote_io", "slow", 300, ("remote_io_lost",), 312, states=BEFORE_RELEASE),
     Row("modbus.amplifier", "freeze", None, ("sample_frozen", "sample_stale"), 24, wires="calibrate"),
     Row("modbus.brake", "freeze", None, ("lock_not_closed", "brake_stays_closed"), RUN),
+    Row("modbus.remote_io", "freeze", None, ("remote_io_lost",), 112, states=BEFORE_RELEASE, wires="calibrate"),
+    Row("modbus.amplifier", "reset", None, ("amplifier_lost",), 2, states=LOADED, wires="calibrate"),
+    Row("modbus.brake", "reset", None, ("brake_link_lost",), 12, UNLOADING_S, states=LOADED),
+    Row("modbus.remote_io", "reset", None, ("remote_io_lost",), 12, states=LOADED),
+    Row("modbus.amplifier", "truncate", None, ("sample_stale",), 12, states=LOADED, wires="calibrate"),
+    Row("modbus.brake", "truncate", None, ("brake_link_lost",), 112, UNLOADING_S, states=LOADED),
+    Row("modbus.remote_io", "truncate", None, ("remote_io_lost",), 112, states=LOADED),
+    Row("modbus.amplifier", "wrong_id", None, ("sample_stale",), 12, states=LOADED, wires="calibrate"),
+    Row("modbus.brake", "wrong_id", None, ("brake_link_lost",), 112, UNLOADING_S, states=LOADED),
+    Row("modbus.remote_io", "wrong_id", None, ("remote_io_lost",), 112, states=LOADED),
+    Row("modbus.amplifier", "wrong_unit", None, ("sample_stale",), 12, states=LOADED, wires="calibrate"),
+    Row("modbus.brake", "wrong_unit", None, ("brake_link_lost",), 112, UNLOADING_S, states=LOADED),
+    Row("modbus.remote_io", "wrong_unit", None, ("remote_io_lost",), 112, states=LOADED),
+    Row("modbus.amplifier", "split", None, (), 0, states=(), wires="calibrate"),
+    Row("modbus.amplifier", "jitter", 20, ("sample_stale", "sample_late"), 700, states=(), wires="calibrate"),
+    Row("modbus.amplifier", "garbage", None, GARBAGE, 4, states=(), wires="calibrate"),
+    Row("modbus.amplifier", "swap", None, GARBAGE, 30, states=(), wires="calibrate"),
+    Row("modbus.amplifier.torque_out_nm", "freeze", None, ("torque_channels_disagree", "torque_in_trip"), 6000,
+        states=(), wires="calibrate"),
+    Row("modbus.amplifier.sample_counter", "freeze", None, ("sample_frozen", "sample_stale"), 24, states=(),
+        wires="calibrate"),
+    Row("modbus.brake.brake_current_a", "freeze", None, ("brake_stays_closed", "lock_not_closed"), RUN, states=(),
+        wires="home"),
+    Row("modbus.remote_io.life_counter", "freeze", None, ("remote_io_lost",), 112, states=(), wires="calibrate"),
     # sensors
+    Row("sensor.torque_in", "scale", 2, ("torque_channels_disagree",), 3000, states=LOADED),
+    Row("sensor.torque_out", "scale", 2, ("torque_channels_disagree",), 600, states=("reverse", "ramp_neg")),
+    Row("sensor.torque_out", "scale", 1.5, (), 0, states=("calibrate", "ramp_pos"), note=IN_THE_RESULT),
+    Row("sensor.torque_in", "drift", 2, ("torque_channels_disagree",), 3000, states=LOADED),
+    Row("sensor.torque_in", "noise", 2, ("torque_in_trip",), 100, states=LOADED),
+    Row("sensor.torque_out", "noise", 200, ("torque_out_trip",), 100, states=LOADED),
+    Row("sensor.torque_in", "lag", 1, ("torque_channels_disagree",), 4000, states=LOADED),
+    Row("sensor.torque_out", "lag", 1, ("torque_channels_disagree",), 4000, states=LOADED),
+    Row("sensor.torque_in", "flip", None, ("torque_channels_disagree",), 24, states=LOADED),
+    Row("sensor.torque_in", "nan", None, ("sensor_not_a_number",), 2, states=LOADED),
+    Row("sensor.torque_in", "saturate", None, ("sensor_saturated",), 5, states=LOADED),
+    Row("sensor.angle_in", "stuck", None, (), 0, states=("ramp_pos",), note=IN_THE_RESULT),
+    Row("sensor.angle_in", "scale", 2, (), 0, states=("ramp_pos",), note=IN_THE_RESULT),
+    Row("sensor.angle_in", "lag", 1, (), 0, states=("ramp_pos",), note=IN_THE_RESULT),
+    Row("sensor.angle_in", "flip", None, (), 0, states=("ramp_pos",), note=IN_THE_RESULT),
+    Row("sensor.angle_in", "drift", 10, ("overspeed", "over_travel"), 120, states=LOADED),
+    Row("sensor.angle_in", "spike", 2, ("over_travel",), 3, states=LOADED),
+    Row("sensor.angle_in", "noise", 1, ("over_travel",), 20, states=LOADED),
+    Row("sensor.angle_out", "stuck", None, (), 0, states=("ramp_pos",), note=IN_THE_RESULT),
+    Row("sensor.angle_out", "lag", 1, (), 0, states=("ramp_pos",), note=IN_THE_RESULT),
+    Row("sensor.angle_out", "spike", 0.01, (), 0, states=LOADED),
+    Row("sensor.angle_out", "scale", 2, ("lock_slip",), 5, UNLOADING_S, states=LOADED),
+    Row("sensor.angle_out", "drift", 0.01, ("lock_slip",), 30, UNLOADING_S, states=LOADED),
+    Row("sensor.angle_out", "noise", 0.001, ("lock_slip",), 100, UNLOADING_S, states=LOADED),
+    Row("sensor.angle_out", "flip", None, ("lock_slip",), 5, UNLOADING_S, states=LOADED),
+    Row("sensor.angle_out", "nan", None, ("sensor_not_a_number",), 2, states=LOADED),
     Row("sensor.torque_in", "stuck", None, ("torque_channels_disagree", "lock_unproven"), 6000,
         states=("home", "lock", "reverse", "ramp_neg")),
     Row("sensor.torque_out", "stuck", None, (
@@ -92,6 +186,9 @@ ROWS: tuple[Row, ...] = (
         "drive_internal_limit"), 20_000, states=BEFORE_RELEASE),
     Row("sensor.torque_in", "offset", 6, ("torque_in_trip",), 3, wires="calibrate"),
     Row("sensor.torque_out", "offset", 600, ("torque_out_trip", "sensor_saturated"), 3),
+    Row("sensor.torque_out", "offset", 50, ("tare_out_of_range",), RUN, states=("home",)),
+    Row("sensor.torque_out", "offset", 235, ("torque_out_alarm",), 300, states=("reverse",)),
+    Row("sensor.torque_out", "noise", 40, ("tare_unsteady",), RUN, states=("home",)),
     Row("sensor.torque_out", "drift", 200, (
         "torque_channels_disagree", "torque_out_alarm", "torque_out_trip", "tare_unsteady", "tare_out_of_range",
         "lock_unproven", "unload_failed", "target_not_reached"), 8000, UNLOADING_S),
@@ -113,11 +210,14 @@ ROWS: tuple[Row, ...] = (
     Row("coupling", "break", None, (
         "overspeed", "over_travel", "lock_unproven", "target_not_reached", "torque_channels_disagree",
         "drive_internal_limit"), 15_000, states=("home", "lock", *LOADED)),
+    Row("unit", "crack", 0.4, ("overspeed",), 20, states=("calibrate", "reverse", "ramp_neg")),
+    Row("unit", "jam", 8, ("torque_in_trip", "torque_channels_disagree"), 5000, states=LOADED, rest=0.5),
     # people, surroundings, computer
     Row("io.estop", "trip", None, ("estop", "drive_dropped_out"), 12, wires="ramp_pos"),
     Row("io.guard", "open", None, ("guard_open",), 12, wires="calibrate"),
     Row("io.housing_temp", "offset", 60, ("housing_temperature",), 32, UNLOADING_S),
     Row("scan.overrun", "miss", 45, ("missed_periods",), 3, UNLOADING_S),
     Row("scan.overrun", "miss", 20, (), 0),
+    Row("process.scan", "stop", 45, ("missed_periods",), 50, UNLOADING_S, states=(), wires="calibrate"),
 )
 # fmt: on

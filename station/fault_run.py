@@ -32,7 +32,7 @@ class FaultRun:
     torque_nm: list[float] = field(default_factory=list)  # in the reducer itself, whatever the sensors say
     events: list[Event] = field(default_factory=list)
     acted: list[tuple[str, int]] = field(default_factory=list)  # "target verb" and the place in `scans`
-    unseen: list[str] = field(default_factory=list)
+    unseen: list[str] = field(default_factory=list)  # a sentence for each fault that has had no effect
     finished: bool = False
     refused: str = ""  # why the bench was not opened: nothing has moved
 
@@ -109,6 +109,15 @@ class Bench:
             run.acted.append((f"{acted.fault.target} {acted.fault.verb}", len(run.scans) - 1))
         return orders
 
+    def silence(self) -> None:
+        """Let one period pass without a controller: nothing is sent, the orders of the last scan are kept."""
+        self._scan += 1
+        run = self.run
+        run.scans.append(self._scan)
+        run.images.append(self.bench.read(self._scan, 0, 0))
+        run.orders.append(run.orders[-1])
+        run.torque_nm.append(self.bench.plant.reducer_torque_nm)
+
     def until(self, condition: Callable[[Orders], bool]) -> bool:
         """Run until a condition holds; False when the run ended or lasted too long before that."""
         most = round(LONGEST_RUN_S / self.run.period_s)
@@ -129,7 +138,7 @@ class Bench:
         self.run.finished = self.controller.finished
         for _ in range(AFTER_END_SCANS):
             self.go()
-        self.run.unseen = [f"{fault.target} {fault.verb}" for fault in self.bench.faults.unseen()]
+        self.run.unseen = self.bench.faults.why_unseen()
         return self.run
 
     def branch(self, scenario: Scenario) -> Bench:

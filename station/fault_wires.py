@@ -9,34 +9,35 @@ from __future__ import annotations
 import csv
 import json
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from controller.context import Event
-from drivers.virtual.scenario import Scenario
-from station.assemble_virtual import parse_scenario
-from station.command_run import Options, create, refused
+from drivers.virtual.fault_schedule import never_met
+from drivers.virtual.process_lines import NOT_SEEN
+from station.assemble_virtual import load_scenario
+from station.command_run import refused
 from station.conclusion import Ending, conclude
-from station.desk import TRUTH, Desk
-from station.errors import BenchFaultError, StationError
+from station.desk import BENCH_LOG, TRUTH, Desk
+from station.errors import BenchFaultError
 from station.event_log import alarms_in
 from station.fault_companion import Companion
+from station.fault_record import create_record
 from station.fault_run import FaultRun
-from station.record_check import read_table
 from station.record_store import RunRecord
-from station.request import Job, Source
+from station.request import Job
 from station.scan_record import RECORD_BYTES, unpack
 
 WIRE_SCANS = 4
 """Scans by which a bound over wires is longer than in virtual time: the scan in which the fault acted is rounded down,
 the bench looks at its faults every 2 ms, and what it says takes up to a scan to arrive."""
 
-BENCH_LOG = "virtual-bench.jsonl"
-HELD_UP_NS = 8_000_000
+HELD_UP_NS = 5_000_000
 """A bench that did not tick for so long was held up by the machine: what it then did late was not the fault's doing."""
 
 END_STATES = ("complete", "stopped", "fault")
@@ -52,23 +53,19 @@ class WireRun:
     held_up: str = ""
 
 
-def run_over_wires(job: Job, unit: str, scenario_path: Path, data: Path, say: Say) -> WireRun:
+def run_over_wires(job: Job, unit: str | None, scenario_path: Path, data: Path, say: Say) -> WireRun:
     """Run a scenario over wires; its record is kept below `data`.
 
+    Without a unit the bench is one on a cable, and a gateway on the way to it brings the faults about.
+
     Raises:
-        StationError: the bench is not an embedded one, or the record cannot be written.
+        StationError: the record cannot be written.
 
     """
-    if not job.bench.bench.embedded:
-        raise StationError(f"{job.bench_source.path}: faults are injected into the embedded virtual bench only")
-    source = Source.read(scenario_path)
-    scenario = parse_scenario(source.content, str(scenario_path))
-    serial = f"fault {scenario.scenario.name}"
-    options = Options(
-        str(job.recipe_source.path), serial, None, data, unit, scenario_path, virtual_time=False, json=True
-    )
-    record = create(options, job, serial, unit, source, notes=[f"faults were injected: {scenario.scenario.name}"])
-    desk = Desk(job, record, _nothing, say, Companion(scenario, judged=True))
+    scenario = load_scenario(scenario_path)
+    record = create_record(job, unit, scenario_path, scenario, data, wires=True)
+    companion = Companion(scenario, judged=True)
+    desk = Desk(job, record, _nothing, say, companion, gateway=unit is None)
     why_refused = ""
     try:
         ending = desk.run(unit, record.folder / "scenario.yaml")
@@ -77,7 +74,10 @@ def run_over_wires(job: Job, unit: str, scenario_path: Path, data: Path, say: Sa
         record.samples.touch()
         ending = refused(record, error)
     conclude(record, job, ending)
-    found = read_run(record, scenario, ending)
+    found = read_run(record, ending, companion.acted)
+    found.run.unseen += companion.why_unseen()
+    if not found.run.acted and not found.run.unseen and not why_refused:
+        found.run.unseen = [f"{never_met(fault)}: the bench's log does not name it" for fault in scenario.faults]
     found.run.refused = why_refused
     return found
 
@@ -86,8 +86,11 @@ def _nothing(_record: bytes) -> None:
     """Show nothing: nobody watches."""
 
 
-def read_run(record: RunRecord, scenario: Scenario, ending: Ending) -> WireRun:
-    """Return what the judge wants from the record of a run that has ended, and from what its bench said."""
+def read_run(record: RunRecord, ending: Ending, acted: Iterable[tuple[str, int]] = ()) -> WireRun:
+    """Return what the judge wants from the record of a run that has ended, and from what its bench said.
+
+    `acted`: faults that the station brought about itself, each with its monotonic time [ns].
+    """
     period_ns = int(record.manifest()["period_ns"])
     run = FaultRun(period_ns * 1e-9)
     content = record.samples.read_bytes()
@@ -100,39 +103,36 @@ def read_run(record: RunRecord, scenario: Scenario, ending: Ending) -> WireRun:
     run.events = [Event(row["scan"], "alarm", row["state"], row["id"]) for row in alarms_in(events)]
     run.finished = not ending.trouble and bool(run.states) and run.states[-1] in END_STATES
     started_ns = ending.started_ns
-    said = _said(record.folder / BENCH_LOG)
-    _place_actions(run, said, started_ns, period_ns)
-    names = [f"{fault.target} {fault.verb}" for fault in scenario.faults]
-    run.unseen = _without(names, [name for name, _ in run.acted])
+    bench_log = _said(record.folder / BENCH_LOG)
+    said = [line for line in bench_log if line["event"] == "fault_acted"]
+    actions = [*acted, *((line["text"], int(line["monotonic_ns"])) for line in said)]
+    _place_actions(run, actions, started_ns, period_ns)
+    run.unseen = [line["text"] for line in bench_log if line["event"] == NOT_SEEN]
     return WireRun(run, record, _add_truth(run, record.folder / TRUTH, started_ns, period_ns))
 
 
 def _said(path: Path) -> list[dict[str, Any]]:
     lines = path.read_text("utf-8").splitlines() if path.exists() else []
-    return [json.loads(line) for line in lines]
+    return [json.loads(line) for line in lines if line.startswith("{")]  # a bench that failed leaves its traceback too
 
 
-def _place_actions(run: FaultRun, said: list[dict[str, Any]], started_ns: int, period_ns: int) -> None:
+def _place_actions(run: FaultRun, actions: list[tuple[str, int]], started_ns: int, period_ns: int) -> None:
     """Put every fault that acted at the last scan that was due before it."""
-    for line in said:
-        if line["event"] == "fault_acted":
-            scan = (int(line["monotonic_ns"]) - started_ns) // period_ns - 1
-            run.acted.append((line["text"], max(bisect_left(run.scans, scan + 1) - 1, 0)))
-
-
-def _without(names: list[str], seen: list[str]) -> list[str]:
-    left = list(names)
-    for name in seen:
-        if name in left:
-            left.remove(name)
-    return left
+    if not run.scans:  # refused: there is no scan to put them at
+        return
+    for name, time_ns in sorted(actions, key=itemgetter(1)):
+        scan = (time_ns - started_ns) // period_ns - 1
+        run.acted.append((name, max(bisect_left(run.scans, scan + 1) - 1, 0)))
 
 
 def _add_truth(run: FaultRun, path: Path, started_ns: int, period_ns: int) -> str:
     """Add the torque in the reducer at every scan; return how the machine held the bench up, if it did."""
-    if not path.exists() or not run.scans:
-        run.torque_nm = [0.0] * len(run.scans)
-        return "" if not run.scans else "the bench left no trace of its torque"
+    if not path.exists():  # a bench on a cable: there is nothing but its own sensor
+        tared = zip(run.images, run.orders, strict=True)
+        run.torque_nm = [image.torque_out_nm - orders.torque_out_tare_nm for image, orders in tared]
+        return ""
+    if not run.scans:
+        return ""
     with path.open(encoding="ascii", newline="") as stream:
         rows = [(int(row["monotonic_ns"]), float(row["reducer_torque_nm"])) for row in csv.DictReader(stream)]
     times_ns = np.array([row[0] for row in rows], np.float64) - started_ns
@@ -142,9 +142,3 @@ def _add_truth(run: FaultRun, path: Path, started_ns: int, period_ns: int) -> st
     gaps_ns = np.diff(times_ns[(times_ns >= 0) & (times_ns <= last)])
     worst_ns = float(gaps_ns.max(initial=0.0))
     return "" if worst_ns < HELD_UP_NS else f"the machine held the virtual bench up for {worst_ns * 1e-6:.0f} ms"
-
-
-def lost_scans(record: RunRecord) -> int:
-    """Whole periods that a run has missed."""
-    table = read_table(record.samples)
-    return int(table["image"]["missed_periods"].sum()) if len(table) else 0

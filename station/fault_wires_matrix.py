@@ -19,7 +19,8 @@ from station.request import Job, load_job
 TRIES = 3
 """A run that the machine disturbed says nothing about the fault: it is repeated, and the table says how often."""
 
-MISSED = "missed_periods"
+OF_THE_MACHINE = ("missed_periods", "sample_late")
+"""Alarms that a busy machine brings about by itself."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,12 @@ def measure_over_wires(job: Job, number: int, data: Path, say: Callable[[str], N
 
 def _disturbed(there: WireRun, row: Row) -> bool:
     alarms = there.run.alarms()
-    return bool(there.held_up) or bool(alarms and alarms[0].text == MISSED and MISSED not in row.causes)
+    stopped = there.run.states[-1:] == ["stopped"]  # by the scan, because the desk was held up
+    return (
+        bool(there.held_up)
+        or stopped
+        or bool(alarms and alarms[0].text in OF_THE_MACHINE and alarms[0].text not in row.causes)
+    )
 
 
 def write_scenario(path: Path, scenario: Scenario) -> None:

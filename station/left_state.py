@@ -16,12 +16,13 @@ CLOSED_CURRENT_A = 0.05
 ENERGISED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
 
 
-def left_state(table: Table, program: dict[str, Any]) -> dict[str, Any] | None:
+def left_state(table: Table, program: dict[str, Any], *, to_its_end: bool = True) -> dict[str, Any] | None:
     """Return how the bench was left, as plain data; None when there is no record.
 
     Args:
         table: all records of the run.
         program: the run's program.json: period, sensors and the torque at which the lock may open.
+        to_its_end: False when the scan was torn off: nobody has seen what the bench did after the last record.
 
     """
     if not len(table):
@@ -35,11 +36,11 @@ def left_state(table: Table, program: dict[str, Any]) -> dict[str, Any] | None:
     closed = bool(image["brake_on"]) or float(image["brake_current_a"]) > CLOSED_CURRENT_A
     left = {
         "torque_nm": round(torque, 2),
-        "torque_known": bool(int(image["sample_age_scans"]) <= old and not links & Link.AMPLIFIER),
+        "torque_known": to_its_end and bool(int(image["sample_age_scans"]) <= old and not links & Link.AMPLIFIER),
         "lock": "closed" if closed else "open",
-        "lock_known": bool(int(image["brake_age_scans"]) <= old and not links & Link.BRAKE),
+        "lock_known": to_its_end and bool(int(image["brake_age_scans"]) <= old and not links & Link.BRAKE),
         "drive": "on" if DriveState(int(image["drive_state"])) in ENERGISED else "off",
-        "drive_known": bool(int(image["drive_age_scans"]) <= old and not links & Link.CAN),
+        "drive_known": to_its_end and bool(int(image["drive_age_scans"]) <= old and not links & Link.CAN),
         "release_torque_nm": round(float(program["release_torque_nm"]), 3),
     }
     return left | {"text": left_text(left), "next_action": left_action(left)}

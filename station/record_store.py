@@ -10,7 +10,7 @@
         timing.json       proof of timing
         calibration.json  torque ratio, when the run measured one
         result.json       metrics and verdict
-        loop.png, report.html, log.jsonl
+        loop.png, report.html, report.pdf, log.jsonl
 
 The run id sorts by time. Several runs of one serial number are attempts 1, 2, 3 ...
 """
@@ -30,6 +30,7 @@ from typing import Any
 
 from station.durable import as_json, sync_folder, write_durable
 from station.errors import RecordError, StationError
+from station.run_lock import RunLock
 from station.scan_record import RECORD_BYTES, describe
 
 MANIFEST = "run.json"
@@ -83,6 +84,7 @@ class RunRecord:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.lock = RunLock(folder)
 
     @property
     def id(self) -> str:
@@ -159,11 +161,15 @@ class RunRecord:
 
     def state(self) -> str:
         """State of the run; a recording whose desk is gone is `interrupted`."""
+        if self.deserted() and not self.lock.taken():
+            return INTERRUPTED
+        return str(self.manifest()["state"])
+
+    def deserted(self) -> bool:
+        """Whether the run was not concluded and its desk is not here; somebody else may own it (see `lock`)."""
         manifest = self.manifest()
         desk = manifest["desk"]
-        if manifest["state"] == RECORDING and process_birth(desk.get("pid", 0)) != desk.get("birth"):
-            return INTERRUPTED
-        return str(manifest["state"])
+        return bool(manifest["state"] == RECORDING) and process_birth(desk.get("pid", 0)) != desk.get("birth")
 
 
 class Store:
@@ -172,8 +178,10 @@ class Store:
     def __init__(self, data: Path) -> None:
         self.data = data
 
-    def create(self, serial: str, manifest: dict[str, Any], files: dict[str, bytes]) -> RunRecord:
+    def create(self, serial: str, manifest: dict[str, Any], files: dict[str, bytes], *, own: bool = False) -> RunRecord:
         """Create the folder of a new run with its manifest and the files that are known before it starts.
+
+        With `own` this process owns it before anybody can see it, until the lock is released or the process ends.
 
         Raises:
             RecordError: the folder cannot be written.
@@ -184,6 +192,8 @@ class Store:
             with self._locked():
                 attempt = self._next_attempt(serial)
                 record = self._new_folder(serial)
+                if own:
+                    record.lock.take()
                 head = {"id": record.id, "serial": serial, "attempt": attempt, "state": RECORDING}
                 desk = {"pid": os.getpid(), "birth": process_birth(os.getpid())}
                 dates = {"started": now_text(), "ended": None, "format": FORMAT_VERSION, "desk": desk}

@@ -7,48 +7,36 @@ came to, and its verdict when it came to its end. While the scan process is stil
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
-from recipes import RecipeError
+from controller.image import Command
 from station.durable import Appender
 from station.errors import StationError
-from station.record_store import INTERRUPTED, RECORDING, RunRecord, Store, process_birth
-from station.request import load_job
-from station.ring import RingReader
-from station.scan_record import BODY_STRUCT, RECORD_BYTES
+from station.record_store import INTERRUPTED, SCAN_REPORT, RunRecord, Store, process_birth
+from station.record_writer import RecordWriter
+from station.ring import RingReader, ScanState, StopCause
+from station.scan_record import RECORD_BYTES
 
 DESK_DIED = "the desk ended in the middle of the run; the scan process went on without it"
 BOTH_DIED = "desk and scan process ended in the middle of the run"
-REPORT = "scan-report.json"
 LOOK_EVERY_S = 0.02
-SYNC_EVERY_S = 1.0
 
 Attend = Callable[[RingReader], None]
 
 
 @contextmanager
-def _alone(run: RunRecord) -> Iterator[bool]:
-    """Yield whether no other process is recovering this run."""
-    handle = os.open(run.folder, os.O_RDONLY)
+def _owned(run: RunRecord) -> Iterator[bool]:
+    """Own a run; yields whether it is ours now, and deserted still."""
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            yield False
-        else:
-            yield True
+        yield run.lock.take() and run.deserted()
     finally:
-        os.close(handle)
-
-
-def _deserted(run: RunRecord) -> bool:
-    return run.state() == INTERRUPTED and run.manifest()["state"] == RECORDING
+        run.lock.close()
 
 
 def recover(run: RunRecord) -> int:
@@ -56,14 +44,14 @@ def recover(run: RunRecord) -> int:
 
     Nothing happens while its desk or its scan process is alive.
     """
-    if not _deserted(run):
+    if not run.deserted():
         return 0
-    with _alone(run) as alone:
-        if not alone or not _deserted(run):
+    with _owned(run) as ours:
+        if not ours:
             return 0
         path = _ring_of(run)
         if path is None:
-            _conclude(run, run.records(), 0)
+            _conclude(run, Ended(run.records()))
             return 0
         ring = RingReader(path)
         try:
@@ -79,8 +67,8 @@ def resume(run: RunRecord, attend: Attend) -> int:
 
     `attend` is called about 50 times per second, to show what there is and to pass commands on.
     """
-    with _alone(run) as alone:
-        path = _ring_of(run) if alone and _deserted(run) else None
+    with _owned(run) as ours:
+        path = _ring_of(run) if ours else None
         if path is None:
             return 0
         ring = RingReader(path)
@@ -106,44 +94,47 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
         # A desk that was killed while it wrote may have left part of a record.
         os.truncate(run.samples, on_disk * RECORD_BYTES)
     file = Appender(run.samples)
-    taken = 0
-
-    def keep(data: bytes) -> None:
-        # A desk that died between writing and noting it in the ring has written these already: no record twice.
-        nonlocal taken
-        first = BODY_STRUCT.unpack_from(data)[0]
-        fresh = data[max(on_disk - first, 0) * RECORD_BYTES :] if not taken else data
-        file.write(fresh)
-        taken += len(fresh) // RECORD_BYTES
-
-    try:
-        synced = time.monotonic()
+    # A desk that died between writing and noting it in the ring has written these already: no record twice.
+    writer = RecordWriter(ring, file, skip=max(on_disk - (ring.written - ring.waiting), 0))
+    with ExitStack() as ending:
+        ending.callback(file.close)
+        ending.callback(writer.finish)
         ring.beat()  # before anything else: the scan waits 2 s for a new desk, then it unloads and stops
+        writer.start()
         while attend is not None and _alive(ring):
             time.sleep(LOOK_EVERY_S)
             ring.beat()
-            ring.drain(keep)
             attend(ring)
-            if time.monotonic() - synced > SYNC_EVERY_S:
-                synced = time.monotonic()
-                file.sync()
-        ring.drain(keep)
-    finally:
-        file.close()
-    written, lost = ring.written, ring.lost
-    run.update(ring=None, trouble=DESK_DIED)
+            if writer.first_trouble and not ring.stopped_because:
+                ring.note_stop(StopCause.DISK)
+                ring.send(Command.STOP)
+    ended = Ended(ring.written, ring.lost, ring.stopped_because, finished=ring.state is ScanState.FINISHED)
+    run.update(ring=None, trouble=ended.because or DESK_DIED)
     path.unlink()
-    _conclude(run, written, lost)
-    return taken
+    _conclude(run, ended)
+    return writer.written
 
 
-def _conclude(run: RunRecord, written: int, lost: int) -> None:
+@dataclass(frozen=True)
+class Ended:
+    """What the ring says of a scan: records written and lost, why it was stopped, whether it came to its end."""
+
+    written: int
+    lost: int = 0
+    because: str = ""
+    finished: bool = False
+
+
+def _conclude(run: RunRecord, ended: Ended) -> None:
     """Give the run its state, and its verdict when its scan came to its end."""
-    from station.conclusion import Ending, conclude  # noqa: PLC0415 - the analysis; runs are rarely deserted
+    # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
+    from recipes import RecipeError  # noqa: PLC0415
+    from station.conclusion import Ending, conclude  # noqa: PLC0415
+    from station.request import load_job  # noqa: PLC0415
 
-    report = run.folder / REPORT
+    report = run.folder / SCAN_REPORT
     said = json.loads(report.read_bytes()) if report.exists() else {}
-    finished = said.get("state") == "finished"
+    finished = ended.finished or said.get("state") == "finished"
     run.samples.touch()
     try:
         job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
@@ -151,13 +142,14 @@ def _conclude(run: RunRecord, written: int, lost: int) -> None:
         run.update(state=INTERRUPTED, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
         return
     ending = Ending(
-        written=written,
-        lost=lost,
+        written=ended.written,
+        lost=ended.lost,
         realtime=said.get("realtime", {"details": {}}),
         notes=said.get("notes", []),
         trouble="" if finished else BOTH_DIED,
         counters=said.get("counters", {}),
         times=said.get("times", {}),
+        stopped_because=ended.because,
     )
     conclude(run, job, ending)
 

@@ -11,16 +11,15 @@ import jinja2
 
 from station.headline import ending_text, headline, remaining_reasons, virtual_badges
 from station.report_content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
-from station.result_view import (
-    all_rows,
+from station.result_text import (
     limits_text,
     metric_name,
     minus,
     number,
-    timing_line,
-    uncertainty_text,
+    spread_text,
     unit_text,
 )
+from station.result_view import all_rows, timing_line
 
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
@@ -47,7 +46,7 @@ WITHOUT: dict[str, Any] = {
     "decision": {"rule": "simple", "guard_factor": 0.0},
     "notes": [],
     "alarms": [],
-    "timing": {},
+    "timing": {"scans": 0},
     "left": None,
     "altered": [],
 }
@@ -115,7 +114,7 @@ def _environment() -> jinja2.Environment:
         "guarded": guarded_text,
         "limits": limits_text,
         "metric_name": metric_name,
-        "uncertainty": uncertainty_text,
+        "uncertainty": spread_text,
         "unit": unit_text,
         "explained": explained,
         "side": side_text,

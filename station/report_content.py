@@ -15,11 +15,11 @@ from analysis import Result, SegmentInfo, segment_name
 from analysis.method import Method
 from station.errors import RecordError
 from station.record_store import RunRecord
-from station.result_view import metric_name, minus, number, uncertainty_text, unit_text
+from station.result_text import metric_name, minus, number, uncertainty_text, unit_text
 
 LOOP_CSV = "loop.csv"
-LEAST_SHARE = 0.0005
-"""Contributions below this share of the variance are summed in one line."""
+LEAST_SHARE = 0.005
+"""Contributions below this share of the variance are summed in one line; result.json has all of them."""
 
 PASSED: dict[bool | None, str] = {True: "in order", False: "FAILED", None: "not checked"}
 
@@ -39,7 +39,7 @@ class BudgetTable:
 class Content:
     """Sections of a report; an empty one is not shown.
 
-    gates: (id, words, figure, limit, said). stages: (name, words, figures). fits and method: (name, text).
+    gates: (id, words with figure and limit, said). stages: (name, words, figures). fits and method: (name, text).
     lines: torque ratio per quadrant. calibrations: (id, text). checksums: (file, bytes, SHA-256).
     loop: the branches as CSV, which `analyze` reads.
     """
@@ -58,7 +58,7 @@ class Content:
 
 LINE_HEADS = ("quadrant", "C [N·m]", "m", "u(C)", "u(m)", "correlation", "s [N·m]", "points", "flagged")
 BUDGET_HEADS = ("source", "u", "sensitivity", "contribution", "share")
-GATE_HEADS = ("gate", "", "found", "limit", "")
+GATE_HEADS = ("gate", "what was found", "")
 
 
 def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | None, method: Method) -> Content:
@@ -67,9 +67,9 @@ def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | Non
     return Content(
         uncertainty=uncertainty_kind(result["metrics"]),
         budgets=budget_tables(result["metrics"]),
-        gates=gate_rows(result.get("gates") or ()),
+        gates=gate_rows(shown_gates(result)),
         stages=stage_rows(result.get("stages") or ()),
-        method=_method_rows(method),
+        method=() if analysis is None else _method_rows(method),
         lines=() if analysis is None else _line_rows(analysis),
         fits=() if analysis is None else _fit_rows(analysis),
         calibrations=_calibrations(record, method),
@@ -84,20 +84,24 @@ def uncertainty_kind(metrics: Sequence[Mapping[str, Any]]) -> str:
     """Return in a sentence what the expanded uncertainties of a result contain."""
     known = [one for one in metrics if one.get("uncertainty") is not None]
     if not known:
-        return "No uncertainty is known: one cycle, and no budget."
+        return "No uncertainty is known (no U): one cycle, and no budget." if metrics else ""
     budgeted = [one for one in known if one.get("uncertainty_kind", "budget") == "budget" and one.get("budget")]
+    none = " No U: one cycle, and no budget." if len(known) < len(metrics) else ""
     if not budgeted:
-        return "U = k·u with k = 2 holds the repeatability over the cycles of this run alone, not the sensors."
+        alone = "holds the scatter within this run alone, not the uncertainty of the sensors"
+        return f"± is U = k·u with k = 2: it {alone}.{none}"
     others = [metric_name(dict(one)) for one in known if one not in budgeted]
-    alone = f" Of {', '.join(others)} it holds the repeatability alone." if others else ""
-    return f"U = k·u with k = 2 holds every source of the uncertainty budget.{alone}"
+    scatter = f" Of {', '.join(others)} it holds the scatter within this run alone." if others else ""
+    return f"± is U = k·u with k = 2: it holds every source of the uncertainty budget.{scatter}{none}"
 
 
-def figure_text(value: Any, unit: str = "") -> str:
+def figure_text(value: Any, unit: str = "", digits: int = 5) -> str:
     """Return any figure of the record as text: numbers with five digits, a dash for none."""
     if value is None:
         return "–"
-    text = minus(f"{value:.5g}") if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    text = (
+        minus(f"{value:.{digits}g}") if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    )
     return f"{text} {unit_text(unit)}".rstrip()
 
 
@@ -112,34 +116,40 @@ def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ..
         table = [
             (
                 str(row.get("text") or row.get("quantity")),
-                figure_text(row.get("u"), str(row.get("unit") or "")),
-                figure_text(row.get("sensitivity")),
-                figure_text(row.get("contribution"), metric["unit"]),
+                figure_text(row.get("u"), str(row.get("unit") or ""), 3),
+                figure_text(row.get("sensitivity"), "", 3),
+                figure_text(row.get("contribution"), metric["unit"], 3),
                 "–" if row.get("share") is None else f"{row['share']:.1%}",
             )
             for row in shown
         ]
         if len(shown) < len(rows):
-            left = ", ".join(str(row.get("quantity")) for row in rows if row not in shown)
-            table.append((f"below {LEAST_SHARE:.2%} each: {left}", "", "", "", ""))
+            left = [row for row in rows if row not in shown]
+            names = ", ".join(str(row.get("quantity")).replace("_", " ") for row in left)
+            share = sum(float(row.get("share") or 0.0) for row in left)
+            table.append((f"less than {LEAST_SHARE:.1%} each: {names}", "", "", "", f"{share:.1%}"))
         expanded = f"{number(metric['value'], metric['uncertainty'])} {uncertainty_text(dict(metric))}"
         found.append(BudgetTable(metric_name(dict(metric)), f"{expanded} {unit_text(metric['unit'])}", tuple(table)))
     return tuple(found)
 
 
+def shown_gates(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the gates that say something: of a run that was not evaluated, only those that failed."""
+    return [gate for gate in result.get("gates") or () if result["metrics"] or gate.get("passed") is False]
+
+
 def gate_rows(gates: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:
     """Return the validity gates, those that failed first."""
     ordered = sorted(gates, key=lambda gate: {False: 0, None: 1, True: 2}[gate.get("passed")])
-    return tuple(
-        (
-            str(gate.get("id", "")),
-            str(gate.get("text") or ""),
-            figure_text(gate.get("figure"), str(gate.get("unit") or "")),
-            figure_text(gate.get("limit"), str(gate.get("unit") or "")),
-            PASSED[gate.get("passed")],
-        )
-        for gate in ordered
-    )
+    return tuple((str(gate.get("id", "")), _gate_words(gate), PASSED[gate.get("passed")]) for gate in ordered)
+
+
+def _gate_words(gate: Mapping[str, Any]) -> str:
+    """Return the words of a gate; its figure and limit are in them, or stand behind them."""
+    text, unit = str(gate.get("text") or ""), str(gate.get("unit") or "")
+    if gate.get("figure") is None or "allowed" in text:
+        return text
+    return f"{text}: {figure_text(gate['figure'], unit)}, limit {figure_text(gate.get('limit'), unit)}"
 
 
 def stage_rows(stages: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:

@@ -29,10 +29,14 @@ from station.pdf_layout import (
 )
 from station.report import FIRST, completed, explained, guarded_text, metric_groups, rule_text, side_text
 from station.report_content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, Content
-from station.result_view import limits_text, number, timing_line, uncertainty_text, unit_text
+from station.result_text import limits_text, number, spread_text, unit_text
+from station.result_view import timing_line
 
 LEAST_BELOW_HEADING = 35 * mm
 """A heading with less room than this below it goes to the next page."""
+
+TWO_PICTURES = 0.84
+"""Share of the width at which two pictures have room on the first page, below what is said there."""
 
 
 def report_pdf(
@@ -44,9 +48,11 @@ def report_pdf(
 ) -> bytes:
     """Return the report as PDF; arguments as of `report_html`. The same record gives the same bytes."""
     result = completed(result)
+    first = [name for name in FIRST if name in pictures]
+    share = 1.0 if len(first) < 2 else TWO_PICTURES
     story = [
         *_top(result, run),
-        *(picture(pictures[name]) for name in FIRST if name in pictures),
+        *(picture(pictures[name], share) for name in first),
         *_metrics(result, content),
         *_gates(content),
         *_alarms(result),
@@ -137,7 +143,7 @@ def _metrics(result: dict[str, Any], content: Content) -> list[Any]:
                 paragraph(metric["name"], bold=True),
                 paragraph("\n".join(side_text(side) for side in sides), "soft"),
                 paragraph(values, "right", bold=True),
-                paragraph("\n".join(uncertainty_text(side) for side in sides), "soft"),
+                paragraph("\n".join(spread_text(side) for side in sides), "soft"),
                 unit_text(metric["unit"]),
                 limit,
                 [_tag(side["verdict"]) for side in sides],
@@ -169,7 +175,7 @@ def _gates(content: Content) -> list[Any]:
         for place, row in enumerate(content.gates, 1)
         if row[-1] == "FAILED"
     ]
-    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (25, 70, 22, 22, 18), red)]
+    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (30, 110, 18), red)]
 
 
 def _alarms(result: dict[str, Any]) -> list[Any]:
@@ -191,9 +197,9 @@ def _alarms(result: dict[str, Any]) -> list[Any]:
 def _budgets(content: Content) -> list[Any]:
     parts: list[Any] = []
     for budget in content.budgets:
-        table = grid(BUDGET_HEADS, budget.rows, (75, 24, 22, 26, 14))
+        table = grid(BUDGET_HEADS, budget.rows, (75, 27, 18, 30, 12))
         parts.append(KeepTogether([paragraph(f"{budget.metric} = {budget.expanded}", "subhead"), table]))
-    return _section("Uncertainty budgets", *parts) if parts else []
+    return [*_heading("Uncertainty budgets"), *parts] if parts else []
 
 
 def _evaluation(result: dict[str, Any], content: Content, pictures: dict[str, bytes]) -> list[Any]:
@@ -247,5 +253,6 @@ def _provenance(result: dict[str, Any], run: dict[str, Any], content: Content, c
     if content.checksums:
         sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]
         parts += [*_heading("To check it again"), grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))]
-        parts.append(paragraph(f"lostmotion analyze {result['run']} evaluates these files again.", "soft"))
+        word = "analyze" if result["metrics"] else "show"
+        parts.append(paragraph(f"lostmotion {word} {result['run']} reads these files again.", "soft"))
     return parts

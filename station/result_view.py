@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from math import floor, inf, log10
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -14,66 +14,13 @@ from rich.table import Table
 from rich.text import Text
 
 from station.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
+from station.result_notes import gate_lines, note_lines, summary_line
+from station.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
 
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
 HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
-NO_UNCERTAINTY = "no uncertainty: one cycle"
 SEVERITY = {"FAIL": 0, "NOT DECIDABLE": 1, "PASS": 2}
 BADGE_STYLE = "bold white on magenta"
-
-
-def minus(text: str) -> str:
-    """Return a number's text with the minus sign that stands in all other texts."""
-    return text.replace("-", "−")
-
-
-def number(value: float | None, uncertainty: float | None = None) -> str:
-    """Return a value as far as its uncertainty carries (two digits of it), else four digits; a dash for none."""
-    if value is None:
-        return "–"
-    if uncertainty is not None and 0 < uncertainty < abs(value):
-        decimals = 1 - floor(log10(uncertainty))
-        if 0 <= decimals <= 6:
-            return minus(f"{value:.{decimals}f}")
-    text = f"{value:.4g}"
-    return minus(text if "e" not in text else f"{value:.3e}")
-
-
-def limits_text(limits: dict[str, float | None]) -> str:
-    """Return limits as they are said: `≤ 1`, `≥ 108`, `95 … 120`, or nothing."""
-    low, high = limits.get("min"), limits.get("max")
-    if low is not None and high is not None:
-        return minus(f"{low:g} … {high:g}")
-    if low is not None:
-        return minus(f"≥ {low:g}")
-    return minus(f"≤ {high:g}") if high is not None else ""
-
-
-def metric_name(metric: dict[str, Any]) -> str:
-    """Return a metric's id with torque, branch and side where they tell it from others."""
-    parts = [str(metric["id"])]
-    if metric.get("torque_nm") is not None:
-        parts.append(f"{metric['torque_nm']:g} N·m")
-    parts += metric.get("choices", [])
-    if metric["branch"] in ("load", "unload") or metric["id"] == "stiffness_50_100":
-        parts.append(metric["branch"])
-    if metric["side"] in ("+", "-"):
-        parts.append(f"side {minus(metric['side'])}")
-    return " ".join(parts)
-
-
-def uncertainty_text(metric: dict[str, Any]) -> str:
-    """Return the expanded uncertainty with two digits, why there is none, or nothing."""
-    uncertainty = metric["uncertainty"]
-    if uncertainty is None:
-        return NO_UNCERTAINTY if metric["value"] is not None and metric.get("cycles") == 1 else ""
-    decimals = max(1 - floor(log10(uncertainty)), 0) if uncertainty > 0 else 0
-    return f"± {uncertainty:.{decimals}f}" if decimals <= 6 else f"± {uncertainty:.1e}"
-
-
-def unit_text(unit: str) -> str:
-    """Return the unit as it stands behind a number; nothing for pure numbers."""
-    return "" if unit == "1" else unit
 
 
 def _side_rows(metric: dict[str, Any]) -> list[dict[str, Any]]:
@@ -123,7 +70,7 @@ def metrics_table(metrics: list[dict[str, Any]]) -> Table:
         table.add_row(
             metric_name(metric),
             Text(number(metric["value"], metric["uncertainty"]), style="bold" if verdict else ""),
-            Text(uncertainty_text(metric), style="dim"),
+            Text(spread_text(metric), style="dim"),
             unit_text(metric["unit"]),
             limits_text(metric["limits"]),
             Text(verdict or "", style=style),
@@ -190,7 +137,11 @@ def show_result(console: Console, result: dict[str, Any], *, files: bool = True)
         console.print()
     elif result["metrics"]:
         console.print(metrics_table(result["metrics"]))
+        console.print(summary_line(result), style="dim", highlight=False)
         console.print()
+    for style, word, lines in (("red", "GATE   ", gate_lines(result)), ("cyan", "note   ", note_lines(result))):
+        for said in lines:
+            console.print(Text.assemble((word, style), said))
     for line in alarm_lines(result):
         console.print(line, highlight=False)
     if result.get("timing"):
@@ -233,6 +184,15 @@ def alarm_lines(result: dict[str, Any]) -> list[Text]:
     return lines
 
 
+def way_back_command(result: dict[str, Any]) -> str:
+    """Return the command that takes a bench back after a fault; '' where nothing is left to take back."""
+    bench = result.get("bench") or {}
+    if result.get("clock") != "real" or bench.get("embedded", True) or result["state"] not in ("fault", "interrupted"):
+        return ""
+    data = Path(result["record"]).parent
+    return "lostmotion recover" + ("" if data.name == "runs" and not data.is_absolute() else f" --data {data}")
+
+
 def verdict_panel(result: dict[str, Any]) -> Panel:
     """Return the box at the end of a result: headline, verdict, whether it is real, why, how the bench was left."""
     head = headline(result)
@@ -251,4 +211,9 @@ def verdict_panel(result: dict[str, Any]) -> Panel:
     left = result.get("left")
     if left:
         body.append(f"\n{left['text']}: ", style="bold").append(left["next_action"])
+        way_back = way_back_command(result)
+        if way_back:
+            body.append("\nThe bench can do it, step by step, and asks before it moves: ").append(
+                way_back, style="bold"
+            )
     return Panel(body, border_style=style.split()[-1], padding=(0, 1))

@@ -10,6 +10,7 @@ state, pid                 scan     `ScanState` and process id (the desk sets `D
 written, lost              scan     records appended; records that found the ring full
 read                       desk     records taken
 desk beats                 desk     looks at the ring so far: a desk that is there counts on
+stopped for                desk     `StopCause` of the desk's own wish to end the run
 commands written           desk     commands put into the mailbox's slots
 commands taken             scan     commands seen by a scan, one per scan
 =========================  =======  ==========================================================
@@ -45,9 +46,12 @@ FILE_PREFIX = "lostmotion-ring-"
 # Words of the header, each 8 bytes and written by one process only.
 W_MAGIC, W_VERSION, W_RECORD_BYTES, W_CAPACITY = 0, 1, 2, 3
 W_STATE, W_PID, W_WRITTEN, W_LOST = 8, 9, 10, 11
-W_READ, W_DESK_BEATS = 16, 17
+W_READ, W_DESK_BEATS, W_STOPPED_FOR = 16, 17, 18
 W_COMMANDS_WRITTEN, W_COMMANDS_TAKEN = 24, 32
 W_SLOTS = 40
+
+
+_COMMANDS = frozenset(map(int, Command))
 
 
 class ScanState(IntEnum):
@@ -59,6 +63,13 @@ class ScanState(IntEnum):
     FINISHED = 3
     REFUSED = 4
     DIED = 5
+
+
+class StopCause(IntEnum):
+    """Why the desk asked for a stop, where it was not the operator who did."""
+
+    NONE = 0
+    DISK = 1
 
 
 class RingError(StationError):
@@ -135,6 +146,7 @@ class RingWriter(_Mapped):
         self.sequence: int = 0
         self.lost: int = 0
         self.last_scan: int = -1
+        self.strange_commands: int = 0
         self._taken: int = self._words[W_COMMANDS_TAKEN]
         self._words[W_PID] = os.getpid()
 
@@ -173,14 +185,24 @@ class RingWriter(_Mapped):
         return True
 
     def take_command(self) -> int:
-        """Return the oldest command not seen yet, and never the same one again; `Command.NONE` when there is none."""
+        """Return the oldest command not seen yet, and never the same one again; `Command.NONE` when there is none.
+
+        What is no command is taken and counted: it must end neither the scan nor its record.
+        """
         taken = self._taken
         words = self._words
-        if words[W_COMMANDS_WRITTEN] == taken:
+        written: int = words[W_COMMANDS_WRITTEN]
+        if written == taken:
+            return 0
+        if not 0 < written - taken <= MAILBOX_SLOTS:  # no desk of this program counts so
+            self.strange_commands += 1
+            self._taken = words[W_COMMANDS_TAKEN] = written
             return 0
         command: int = words[W_SLOTS + taken % MAILBOX_SLOTS]
-        self._taken = taken + 1
-        words[W_COMMANDS_TAKEN] = taken + 1
+        self._taken = words[W_COMMANDS_TAKEN] = taken + 1
+        if command not in _COMMANDS:
+            self.strange_commands += 1
+            return 0
         return command
 
 
@@ -195,6 +217,19 @@ class RingReader(_Mapped):
     def beat(self) -> None:
         """Say that the desk is there; called at every look."""
         self._words[W_DESK_BEATS] += 1
+
+    def note_stop(self, cause: StopCause) -> None:
+        """Keep why the desk asks for a stop, for whoever concludes the run."""
+        self._words[W_STOPPED_FOR] = int(cause)
+
+    @property
+    def stopped_because(self) -> str:
+        """Why the run was stopped although nobody asked for it; empty when nothing here says so."""
+        if self._words[W_STOPPED_FOR] == StopCause.DISK:
+            return "the disk did not take the records, so the desk"
+        if self.lost:
+            return f"{self.lost} records found no room, because they were not taken in time, so the scan process"
+        return ""
 
     def mark_died(self) -> None:
         """Note that the scan process ended without saying so."""
@@ -214,6 +249,18 @@ class RingReader(_Mapped):
     def lost(self) -> int:
         """Records that found the ring full."""
         return int(self._words[W_LOST])
+
+    @property
+    def waiting(self) -> int:
+        """Records that were appended and not taken yet."""
+        words = self._words
+        return int(words[W_WRITTEN] - words[W_READ])
+
+    def last(self) -> bytes:
+        """Return the newest record, taken or not; empty before the first. For a scan that has ended."""
+        written = self._words[W_WRITTEN]
+        at = HEADER_BYTES + ((written - 1) % self.capacity) * RECORD_BYTES
+        return bytes(self._bytes[at : at + RECORD_BYTES]) if written else b""
 
     def drain(self, keep: Callable[[bytes], None]) -> None:
         """Hand all records appended since the last call to `keep`; their room is free once it has returned."""

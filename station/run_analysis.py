@@ -24,8 +24,8 @@ class RunAnalysis:
     result: Result
 
 
-def evaluate_run(run: RunRecord, recipe: Recipe, bench: Bench) -> tuple[Trace, Result]:
-    """Evaluate the samples of a complete run by a recipe and a bench.
+def evaluate_run(run: RunRecord, recipe: Recipe, bench: Bench, preset: str | None = None) -> tuple[Trace, Result]:
+    """Evaluate the samples of a complete run by a recipe and a bench; `preset` reports the metrics of that instead.
 
     Raises:
         RecordError, AnalysisError: what cannot be read or evaluated.
@@ -38,7 +38,7 @@ def evaluate_run(run: RunRecord, recipe: Recipe, bench: Bench) -> tuple[Trace, R
     facts = run_facts(table, timing, recipe.sampling)
     segments = run.read_json("program.json")["segments"]
     trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return trace, evaluate_trace(trace, recipe, bench, broken, facts)
+    return trace, evaluate_trace(trace, recipe, bench, broken, facts, preset)
 
 
 def complete_run(run: RunRecord) -> RunAnalysis:

@@ -5,7 +5,8 @@ no waiting call in the scan. SIGTERM asks the controller for a stop (unload firs
 SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
 
 Spec: ring, report, recipe, bench, program (paths), profiles ({name: path}), ports (ready line of an embedded bench or
-null), spin_ns, desk (its process id), after_end_scans (to go on after the end).
+null), spin_ns, desk (its process id), after_end_scans (to go on after the end), and for a recovery `left`, how the
+bench was left.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any
 
 from controller.compiler import compile_program
 from controller.controller import Controller
+from controller.held_lock import Left
 from controller.program import Program
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
@@ -56,7 +58,8 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
     period_ns = recipe.sampling.period_ns
     program = compile_program(recipe, bench_file)
     refuse_another(program, Path(spec["program"]))
-    controller = Controller(program)
+    left = spec.get("left")
+    controller = Controller(program, left=None if left is None else Left(**left))
     bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"]))
     with ExitStack() as ending:
         if spec["ports"] is None:
@@ -112,11 +115,17 @@ def refuse_another(program: Program, recorded: Path) -> None:
 
 
 def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
-    """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end."""
+    """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end.
+
+    A disk that refuses it changes nothing else: how the scan ended stands in the ring too.
+    """
     path = Path(spec["report"])
     beside = path.with_suffix(".part")
-    beside.write_text(json.dumps(report, ensure_ascii=False))
-    beside.replace(path)
+    try:
+        beside.write_text(json.dumps(report, ensure_ascii=False))
+        beside.replace(path)
+    except OSError as error:
+        sys.stderr.write(f"{path}: cannot be written: {error.strerror}\n")
 
 
 def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:

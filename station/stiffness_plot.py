@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from analysis import Branch, Result
 from analysis.method import Method
 from station.loop_plot import GRID, INK, LOADING, MEAN, STYLE
-from station.result_view import limits_text, number
+from station.result_text import limits_text, number
 
 SIZE_INCH = (8.4, 4.2)
 POINTS = 241
@@ -28,7 +28,12 @@ SPANS: dict[str, tuple[float, float]] = {
 }
 """Metrics that hold over a range of torque, in fractions of the reference torque."""
 
-AT_REFERENCE = ("spring_constant",)
+SEGMENTS = ("k1", "k2", "k3")
+"""Metrics between zero, the two break torques and the reference torque."""
+
+POINTS_AT: tuple[str, ...] = ("stiffness_at", "spring_constant")
+"""Metrics at one torque: the chosen one, or the reference torque."""
+
 COLOURS = ("#b00020", "#1b7f3b", "#7b1fa2", "#c2571a", "#00796b", "#5d4037", "#9e9d24", "#37474f")
 
 
@@ -47,7 +52,7 @@ def stiffness_figure(result: Result, method: Method, metrics: list[dict[str, Any
         if not heights:
             return None
         heights = [value for value in heights if value < 5 * float(np.median(heights))]
-        heights += _metrics(axes, metrics, reference)
+        heights += _metrics(axes, metrics, method)
         axes.set_xlim(-1.05 * reference, 1.05 * reference)
         axes.set_ylim(0.0, 1.12 * max(heights))
         axes.set_xlabel("torque at the output  [N·m]")
@@ -83,31 +88,44 @@ def _loading(axes: Axes, branch: Branch, side: int, reference: float) -> list[fl
     return [float(value) for value in stiffness[np.isfinite(stiffness)]]
 
 
-def _metrics(axes: Axes, metrics: list[dict[str, Any]], reference: float) -> list[float]:
+def _span_nm(name: str, method: Method) -> tuple[float, float] | None:
+    """Return the torques [N·m] between which a metric holds; None for one at a single torque."""
+    if name in SEGMENTS:
+        borders = (0.0, *method.stiffness_breaks_nm, method.reference_nm)
+        place = SEGMENTS.index(name)
+        return borders[place], borders[place + 1]
+    if name not in SPANS:
+        return None
+    low, high = SPANS[name]
+    return low * method.reference_nm, high * method.reference_nm
+
+
+def _metrics(axes: Axes, metrics: list[dict[str, Any]], method: Method) -> list[float]:
     """Draw every stiffness metric over the torque where it holds, both sides; return their heights."""
     drawn: list[float] = []
-    stiff = [one for one in metrics if one["id"] in SPANS or one["id"] in AT_REFERENCE or one["id"] == "stiffness_at"]
+    stiff = [one for one in metrics if one["id"] in (*SPANS, *SEGMENTS, *POINTS_AT)]
     for place, metric in enumerate(stiff):
         colour = COLOURS[place % len(COLOURS)]
         sides = metric.get("sides") or {metric["side"]: metric}
+        span = _span_nm(metric["id"], method)
         said = []
         for name, found in sides.items():
             if found["value"] is None or name not in ("+", "-"):
                 continue
             side = 1.0 if name == "+" else -1.0
             value = float(found["value"])
-            if metric["id"] in SPANS:
-                low, high = SPANS[metric["id"]]
-                axes.plot([side * low * reference, side * high * reference], [value, value], color=colour, linewidth=2)
+            if span is not None:
+                axes.plot([side * span[0], side * span[1]], [value, value], color=colour, linewidth=2)
             else:
-                at = metric.get("torque_nm") or reference
+                at = metric.get("torque_nm") or method.reference_nm
                 axes.plot([side * at], [value], color=colour, marker="o", markersize=6, linestyle="")
             drawn.append(value)
             said.append(number(value, found.get("uncertainty") or 0.005 * value))
         if said:
             branch = f" {metric['branch']}" if metric["id"] == "stiffness_50_100" else ""
             limit = limits_text(metric["limits"])
-            text = f"{metric['id']}{branch}\n{' and '.join(said)}{f'   ({limit})' if limit else ''}"
-            marker = {"linewidth": 2} if metric["id"] in SPANS else {"marker": "o", "linestyle": ""}
+            label = " ".join([metric["id"] + branch, *metric.get("choices", [])])
+            text = f"{label}\n{' and '.join(said)}{f'   ({limit})' if limit else ''}"
+            marker = {"linewidth": 2} if span is not None else {"marker": "o", "linestyle": ""}
             axes.plot([], [], color=colour, label=text, **marker)
     return drawn

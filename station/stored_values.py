@@ -23,7 +23,10 @@ SAME = ("unit", "definition", "branch", "estimator", "band", "torque_nm")
 
 @dataclass(frozen=True)
 class Ask:
-    """Which values are meant: metric, and what tells it from others of its id; None takes what there is."""
+    """Which values are meant: metric, and what tells it from others of its id; None takes what there is.
+
+    metric: an id, followed by what was chosen otherwise than its definition does: `spring_constant three_region`.
+    """
 
     metric: str
     side: str | None = None
@@ -142,13 +145,25 @@ def _usable(run: RunRecord, manifest: dict[str, Any]) -> tuple[str, dict[str, An
 
 
 def _metric(run: RunRecord, result: dict[str, Any], ask: Ask) -> dict[str, Any] | None:
-    found = [one for one in result["metrics"] if one["id"] == ask.metric and ask.branch in (None, one["branch"])]
-    if len(found) > 1:
-        branches = ", ".join(str(one["branch"]) for one in found)
+    """Return the metric that is asked for; of several with its id, the one with no other choices than asked for."""
+    name, *words = ask.metric.split() or [""]
+    of_id: list[dict[str, Any]] = [
+        one for one in result["metrics"] if one["id"] == name and ask.branch in (None, one["branch"])
+    ]
+    found = [one for one in of_id if set(words) <= _choices(one)]
+    exact = [one for one in found if set(words) == _choices(one)]
+    if len(found) > 1 and len(exact) != 1:
+        there = ", ".join(" ".join([name, *one.get("choices", []), f"({one['branch']})"]) for one in found)
         raise StationError(
-            f"--metric: {ask.metric} stands {len(found)} times in run {run.id}: {branches}. Choose with --branch"
+            f"--metric: {ask.metric} stands {len(found)} times in run {run.id}: {there}. Choose with --branch, or name "
+            "the choice with the metric in quotes"
         )
-    return found[0] if found else None
+    chosen = exact or found
+    return chosen[0] if chosen else None
+
+
+def _choices(metric: dict[str, Any]) -> set[str]:
+    return set(" ".join(metric.get("choices", [])).split())
 
 
 def _value(metric: dict[str, Any], ask: Ask) -> float | None:

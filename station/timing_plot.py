@@ -26,7 +26,7 @@ def timing_figure(proof: dict[str, Any]) -> Figure | None:
         for axes, (name, rows) in zip(grid, named, strict=True):
             upper = np.array([max(float(edge), 1.0) for edge, _ in rows])
             counts = np.array([int(count) for _, count in rows])
-            bins = np.geomspace(1.0, max(2.0 * period_us, 1.1 * float(upper.max())), 41)
+            bins = np.geomspace(0.9, max(2.0 * period_us, 1.1 * float(upper.max())), 41)
             axes.hist(upper * 0.999, bins=bins, weights=counts, color=LOADING)
             axes.set_xscale("log")
             axes.set_yscale("log")

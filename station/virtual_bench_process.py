@@ -17,7 +17,8 @@ from typing import Any
 from drivers.virtual.config import ServerConfig
 from drivers.virtual.errors import VirtualBenchError
 from drivers.virtual.plant import warm_up
-from drivers.virtual.server import log_line, run
+from drivers.virtual.process_lines import log_line
+from drivers.virtual.server import run
 from recipes import RecipeError, load_bench
 from station.assemble_virtual import load_scenario, server_config
 

@@ -77,7 +77,9 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
         with quiet_collector(), _listening(operator):
             run_virtual(bench, controller, recorder.append, take_command)
     finally:
-        recorder.flush()
-        file.close()
+        try:
+            recorder.flush()
+        finally:
+            file.close()
     notes = [event._asdict() for event in controller.events if event.kind == "note"]
     return Ending(written=recorder.sequence, notes=notes)

@@ -6,7 +6,7 @@ asyncio loop that the server runs on.
 
 from __future__ import annotations
 
-from collections import deque
+import heapq
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -20,7 +20,8 @@ from durand.services.sdo.server import SDODomainAbort
 
 from drivers.virtual.config import DriveConfig
 from drivers.virtual.drive_axis import DriveAxis
-from drivers.virtual.fault_injector import LOST, FaultInjector
+from drivers.virtual.fault_injector import FaultInjector
+from drivers.virtual.frame_faults import FOREIGN_COB
 from drivers.virtual.object_table import SETTINGS, STRUCT_LETTERS, U8, U32, VALUES, Setting, Value
 from drivers.virtual.pdo_service import ABORT_VALUE, SETPOINT_PDO, Mappable, PdoService
 from drivers.virtual.plant import Plant
@@ -36,6 +37,8 @@ HEARTBEAT_COB = 0x700
 
 STATUS_PLACES = {0x6041: 0, 0x6061: 1, 0x6077: 2}
 """Objects that faults may change, by their place in what `FaultInjector.status` returns."""
+
+CONTROLWORD, SETPOINTS = 0x6040, (0x6071, 0x60FF)
 
 Receiver = Callable[[int, bytes], None]
 
@@ -77,9 +80,10 @@ class DriveNode:
         self._bus_send = send
         self._ready = False
         self._booted = False
-        self._late: deque[tuple[int, int, bytes]] = deque()  # arrival [ns], COB id and data of delayed frames
+        self._late: list[tuple[int, int, Receiver, int, bytes]] = []  # arrival [ns], number, way, COB id, data
+        self._frames_delayed = 0
         self.axis = DriveAxis(plant, config, self._emcy)
-        self.faults = FaultInjector(scenario, plant, self.axis, report)
+        self.faults = FaultInjector(scenario, plant, self.axis, (config.node_id, config.controller_node_id), report)
         self._network = NodeNetwork(self._send)
         self.node = Node(self._network, config.node_id, capabilities=NodeCapabilities(1, 0, 0))
         self._pdo = PdoService(self.node, self._mappable(), self._send_pdo, self._pdo_length)
@@ -94,7 +98,19 @@ class DriveNode:
         self._ready = True
 
     def receive(self, cob_id: int, data: bytes) -> None:
-        """Take a frame from the bus."""
+        """Take a frame from the bus, as the faults on its way leave it."""
+        frames = self.faults.frames
+        answer = frames.answered(cob_id, data)
+        if answer is not None:
+            self._send(frames.answer_id(), answer)
+            return
+        self._pass_on(cob_id, data, self._take)
+        self._release()
+
+    def _take(self, cob_id: int, data: bytes) -> None:
+        if cob_id == FOREIGN_COB:  # another node's, for everybody on the bus
+            self._bus_send(cob_id, data)
+            return
         channel = self._pdo.receive.get(cob_id)
         if channel is not None:
             if channel.number == SETPOINT_PDO:
@@ -112,8 +128,7 @@ class DriveNode:
         self.faults.step(now_ns)
         self.axis.tick(now_ns)
         self._pdo.tick(now_ns)
-        while self._late and self._late[0][0] <= now_ns:
-            self._bus_send(*self._late.popleft()[1:])
+        self._release()
         if not self._booted and self.faults.node_is_reset:
             self._booted = True
             self.receive(NMT_COB, bytes([NMT_RESET_COMMUNICATION, self._config.node_id]))
@@ -126,20 +141,25 @@ class DriveNode:
         self._pdo.sample()
 
     def _send(self, cob_id: int, data: bytes) -> None:
-        if cob_id == HEARTBEAT_COB + self._config.node_id and self.faults.frame("can.drive.heartbeat") == LOST:
-            return
-        self._bus_send(cob_id, data)
+        self._pass_on(cob_id, data, self._bus_send)
 
-    def _send_pdo(self, number: int, cob_id: int, data: bytes) -> None:
-        delay_ns = self.faults.frame("can.drive.tpdo1") if number == 1 else 0
-        if delay_ns == LOST:
-            return
-        if delay_ns:
-            self._late.append((self._plant.now_ns + delay_ns, cob_id, data))
-            return
-        self._bus_send(cob_id, data)
-        if number == 1 and ("can.drive.tpdo1", "duplicate") in self.faults.active:
-            self._bus_send(cob_id, data)
+    def _send_pdo(self, _number: int, cob_id: int, data: bytes) -> None:
+        self._send(cob_id, data)
+
+    def _pass_on(self, cob_id: int, data: bytes, way: Receiver) -> None:
+        """Let a frame through to `way` as the faults leave it, delayed ones when it is time."""
+        for frame in self.faults.frames.pass_on(cob_id, data):
+            if frame.delay_ns:
+                self._frames_delayed += 1
+                due_ns = self._plant.now_ns + frame.delay_ns
+                heapq.heappush(self._late, (due_ns, self._frames_delayed, way, frame.cob_id, frame.data))
+            else:
+                way(frame.cob_id, frame.data)
+
+    def _release(self) -> None:
+        while self._late and self._late[0][0] <= self._plant.now_ns:
+            _, _, way, cob_id, data = heapq.heappop(self._late)
+            way(cob_id, data)
 
     def _emcy(self, code: int, register: int) -> None:
         if self._ready:
@@ -184,10 +204,14 @@ class DriveNode:
         return min(max(shown, -0x8000), 0x7FFF) if place == 2 else shown
 
     def _writer(self, row: Value) -> Callable[[int], None]:
-        machine, write = self.axis.machine, row.write
+        machine, write, faults = self.axis.machine, row.write, self.faults
         assert write is not None  # noqa: S101 - the caller has looked
 
         def write_now(value: int) -> None:
+            if row.object_index in SETPOINTS:
+                value = faults.setpoint(value, row.read(machine))
+            elif row.object_index == CONTROLWORD and not faults.takes_controlword(value, machine.controlword):
+                return
             write(machine, value, self._plant.now_ns)
 
         return write_now

@@ -7,6 +7,7 @@ bus, so a controller sees the same steps.
 
 from __future__ import annotations
 
+import struct
 from functools import partial
 from math import pi
 
@@ -20,11 +21,14 @@ from controller.image import (
     NmtState,
     Orders,
 )
+from drivers.can_drive import SILENT_AFTER_SCANS
 from drivers.virtual import cia402_tables as tables
 from drivers.virtual.cia402_tables import PowerState
 from drivers.virtual.config import BenchConfig
 from drivers.virtual.drive_axis import DriveAxis
-from drivers.virtual.fault_injector import LOST, FaultInjector
+from drivers.virtual.fault_injector import FaultInjector
+from drivers.virtual.fault_schedule import LOST
+from drivers.virtual.frame_faults import TPDO1_BASE
 from drivers.virtual.plant import Plant, Sample
 from drivers.virtual.scenario import Scenario
 
@@ -58,6 +62,7 @@ CYCLIC = (VELOCITY_MODE, DriveMode.CYCLIC_SYNC_TORQUE)
 # Of a tuple of all fields: a quarter of the time of a call with as many arguments.
 _image_of = partial(tuple.__new__, Image)
 INT32 = 0x7FFFFFFF
+STATUS = struct.Struct("<HbhB")  # transmit PDO 1 of the shipped drive profile, for faults that change its bytes
 POWER_ON_NS = 100_000_000  # the devices have been on for a while when the first scan comes
 NO_SAMPLE = Sample(0.0, 0.0, 0.0, 0.0, 0, 0, 4)
 CURRENT_STEP_A = 1e-3
@@ -72,8 +77,9 @@ class VirtualTimeBench:
         self.plant.advance(POWER_ON_NS)
         self.axis = DriveAxis(self.plant, config.drive)
         self.axis.protect(config.drive.protections, config.drive.controller_node_id)
-        self.faults = FaultInjector(scenario, self.plant, self.axis)
         drive = config.drive
+        self.faults = FaultInjector(scenario, self.plant, self.axis, (drive.node_id, drive.controller_node_id))
+        self._tpdo1_cob = TPDO1_BASE + drive.node_id
         self._period_ns = period_ns
         self._config = config
         self._torque_unit_nm = drive.rated_torque_nm / 1000.0 * drive.gear_ratio
@@ -88,12 +94,13 @@ class VirtualTimeBench:
         # Values as the devices last sent them, and the scans at which they arrive.
         self._status = (0, 0, 0, 0, 0)  # state, word, mode, torque, error register
         self._motion = (0, 0)
-        self._late_status: list[tuple[int, tuple[int, int, int, int, int]]] = []  # arrival [ns], of delayed frames
+        self._late_status: list[tuple[int, bytes]] = []  # arrival [ns] and data of delayed frames
         self._emcy = 0
         self._sample = NO_SAMPLE
         self._brake_values = (0.0, 0)
         self._io_values = (0, 0, 0.0, 0.0)
-        self._status_scan = self._sample_scan = self._brake_scan = self._io_scan = -AGE_NEVER
+        self._status_scan = self._motion_scan = -AGE_NEVER
+        self._sample_scan = self._brake_scan = self._io_scan = -AGE_NEVER
         self._beat_scan = 0
         self._nmt_state = NmtState.OPERATIONAL.value
         self._orders_brake: tuple[int, float] = (0, 0.0)
@@ -127,7 +134,7 @@ class VirtualTimeBench:
                 torque * self._torque_unit_nm,
                 position * self._rad_per_count,
                 velocity * self._rad_s_per_count,
-                age if (age := scan - self._status_scan) < AGE_NEVER else AGE_NEVER,
+                age if (age := scan - min(self._status_scan, self._motion_scan)) < AGE_NEVER else AGE_NEVER,
                 self._nmt_state,
                 age if (age := scan - self._beat_scan) < AGE_NEVER else AGE_NEVER,
                 self._emcy,
@@ -155,24 +162,43 @@ class VirtualTimeBench:
 
     def write(self, orders: Orders, scan: int) -> None:
         """Take the orders of a scan, and let the devices answer: their values arrive at the next scan."""
-        axis = self.axis
-        machine = axis.machine
         now_ns = self.plant.now_ns
-        if scan % self._beat_every == 0:
-            machine.heartbeat(self._node, now_ns)
-        machine.setpoint_received(now_ns)
-        machine.write_mode(orders.drive_mode)
-        machine.write_target_torque(_clip16(round(orders.drive_target_torque_nm / self._torque_unit_nm)))
-        if orders.drive_mode == VELOCITY_MODE:
-            machine.write_target_velocity(round(orders.drive_target_velocity_rad_s / self._rad_s_per_count))
-        machine.write_controlword(CONTROLWORDS[orders.drive_command], now_ns)
+        faults, axis = self.faults, self.axis
+        arrived = synced = True
+        if faults.active:
+            fate = faults.frames.fate
+            if scan % self._beat_every == 0 and fate("can.controller.heartbeat") != LOST:
+                axis.machine.heartbeat(self._node, now_ns)
+            age_scans = scan - min(self._status_scan, self._motion_scan)
+            unseen = SILENT_AFTER_SCANS <= age_scans < AGE_NEVER
+            silent = unseen and orders.drive_command == DriveCommand.DISABLE_VOLTAGE
+            arrived = not silent and fate("can.setpoint") != LOST
+            synced = fate("can.sync") != LOST
+        elif scan % self._beat_every == 0:
+            axis.machine.heartbeat(self._node, now_ns)
+        if arrived:
+            axis.machine.setpoint_received(now_ns)
+        if arrived and synced:  # what is not followed by SYNC waits, and the next set-point takes its place
+            self._write_drive(orders, now_ns)
         axis.apply()
         self._write_brake(orders)
-        self._answer_drive(scan)
+        self._answer_drive(scan, synced=synced)
         self._answer_slow(scan)
 
     def close(self) -> None:
         """Release nothing: there are no wires."""
+
+    def _write_drive(self, orders: Orders, now_ns: int) -> None:
+        machine, faults = self.axis.machine, self.faults
+        machine.write_mode(orders.drive_mode)
+        torque = _clip16(round(orders.drive_target_torque_nm / self._torque_unit_nm))
+        machine.write_target_torque(faults.setpoint(torque, machine.target_torque))
+        if orders.drive_mode == VELOCITY_MODE:
+            velocity = round(orders.drive_target_velocity_rad_s / self._rad_s_per_count)
+            machine.write_target_velocity(faults.setpoint(velocity, machine.target_velocity))
+        word = CONTROLWORDS[orders.drive_command]
+        if faults.takes_controlword(word, machine.controlword):
+            machine.write_controlword(word, now_ns)
 
     def _write_brake(self, orders: Orders) -> None:
         wanted = (orders.brake_on, orders.brake_current_a)
@@ -184,37 +210,46 @@ class VirtualTimeBench:
         current = round(orders.brake_current_a / CURRENT_STEP_A) * CURRENT_STEP_A if orders.brake_on else 0.0
         self.plant.set_brake_current(current)
 
-    def _answer_drive(self, scan: int) -> None:
+    def _answer_drive(self, scan: int, *, synced: bool) -> None:
         machine, faults = self.axis.machine, self.faults
         motor = machine.motor
         if faults.node_is_reset:
             self._nmt_state = NmtState.PRE_OPERATIONAL.value
-        else:
+        elif synced:
             self._send_status(scan)
-            position = machine.position_counts
-            self._motion = ((position + INT32 + 1 & 0xFFFFFFFF) - INT32 - 1, motor.velocity_counts_s)
-        self._emcy = faults.emergency(machine.error_code)
-        if scan % self._drive_beat_every == 0 and faults.frame("can.drive.heartbeat") != LOST:
+            if faults.frames.fate("can.drive.tpdo2") != LOST:
+                position = machine.position_counts
+                self._motion = ((position + INT32 + 1 & 0xFFFFFFFF) - INT32 - 1, motor.velocity_counts_s)
+                self._motion_scan = scan + 1
+        code = faults.emergency(machine.error_code)
+        if code != self._emcy and faults.frames.fate("can.drive.emcy") != LOST:
+            self._emcy = code
+        if scan % self._drive_beat_every == 0 and faults.frames.fate("can.drive.heartbeat") != LOST:
             self._beat_scan = scan + 1
 
     def _send_status(self, scan: int) -> None:
-        """Send TPDO 1, which faults may lose or delay; a frame that comes late brings an old status."""
+        """Send TPDO 1, which faults may lose, change or delay; a frame that comes late brings an old status."""
         machine, faults = self.axis.machine, self.faults
         word, mode, torque = machine.statusword, int(machine.mode_display), machine.motor.torque_permille
-        state, delay_ns = machine.state, 0
-        if faults.active:
-            true_word = word
-            word, mode, torque = faults.status(word, mode, torque)
-            state = state if word == true_word else tables.state_of(word)
-            delay_ns = faults.frame("can.drive.tpdo1")
-        status = (DRIVE_STATES[state], word, mode, torque, machine.error_register)
-        if delay_ns == 0 and not self._late_status:
-            self._status, self._status_scan = status, scan + 1
+        if not (faults.active or self._late_status):
+            self._status = (DRIVE_STATES[machine.state], word, mode, torque, machine.error_register)
+            self._status_scan = scan + 1
             return
-        if delay_ns != LOST:
-            self._late_status.append((self.plant.now_ns + delay_ns, status))
+        word, mode, torque = faults.status(word, mode, torque)
+        data = STATUS.pack(word, mode, _clip16(torque), machine.error_register)
+        for frame in faults.frames.pass_on(self._tpdo1_cob, data):
+            self._late_status.append((self.plant.now_ns + frame.delay_ns, frame.data))
+        self._late_status.sort(key=_arrival)
         while self._late_status and self._late_status[0][0] <= self.plant.now_ns:
-            self._status, self._status_scan = self._late_status.pop(0)[1], scan + 1
+            data = self._late_status.pop(0)[1]
+            if len(data) == STATUS.size:
+                values = STATUS.unpack(data)
+                self._take_status(DRIVE_STATES[tables.state_of(values[0])], values, scan)
+
+    def _take_status(self, state: int, values: tuple[int, ...], scan: int) -> None:
+        word, mode, torque, register = values
+        self._status = (state, word, mode, torque, register)
+        self._status_scan = scan + 1
 
     def _answer_slow(self, scan: int) -> None:
         plant = self.plant
@@ -227,16 +262,16 @@ class VirtualTimeBench:
             if not self._frozen("brake"):
                 self._brake_values = (plant.brake_current_a, self._orders_brake[0])
             self._brake_scan = scan + 1
-        if scan % self._io_every == 0 and self._answers("remote_io", scan):
+        # values of a device whose life counter stands still go on ageing, as in the driver
+        if scan % self._io_every == 0 and self._answers("remote_io", scan) and not self._frozen("remote_io"):
             wires = self.faults.wires
-            if not self._frozen("remote_io"):
-                housing_c = plant.housing_temp_c + wires.housing_offset_k
-                self._io_values = (
-                    int(wires.estop_released),
-                    int(wires.guard_closed),
-                    round(housing_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
-                    round(plant.ambient_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
-                )
+            housing_c = plant.housing_temp_c + wires.housing_offset_k
+            self._io_values = (
+                int(wires.estop_released),
+                int(wires.guard_closed),
+                round(housing_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
+                round(plant.ambient_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
+            )
             self._io_scan = scan + 1
 
     def _answers(self, device: str, scan: int) -> bool:
@@ -251,8 +286,13 @@ class VirtualTimeBench:
         return self.faults.device(device)[0] == "freeze"
 
     def _links_lost(self) -> int:
-        return sum(bit for device, bit in LINKS.items() if self.faults.device(device)[0] in ("off", "exception"))
+        cut = int(Link.CAN) if ("can.bus", "cut") in self.faults.active else 0
+        return cut + sum(bit for device, bit in LINKS.items() if self.faults.device(device)[0] in ("off", "exception"))
+
+
+def _arrival(late: tuple[int, bytes]) -> int:
+    return late[0]
 
 
 def _clip16(value: int) -> int:
-    return min(max(value, -0x8000), 0x7FFF)
+    return value if -0x8000 <= value <= 0x7FFF else min(max(value, -0x8000), 0x7FFF)

@@ -10,14 +10,17 @@ import asyncio
 from collections.abc import Callable
 
 from pymodbus.exceptions import ModbusException
-from pymodbus.framer import FramerRTU
-from pymodbus.pdu import DecodePDU, ModbusPDU
+from pymodbus.framer import FramerRTU, FramerSocket
+from pymodbus.pdu import DecodePDU
 
 from drivers.virtual.modbus_servers import ModbusServer
 from drivers.virtual.pty_port import PtyPort
 
 LONGEST_FRAME = 256
 """Bytes of the longest frame that the protocol allows."""
+
+TCP_HEADER_BYTES = 6
+"""Transaction, protocol and length, which RTU has not."""
 
 GAP_S = 0.02
 """A piece of a frame that is not continued within this time is given up, as after a silence on a real line."""
@@ -31,6 +34,7 @@ class RtuLine:
         self._port = PtyPort(self._take, link)
         self._log = log
         self._framer = FramerRTU(DecodePDU(is_server=True))
+        self._tcp = FramerSocket(DecodePDU(is_server=True))  # faults change frames of TCP
         self._buffer = b""
         self._gap: asyncio.TimerHandle | None = None
 
@@ -60,10 +64,13 @@ class RtuLine:
         elif self._buffer:
             self._gap = asyncio.get_running_loop().call_later(GAP_S, self._give_up)
         if request is not None and request.dev_id in self._servers:
-            self._servers[request.dev_id].answer(request, self._reply)
+            asked = self._tcp.buildFrame(request)
+            self._servers[request.dev_id].answer(request, asked, self._tcp.buildFrame, self._reply)
 
     def _give_up(self) -> None:
         self._buffer = b""
 
-    def _reply(self, response: ModbusPDU) -> None:
-        self._port.write(self._framer.buildFrame(response))
+    def _reply(self, response: bytes) -> None:
+        """Send a response that faults have left as a frame of TCP; on this line it has a check sum and no header."""
+        body = response[TCP_HEADER_BYTES:]
+        self._port.write(body + FramerRTU.compute_CRC(body).to_bytes(2, "big"))

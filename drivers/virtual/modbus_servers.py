@@ -31,6 +31,7 @@ from pymodbus.server.requesthandler import ServerRequestHandler
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from drivers.virtual.config import ModbusPort, Register, RegisterMap
+from drivers.virtual.modbus_faults import ModbusFaults
 
 WORDS: dict[str, int] = {"u16": 1, "i16": 1, "u32": 2, "i32": 2}
 RANGES: dict[str, tuple[int, int]] = {
@@ -54,16 +55,10 @@ class Device:
         self.unit_id = port.unit_id
         self._read = read
         self._write = write
-        self._frozen = False
-        self._words: list[int] = []
         self._holding = [0] * sum(WORDS[row.type] for row in port.registers.write)
 
-    def answer(self, request: ModbusPDU, *, frozen: bool = False) -> ModbusPDU:
-        """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3.
-
-        A frozen device answers with the values that it last had.
-        """
-        self._frozen = frozen
+    def answer(self, request: ModbusPDU) -> ModbusPDU:
+        """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3."""
         code = request.function_code
         if request.dev_id != self.unit_id:
             return ExceptionResponse(code, ExcCodes.GATEWAY_NO_RESPONSE)
@@ -88,9 +83,8 @@ class Device:
         first = request.address - self.registers.read_address
         if first < 0 or request.count < 1 or first + request.count > self.registers.read_count:
             return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
-        if not (self._frozen and self._words):
-            self._words = encode(self.registers, {**self._read(), "identity": self.registers.identity})
-        return response(registers=self._words[first : first + request.count])
+        words = encode(self.registers, {**self._read(), "identity": self.registers.identity})
+        return response(registers=words[first : first + request.count])
 
     def _answer_holding(self, request: ModbusPDU) -> ModbusPDU:
         if self.registers.read_table == "holding" and self.registers.write_table is None:
@@ -112,12 +106,13 @@ class Device:
 
 
 class ModbusServer:
-    """One device on its own port. `before` runs ahead of every request; `trouble` tells verb and value of its fault."""
+    """One device on its own port. `before` runs ahead of every request; `faults` has those of the device `name`."""
 
-    def __init__(self, device: Device, before: Callable[[], None], trouble: Callable[[], tuple[str, float]]) -> None:
+    def __init__(self, name: str, device: Device, before: Callable[[], None], faults: ModbusFaults) -> None:
+        self.name = name
         self.device = device
         self.before = before
-        self.trouble = trouble
+        self.faults = faults
         self.connections: set[Connection] = set()
         self._server: _Server | None = None
 
@@ -131,20 +126,27 @@ class ModbusServer:
         transport: Any = self._server.transport
         return int(transport.sockets[0].getsockname()[1])
 
-    def answer(self, request: ModbusPDU, send: Callable[[ModbusPDU], None]) -> None:
-        """Answer a request as the device's fault says: at once, late, wrongly, or not at all."""
-        verb, value = self.trouble()
-        if verb in ("off", "silence"):
+    def answer(
+        self, request: ModbusPDU, asked: bytes, build: Callable[[ModbusPDU], bytes], send: Callable[[bytes], None]
+    ) -> None:
+        """Answer a request as the device's faults say: at once, late, wrongly, or not at all.
+
+        `asked` is its frame as on TCP; `build` makes such a frame of the response, and `send` gets what goes out.
+        """
+        faults = self.faults
+        if faults.is_cut(self.name):
             return
-        self.before()
-        response: ModbusPDU = ExceptionResponse(request.function_code, ExcCodes.DEVICE_FAILURE)
-        if verb != "exception":
-            response = self.device.answer(request, frozen=verb == "freeze")
-        response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
-        if verb == "slow":
-            asyncio.get_running_loop().call_later(value * 1e-3, send, response)
-        else:
-            send(response)
+        pieces = faults.in_place(self.name, asked)
+        if pieces is None:
+            self.before()
+            response = self.device.answer(request)
+            response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
+            pieces = faults.answer(self.name, asked, build(response))
+        for piece in pieces:
+            if piece.delay_s:
+                asyncio.get_running_loop().call_later(piece.delay_s, send, piece.data)
+            else:
+                send(piece.data)
 
     def cut(self) -> None:
         """Drop all connections."""
@@ -183,7 +185,7 @@ class Connection(ServerRequestHandler):
         """Take the connection, or drop it while the line is cut."""
         super().callback_connected()
         self._owner.connections.add(self)
-        if self._owner.trouble()[0] == "off":
+        if self._owner.faults.is_cut(self._owner.name):
             self.drop()
 
     def callback_disconnected(self, exc: Exception | None) -> None:
@@ -194,10 +196,8 @@ class Connection(ServerRequestHandler):
     def callback_data(self, data: bytes, addr: tuple[Any, ...] | None = None) -> int:
         """Answer every complete request in `data` and return how much of it was used."""
         owner = self._owner
-        verb = owner.trouble()[0]
-        if verb == "off":
+        if owner.faults.is_cut(owner.name):
             self.drop()
-        if verb in ("off", "silence"):
             return len(data)
         used = 0
         while used < len(data):
@@ -212,12 +212,12 @@ class Connection(ServerRequestHandler):
                 break
             used += length
             if request is not None:
-                owner.answer(request, self._send)
+                owner.answer(request, data[used - length : used], self.framer.buildFrame, self._send)
         return used
 
-    def _send(self, response: ModbusPDU) -> None:
+    def _send(self, data: bytes) -> None:
         if isinstance(self.transport, asyncio.Transport) and not self.transport.is_closing():
-            self.pdu_send(response)
+            self.transport.write(data)
 
     def drop(self) -> None:
         """End the connection at once."""

@@ -21,9 +21,9 @@ from drivers.virtual.plant_kernel import (
     C,
     DriveLoop,
     FloatArray,
-    Motor,
     P,
     S,
+    Seen,
     advance_kernel,
     measure_kernel,
 )
@@ -45,7 +45,7 @@ ADC_BITS = 20
 SATURATION = 1.1  # of full scale
 MIN_LAG_S = 1e-6
 # Plain ints: an enum member as an index costs three times as much, and these are read in every scan.
-LIMITED, SAMPLE_COUNTER = int(S.LIMITED), int(S.SAMPLE_COUNTER)
+LIMITED = int(S.LIMITED)
 MODE, TORQUE_NM, VELOCITY_RAD_S = int(C.MODE), int(C.TORQUE_NM), int(C.VELOCITY_RAD_S)
 CHANNELS = ("torque_in", "torque_out", "angle_in", "angle_out")
 
@@ -82,7 +82,7 @@ class Plant:
         self._noise: FloatArray = np.zeros((NOISE_ROWS, len(CHANNELS)))
         self._out: FloatArray = np.zeros(len(CHANNELS) + 1)
         self._pending_ns = 0
-        self._motor: Motor = (0.0, 0.0, 0.0, 0.0)
+        self._seen: Seen = (0.0, 0.0, 0.0, 0.0, 0.0)
         self.now_ns = 0  # simulated time, a whole number of inner steps
         self._gear = config.drive.gear_ratio
         self.brake_share = 1.0  # of the ordered current that the supply delivers
@@ -92,7 +92,7 @@ class Plant:
         """Move on by `duration_ns`; what is left over below an inner step is kept for the next call."""
         steps, self._pending_ns = divmod(self._pending_ns + duration_ns, STEP_NS)
         if steps > 0:
-            self._motor = advance_kernel(self.state, self.params, self.control, self.table, steps)
+            self._seen = advance_kernel(self.state, self.params, self.control, self.table, steps)
             self.now_ns += steps * STEP_NS
 
     def set_drive(self, loop: DriveLoop, torque_nm: float, velocity_rad_s: float) -> None:
@@ -125,10 +125,10 @@ class Plant:
 
     def motor(self) -> tuple[float, float, float, bool]:
         """Return the motor's torque, angle and speed, and whether a limit has acted since the last call."""
-        torque_nm, angle_rad, speed_rad_s, limited = self._motor
+        torque_nm, angle_rad, speed_rad_s, limited, samples = self._seen
         if limited:
             self.state[LIMITED] = 0.0
-            self._motor = (torque_nm, angle_rad, speed_rad_s, 0.0)
+            self._seen = (torque_nm, angle_rad, speed_rad_s, 0.0, samples)
         return torque_nm, angle_rad * self._gear, speed_rad_s * self._gear, limited != 0.0
 
     @property
@@ -146,7 +146,7 @@ class Plant:
 
     def sample(self) -> Sample:
         """Return the newest sample of the amplifier: all channels latched at one instant, at most 0.1 ms ago."""
-        counter = int(self.state[SAMPLE_COUNTER])
+        counter = int(self._seen[4])
         block, row = divmod(counter, NOISE_ROWS)
         if block != self._noise_block:
             generator = np.random.Generator(np.random.PCG64([block, *self._noise_seed]))

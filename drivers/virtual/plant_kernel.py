@@ -145,12 +145,12 @@ OFF = int(DriveLoop.OFF)
 VELOCITY = int(DriveLoop.VELOCITY)
 
 
-Motor = tuple[float, float, float, float]
-"""Motor torque [N·m], angle [rad] and speed [rad/s] of the driven shaft, not 0 when a limit has acted."""
+Seen = tuple[float, float, float, float, float]
+"""Motor torque [N·m], angle [rad] and speed [rad/s] of the driven shaft, not 0 when a limit has acted, sample count."""
 
 
-def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: FloatArray, steps: int) -> Motor:  # noqa: C901, PLR0912, PLR0915
-    """Advance the plant by `steps` inner steps, in place, and return what the drive measures then.
+def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: FloatArray, steps: int) -> Seen:  # noqa: C901, PLR0912, PLR0915
+    """Advance the plant by `steps` inner steps, in place, and return what is looked at after each call.
 
     `table` is the elastic torque over the wind-up [N·m].
     """
@@ -347,7 +347,7 @@ def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: 
     state[S.LAG_TORQUE_LOCKED_NM] = lag_tl
     state[S.LAG_ANGLE_DRIVEN_RAD] = lag_ad
     state[S.LAG_ANGLE_LOCKED_RAD] = lag_al
-    return motor, th, w, limited
+    return motor, th, w, limited, state[S.SAMPLE_COUNTER]
 
 
 def _measure(state: FloatArray, channels: FloatArray, noise: FloatArray, row: int, out: FloatArray) -> None:

@@ -37,6 +37,10 @@ class PythonCanPort:
 
     async def stop(self) -> None:
         """Leave the bus."""
+        self.cut()
+
+    def cut(self) -> None:
+        """Leave the bus at once: nothing is received or sent any more."""
         if self._bus is not None:
             bus, self._bus = self._bus, None  # what is sent from now on reaches nobody, and a closed bus raises
             asyncio.get_running_loop().remove_reader(bus.fileno())

@@ -129,7 +129,7 @@ class Expect(Strict):
 
     `event` (fault id) within scans of the first fault's action; `order` (drive command) within scans of the first
     alarm; `torque_below_nm` within seconds of the first alarm, and from then on; `final_state`; `latched`: nothing
-    leaves the state fault by itself.
+    leaves the state fault by itself; `refused`: the bench is not opened, nothing moves, and the reason has this text.
     """
 
     event: str | None = None
@@ -139,12 +139,13 @@ class Expect(Strict):
     within_s: float | None = Field(default=None, gt=0.0)
     final_state: str | None = None
     latched: bool | None = None
+    refused: str | None = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        kinds = [self.event, self.order, self.torque_below_nm, self.final_state, self.latched]
+        kinds = [self.event, self.order, self.torque_below_nm, self.final_state, self.latched, self.refused]
         if sum(kind is not None for kind in kinds) != 1:
-            raise ValueError("give exactly one of event, order, torque_below_nm, final_state and latched")
+            raise ValueError("give exactly one of event, order, torque_below_nm, final_state, latched and refused")
         if (self.event is None and self.order is None) != (self.within_scans is None):
             raise ValueError("within_scans belongs to event and order, and they need it")
         if (self.torque_below_nm is None) != (self.within_s is None):

@@ -10,12 +10,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
-import json
-import os
 import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +22,12 @@ from drivers.virtual.cia402_tables import HEARTBEAT_LOST
 from drivers.virtual.config import CanBus, ModbusPort, ServerConfig, SlcanPort, Socketcand
 from drivers.virtual.drive_node import DriveNode
 from drivers.virtual.errors import VirtualBenchError
-from drivers.virtual.fault_injector import Acted
+from drivers.virtual.frame_faults import FrameFaults
+from drivers.virtual.modbus_faults import ModbusFaults
 from drivers.virtual.modbus_rtu import RtuLine
 from drivers.virtual.modbus_servers import Device, ModbusServer
 from drivers.virtual.plant import Plant, warm_up
+from drivers.virtual.process_lines import NOT_SEEN, LogLine, ParentInput, log_line, print_ready, tell_acted
 from drivers.virtual.python_can_port import PythonCanPort
 from drivers.virtual.scenario import Scenario
 from drivers.virtual.slcan_server import SlcanServer
@@ -34,9 +35,7 @@ from drivers.virtual.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
 LARGEST_LAG_NS = 500_000_000  # after a longer stop of the process the plant does not make up for the time
-INPUT_CHUNK = 4096
-
-LogLine = Callable[..., None]
+DEVICE_CYCLE_NS = 1_000_000  # of the remote I/O, which counts its cycles
 
 
 class VirtualBench:
@@ -48,6 +47,7 @@ class VirtualBench:
         self.plant = Plant(bench)
         self._clock_ns = time.monotonic_ns()
         self._brake_on = 0
+        self._frames: FrameFaults | None = None  # from when the drive is there: it says boot-up while it is made
         self._keep_truth = config.truth is not None
         self._truth: list[tuple[int, float]] = []
         self.can: SocketcandServer | SlcanServer | PythonCanPort
@@ -57,7 +57,10 @@ class VirtualBench:
             self.can = SlcanServer(config.can.link, config.can.bitrate, self._frame, log)
         else:
             self.can = PythonCanPort(config.can, self._frame, log)
-        self.drive = DriveNode(self.plant, bench.drive, self.can.send, scenario, self._fault_acted)
+        self.drive = DriveNode(self.plant, bench.drive, self._send, scenario, partial(tell_acted, log))
+        self._frames = self.drive.faults.frames
+        ports = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
+        self.modbus_faults = ModbusFaults(self.drive.faults, {name: port.registers for name, port in ports.items()})
         self.servers = {
             "amplifier": self._serve("amplifier", Device(config.amplifier, self._read_amplifier)),
             "brake": self._serve("brake", Device(config.brake, self._read_brake, self._write_brake)),
@@ -82,20 +85,37 @@ class VirtualBench:
         self.drive.tick()
         if self._keep_truth:
             self._truth.append((self._clock_ns, self.plant.reducer_torque_nm))
-        for name in self.drive.faults.wires.cut - before:
-            self.servers[name].cut()
-            self.drive.faults.seen(f"modbus.{name}")
+        for name, server in self.servers.items():
+            if name in self.drive.faults.wires.cut - before or self.modbus_faults.takes_reset(name):
+                server.cut()
+                self.drive.faults.seen(f"modbus.{name}")
+        self._disturb_bus()
         for event in self.drive.axis.machine.events:
             self.log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
             if event.code == HEARTBEAT_LOST and event.kind == "controller_lost":
                 self.log("controller_vanished", "the controller has vanished: the drive acts on its own")
         self.drive.axis.machine.events.clear()
 
-    def _serve(self, name: str, device: Device) -> ModbusServer:
-        def trouble() -> tuple[str, float]:
-            return self.drive.faults.device(name)
+    def _disturb_bus(self) -> None:
+        """Do what faults do to the CAN port itself."""
+        faults = self.drive.faults
+        if not faults.active:
+            return
+        if faults.frames.port_is_cut():
+            self.can.cut()
+        step_s = faults.value("clock", "step")
+        if step_s is not None and isinstance(self.can, SocketcandServer):
+            self.can.clock_offset_s = step_s
+            faults.seen("clock")
 
-        return ModbusServer(device, self.advance, trouble)
+    def _serve(self, name: str, device: Device) -> ModbusServer:
+        return ModbusServer(name, device, self.advance, self.modbus_faults)
+
+    def _send(self, cob_id: int, data: bytes) -> None:
+        if self._frames is not None and isinstance(self.can, SocketcandServer):
+            for _ in range(self._frames.error_frames()):
+                self.can.send_error()
+        self.can.send(cob_id, data)
 
     def _frame(self, cob_id: int, data: bytes) -> None:
         self.advance()
@@ -127,37 +147,13 @@ class VirtualBench:
             "guard_closed": wires.guard_closed,
             "housing_temp_c": self.plant.housing_temp_c + wires.housing_offset_k,
             "ambient_temp_c": self.plant.ambient_temp_c,
+            "life_counter": self.plant.now_ns // DEVICE_CYCLE_NS & 0xFFFF,
         }
-
-    def _fault_acted(self, acted: Acted) -> None:
-        fault = acted.fault
-        self.log(
-            "fault_acted",
-            f"{fault.target} {fault.verb}",
-            value=fault.value,
-            plant_s=acted.at_s,
-            monotonic_ns=time.monotonic_ns(),
-        )
-
-    def hear(self, line: bytes) -> None:
-        """Take a line about the controller: its state, the scan in which it entered it, and the newest scan."""
-        try:
-            told = json.loads(line)
-            self.drive.faults.tell(str(told["state"]), int(told["scan"]), int(told["entered"]))
-        except (ValueError, KeyError, TypeError):
-            self.log("not_understood", f"on standard input: {line[:80]!r}")
 
     def write_truth(self, path: Path) -> None:
         """Write the torque in the reducer, one line per tick."""
         lines = [f"{time_ns},{torque_nm:.6g}\n" for time_ns, torque_nm in self._truth]
         path.write_text("monotonic_ns,reducer_torque_nm\n" + "".join(lines), encoding="ascii")
-
-
-def log_line(kind: str, text: str, **more: Any) -> None:
-    """Write one JSON line to standard error."""
-    line = {"t_s": round(time.time(), 6), "event": kind, "text": text, **more}
-    sys.stderr.write(json.dumps(line, ensure_ascii=False) + "\n")
-    sys.stderr.flush()
 
 
 async def run(
@@ -183,17 +179,17 @@ async def run(
     try:
         ready = await _start(bench, config)
         if config.end_with_parent:
-            loop.add_reader(sys.stdin.fileno(), _Input(loop, stop, bench.hear).read)
+            loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.drive.faults, log).read)
         gc.collect()
         gc.freeze()
         bench.advance()
-        (announce or _print_ready)(ready)
+        (announce or print_ready)(ready)
         while not stop.is_set():
             bench.tick()
             await asyncio.sleep(TICK_S)
     finally:
-        for fault in bench.drive.faults.unseen():
-            log("fault_not_seen", f"{fault.target} {fault.verb} has had no effect")
+        for text in bench.drive.faults.why_unseen():
+            log(NOT_SEEN, text)
         log("stopping", "virtual bench stops")
         if config.truth is not None:
             bench.write_truth(config.truth)
@@ -243,26 +239,3 @@ def _serial_lines(devices: dict[str, ModbusPort]) -> dict[str, list[str]]:
         if where.rtu:
             lines.setdefault(where.serial_port or name, []).append(name)
     return lines
-
-
-def _print_ready(ready: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(ready) + "\n")
-    sys.stdout.flush()
-
-
-class _Input:
-    """Our standard input: lines about the controller; when the parent dies, however it dies, its end closes."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, stop: asyncio.Event, hear: Callable[[bytes], None]) -> None:
-        self._loop, self._stop, self._hear = loop, stop, hear
-        self._rest = b""
-
-    def read(self) -> None:
-        """Take what is there; the end of the input ends the bench."""
-        chunk = os.read(sys.stdin.fileno(), INPUT_CHUNK)
-        if not chunk:
-            self._loop.remove_reader(sys.stdin.fileno())
-            self._stop.set()
-        *lines, self._rest = (self._rest + chunk).split(b"\n")
-        for line in lines:
-            self._hear(line)

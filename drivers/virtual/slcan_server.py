@@ -52,6 +52,10 @@ class SlcanServer:
 
     async def stop(self) -> None:
         """Pull the adapter out."""
+        self.cut()
+
+    def cut(self) -> None:
+        """Pull the adapter out, in the middle of it."""
         self._port.close()
 
     def send(self, cob_id: int, data: bytes) -> None:

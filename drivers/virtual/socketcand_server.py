@@ -27,6 +27,7 @@ class SocketcandServer:
         self._log = log
         self._clients: set[SocketcandClient] = set()
         self._server: asyncio.Server | None = None
+        self.clock_offset_s = 0.0  # of the time stamps: a clock that was set in the middle of it
 
     async def start(self, host: str, port: int) -> int:
         """Listen and return the port; port 0 takes a free one. Raises `OSError` when it cannot be had."""
@@ -38,12 +39,22 @@ class SocketcandServer:
         """Close the port and all connections."""
         if self._server is not None:
             self._server.close()
+        self.cut()
+
+    def cut(self) -> None:
+        """Drop all connections, as an adapter that is unplugged does."""
         for client in list(self._clients):
             client.close()
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Put a frame of the local node on the bus."""
-        text = _frame_text(cob_id, data)
+        text = _frame_text(cob_id, data, self.clock_offset_s)
+        for client in self._clients:
+            client.queue(text)
+
+    def send_error(self) -> None:
+        """Report an error frame to all clients; socketcand tells no details of it."""
+        text = b"< error 004 %.6f >" % (time.time() + self.clock_offset_s)
         for client in self._clients:
             client.queue(text)
 
@@ -65,7 +76,7 @@ class SocketcandServer:
     def received(self, sender: SocketcandClient, cob_id: int, data: bytes) -> None:
         """Pass a client's frame on to everybody else."""
         if len(self._clients) > 1:
-            text = _frame_text(cob_id, data)
+            text = _frame_text(cob_id, data, self.clock_offset_s)
             for client in self._clients:
                 if client is not sender:
                     client.queue(text)
@@ -167,7 +178,7 @@ class SocketcandClient(asyncio.Protocol):
         except (ValueError, IndexError):
             self._refuse(b" ".join(words[1:]))
             return
-        if size > 8 or len(data) != size or cob_id > 0x1FFFFFFF:
+        if size > 8 or len(data) != size or not 0 <= cob_id <= 0x1FFFFFFF:
             self._refuse(b" ".join(words[1:]))
             return
         self._server.received(self, cob_id, data)
@@ -176,5 +187,5 @@ class SocketcandClient(asyncio.Protocol):
         self._transport.write(b"< error unknown command " + command[:80].strip() + b" >")
 
 
-def _frame_text(cob_id: int, data: bytes) -> bytes:
-    return b"< frame %03X %.6f %s >" % (cob_id, time.time(), data.hex().upper().encode())
+def _frame_text(cob_id: int, data: bytes, clock_offset_s: float) -> bytes:
+    return b"< frame %03X %.6f %s >" % (cob_id, time.time() + clock_offset_s, data.hex().upper().encode())

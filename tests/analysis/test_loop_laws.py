@@ -12,6 +12,14 @@ from analysis import METRICS, AnalysisError, Method, MetricWanted, SegmentInfo, 
 
 METHOD = Method(ratio=121, rated_torque_nm=412)
 WANTED = [MetricWanted(name) for name, row in METRICS.items() if row.estimate is not None]
+EVERY = [
+    MetricWanted(name, branch=branch, variant=variant, fit=fit)
+    for name, row in METRICS.items()
+    for branch in row.branches
+    for variant in row.variants
+    for fit in (row.fits if variant != "direct" and row.fits else (None,))
+]
+"""Every choice of every metric."""
 STIFFNESSES = {name for name, row in METRICS.items() if row.unit == "N·m/arcmin"}
 
 units = st.builds(
@@ -98,7 +106,7 @@ def test_no_input_raises_anything_else(torque: list[float], angle: list[float], 
     table = {0: SegmentInfo("measure", 1, 1), 1: SegmentInfo("measure", -1, 1)} if named else {}
     try:
         trace = Trace(torque_out_nm=np.array(torque), angle_out_rad=np.array(angle), segment=segment, segments=table)
-        analyse(trace, METHOD, WANTED)
+        analyse(trace, METHOD, EVERY)
     except AnalysisError as error:
         assert str(error)  # noqa: PT017 - anything else would get through
 
@@ -112,7 +120,7 @@ def test_noise_instead_of_a_loop_raises_nothing_else(seed: int, scale: float, na
     table = {0: SegmentInfo("measure", 1, 1), 1: SegmentInfo("measure", -1, 1)} if named else {}
     trace = Trace(torque_out_nm=torque, angle_out_rad=angle, segment=segment, segments=table)
     try:
-        result = analyse(trace, METHOD, [*WANTED, MetricWanted("lost_motion", max=1.0)])
+        result = analyse(trace, METHOD, [*EVERY, MetricWanted("lost_motion", max=1.0)])
     except AnalysisError:
         return
     assert result.verdict in {"FAIL", "NOT DECIDABLE", "PASS"}

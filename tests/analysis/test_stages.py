@@ -149,6 +149,8 @@ def test_the_skew_is_estimated_from_two_speeds() -> None:
     assert figures["angle behind torque"].value == pytest.approx(-0.05, rel=0.03)
     assert figures["width at standstill"].value == pytest.approx(0.94, abs=1e-3)
     assert result.metrics[0].headline.per_cycle == pytest.approx([0.94] * 4, abs=1e-3)
+    declared = dataclasses.replace(METHOD, alignment="two_speeds", lags_s={"torque_out_nm": 0.02, "angle_out_rad": 0.0})
+    assert value(analyse(late, declared, [BACKLASH])) == pytest.approx(value(result), abs=1e-9)
     with pytest.raises(AnalysisError, match="two speeds"):
         analyse(timed_trace(P1, 480.0), dataclasses.replace(METHOD, alignment="two_speeds"), [BACKLASH])
 

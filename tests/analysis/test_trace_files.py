@@ -147,3 +147,19 @@ def test_trace_refuses_a_segment_that_is_not_in_the_table() -> None:
 def test_trace_refuses_an_unknown_role() -> None:
     with pytest.raises(AnalysisError, match="role 'ramp'"):
         Trace(t_s=np.arange(2.0), segment=np.array([0, 0]), segments={0: SegmentInfo("ramp", 1, 1)})
+
+
+@pytest.mark.parametrize(
+    ("honest", "bent", "words"),
+    [
+        (b"torque_in_nm", b"torque_\xffn_nm", "cannot be read"),
+        (b"0.25", b"0.\x805", "row 2, column torque_in_nm: found '0.\ufffd5'"),
+    ],
+)
+def test_parquet_with_text_that_is_no_text(tmp_path: Path, honest: bytes, bent: bytes, words: str) -> None:
+    path = tmp_path / "trace.parquet"
+    table = pa.table({"torque_in_nm": ["0.50", "0.25"], "torque_out_nm": [1.0, 2.0], "angle_in_rad": [0.0, 0.1]})
+    pq.write_table(table, path, compression="none", write_statistics=False)
+    path.write_bytes(path.read_bytes().replace(honest, bent))
+    with pytest.raises(AnalysisError, match=words):
+        read_trace(path)

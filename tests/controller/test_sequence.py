@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import pytest
 from programs import PEAK_NM, short_program
@@ -148,3 +149,15 @@ def test_missed_periods_do_not_make_a_set_point_jump():
     run.bench.frozen = {"missed_periods": 15}
     after = run.go().drive_target_torque_nm
     assert abs(after - before) <= program.control.slew_nm_s * program.period_s
+
+
+def test_a_torque_ratio_that_cannot_be_determined_is_a_fault():
+    program = short_program()
+    # the interlock that compares both torques would be first: it is out of the way here
+    limits = replace(program.limits, torque_agreement_nm=1e6)
+    run = Timeline(replace(program, control=replace(program.control, measure_ratio=True), limits=limits))
+    run.until_state(S.CALIBRATE)
+    run.bench.frozen = {"torque_in_nm": run.orders[-1].torque_in_tare_nm}
+    run.until_finished()
+    assert run.alarms() == ["calibration_failed"]
+    assert run.states()[-2:] == [S.CALIBRATE, S.FAULT]

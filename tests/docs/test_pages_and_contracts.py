@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from station.cli import app
+
 ROOT = Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
 generate = importlib.util.module_from_spec(SPEC)
@@ -24,3 +26,10 @@ def test_drivers_are_kept_from_every_module_of_the_controller_but_the_image():
     (contract,) = [item for item in contracts if item["name"] == "Drivers know the process image only"]
     modules = {f"controller.{path.stem}" for path in (ROOT / "controller").glob("*.py")}
     assert modules - {"controller.__init__", "controller.image"} <= set(contract["forbidden_modules"])
+
+
+def test_every_command_is_on_the_page_of_the_command_line():
+    page = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8")
+    names = [info.name or info.callback.__name__.replace("_", "-") for info in app.registered_commands]
+    missing = [name for name in names if f"`{name}" not in page]
+    assert missing == []

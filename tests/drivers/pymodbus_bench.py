@@ -33,6 +33,7 @@ class PymodbusBench:
         self.writes = 0
         self.sample_counter = 0
         self.counting = True
+        self.alive = True
         self.exception: ExcCodes | None = None
         self.torque_out_counts = 1_234_567
         self.port = 0
@@ -62,6 +63,12 @@ class PymodbusBench:
             now[1:3] = self.orders
         return self.exception
 
+    async def _contacts(
+        self, _function: int, _start: int, _address: int, _count: int, now: list[int], _new: object
+    ) -> object:
+        now[4] += self.alive
+        return self.exception
+
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
         self._loop.run_until_complete(self._serve())
@@ -70,7 +77,7 @@ class PymodbusBench:
         devices = [
             _device(AMPLIFIER, [0x4C41, *[0] * 13], [0], self._amplify),
             _device(BRAKE, [0x4C42, 0, 0], [0, 0], self._brake),
-            _device(REMOTE_IO, [0x4C49, 0b11, 253, 0xFFCE], [0], None),
+            _device(REMOTE_IO, [0x4C49, 0b11, 253, 0xFFCE, 0], [0], self._contacts),
         ]
         if self._serial_port:
             self._server = ModbusSerialServer(devices, port=self._serial_port, baudrate=115200)

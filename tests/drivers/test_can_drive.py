@@ -13,7 +13,13 @@ from hypothesis import strategies as st
 
 from controller.image import AGE_NEVER, DriveCommand, DriveMode, NmtState, Orders
 from drivers.can_bus import CanLink, open_can
-from drivers.can_drive import FRAMES_AFTER_GAP, FRAMES_PER_POLL, VELOCITY_SCANS_AFTER_CSV, CanDrive
+from drivers.can_drive import (
+    FRAMES_AFTER_GAP,
+    FRAMES_PER_POLL,
+    SILENT_AFTER_SCANS,
+    VELOCITY_SCANS_AFTER_CSV,
+    CanDrive,
+)
 from drivers.config import CanConfig
 
 HEARTBEAT_SCANS = 20
@@ -289,3 +295,23 @@ def test_no_frame_and_no_order_raises(
         assert [cob_id for cob_id, _ in bench.sent()][-1] in {0x080, 0x77E}
     finally:
         bench.close()
+
+
+def test_a_drive_that_is_to_be_off_and_does_not_say_so_gets_no_set_points(bench: Bench) -> None:
+    off = orders(DriveCommand.DISABLE_VOLTAGE)
+
+    def setpoints(ordered: Orders, scan: int) -> bool:
+        bench.drive.poll(scan)
+        bench.drive.send(ordered, scan)
+        sent = [cob_id for cob_id, _ in bench.sent()]
+        assert 0x080 in sent, "SYNC goes on, for a drive that can still hear it"
+        return 0x205 in sent
+
+    assert setpoints(off, 0), "nothing has come yet: the drive may only be waiting for its first SYNC"
+    bench.answer()
+    assert setpoints(off, 1)
+    assert setpoints(off, SILENT_AFTER_SCANS)
+    assert not setpoints(off, 1 + SILENT_AFTER_SCANS)
+    assert setpoints(orders(), 2 + SILENT_AFTER_SCANS), "who still wants torque goes on asking"
+    bench.answer(statusword=0x0250)
+    assert setpoints(off, 3 + SILENT_AFTER_SCANS), "it is heard again"

@@ -76,8 +76,9 @@ def test_what_is_written_reads_back(byte_order: str, word_order: str, whole: int
 
 def test_bits_gaps_and_scales() -> None:
     reader = RegisterReader(ModbusProfile.model_validate(raw_profile("virtual-remote-io")))
-    assert reader.names == ("identity", "estop_released", "guard_closed", "housing_temp_c", "ambient_temp_c")
-    assert reader.values([0x4C49, 0b10, 0xFFFF, 251]) == [0x4C49, 0, 1, -0.1, pytest.approx(25.1)]
+    names = ("identity", "estop_released", "guard_closed", "housing_temp_c", "ambient_temp_c", "life_counter")
+    assert reader.names == names
+    assert reader.values([0x4C49, 0b10, 0xFFFF, 251, 7]) == [0x4C49, 0, 1, -0.1, pytest.approx(25.1), 7]
 
 
 @pytest.mark.parametrize("bits", [0x7FC00000, 0x7F800000, 0xFF800000])

@@ -14,7 +14,7 @@ from drivers.errors import ModbusError
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
 
-TIMEOUT, DRAIN = 40, 120
+TIMEOUT, DRAIN = 80, 200
 """In scans of a millisecond."""
 
 
@@ -48,6 +48,10 @@ class Stand:
             time.sleep(PERIOD_NS * 1e-9)
         pytest.fail(f"not reached in {most_scans} scans: {self.line.timeouts=} {self.line.garbage=}")
 
+    def scans(self, more: int) -> None:
+        wanted = self.scan + more
+        self.run(lambda: self.scan >= wanted)
+
     def replies(self, more: int) -> None:
         wanted = self.amplifier.replies + more
         self.run(lambda: self.amplifier.replies >= wanted)
@@ -72,6 +76,25 @@ def running(stand: Stand) -> Stand:
     return stand
 
 
+class Held:
+    """Replies that are under way until the test lets them arrive."""
+
+    def __init__(self) -> None:
+        self._held: list[bytes] = []
+
+    def hold(self, data: bytes) -> Pieces:
+        self._held.append(data)
+        return []
+
+    def pop(self) -> bytes:
+        """Take the oldest; waits for it."""
+        end = time.monotonic() + 10.0
+        while not self._held:
+            assert time.monotonic() < end, "nothing was held"
+            time.sleep(0.001)
+        return self._held.pop(0)
+
+
 def once(what: Callable[[bytes], Pieces]) -> Callable[[bytes], Pieces]:
     """Spoil the next reply and leave the others."""
     left = [what]
@@ -91,12 +114,14 @@ def test_identity_then_values(running: Stand) -> None:
 
 def test_a_reply_after_the_time_out_is_not_the_next_answer(running: Stand) -> None:
     """The published trap. The counter in a late reply is old: taken for the next answer, every one would be."""
-    late_s = (TIMEOUT + 30) * 1e-3
-    running.cable.on_reply = once(lambda data: [(late_s, data)])
+    held = Held()
+    running.cable.on_reply = once(held.hold)
     epoch = running.line.epoch
     running.run(lambda: running.line.timeouts == 1)
     assert not running.amplifier.trusted
     asked, sampled, before = len(running.cable.requests), running.server.sample_counter, running.counter
+    running.scans(30)
+    running.cable.babble(held.pop())
     running.run(lambda: len(running.cable.requests) > asked)
     assert running.cable.requests[-1][:6] == bytes((AMPLIFIER, 4, 0, 0, 0, 1)), "the identity comes before the data"
     assert running.counter == before, "the late reply was taken for an answer"
@@ -109,10 +134,15 @@ def test_a_reply_after_the_time_out_is_not_the_next_answer(running: Stand) -> No
 
 
 def test_every_reply_late_never_gives_a_value(running: Stand) -> None:
-    running.cable.on_reply = lambda data: [((TIMEOUT + 20) * 1e-3, data)]
-    running.run(lambda: running.line.timeouts >= 1)
+    held = Held()
+    running.cable.on_reply = held.hold
+    running.run(lambda: running.line.timeouts == 1)
     before = running.counter
-    running.run(lambda: running.line.timeouts >= 3)
+    for late in (2, 3):
+        running.scans(20)
+        running.cable.babble(held.pop())
+        running.run(lambda late=late: running.line.timeouts == late)
+    running.cable.babble(held.pop())
     assert running.counter == before
     assert running.amplifier.age_scans(running.scan) > 2 * TIMEOUT
     running.cable.on_reply = lambda data: [(0.0, data)]

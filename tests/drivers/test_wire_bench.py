@@ -140,6 +140,13 @@ def test_everything_arrives_in_the_image(running: Stand) -> None:
     assert image.links_lost == 0
 
 
+def test_a_life_counter_that_stands_still_makes_values_age(running: Stand) -> None:
+    running.modbus.alive = False
+    running.run(lambda image: image.io_age_scans > 300)
+    running.modbus.alive = True
+    running.run(lambda image: image.io_age_scans < 50)
+
+
 def test_orders_arrive_at_the_devices(running: Stand) -> None:
     running.run(lambda _: running.drive.od.read(0x6071, 0) == 300 and running.modbus.orders == [1, 2500])
     assert running.drive.od.read(0x6040, 0) == 0x0F
@@ -273,3 +280,12 @@ def test_the_record_can_pack_the_image(running: Stand) -> None:
 @pytest.mark.parametrize(("seconds", "scans"), [(0.001, 1), (0.0001, 1), (0.02, 20), (0.0049, 5)])
 def test_times_in_scans(seconds: float, scans: int) -> None:
     assert in_scans(seconds, PERIOD_NS) == scans
+
+
+def test_a_lock_is_ordered_to_nothing_before_it_is_known_whether_it_is_closed(stand: Stand) -> None:
+    stand.modbus.orders = [1, 2500]
+    stand.bench.open()
+    image = stand.run(lambda now: now.brake_age_scans < AGE_NEVER, ordered=orders())
+    assert (image.brake_on, image.brake_current_a) == (1, 2.5)
+    stand.run(lambda now: not now.brake_on, ordered=orders())
+    assert stand.modbus.writes == 1

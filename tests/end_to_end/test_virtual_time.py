@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from recipes import PRESETS
+
 BENCH_RECIPES = ("rv-40e-121-inverse", "rv-40e-121-measurement", "rv-40e-121-output", "static-50nm")
 
 
@@ -44,6 +46,10 @@ def test_calibrated_input_torque_recovers_them_too(lostmotion, tmp_path):
 def test_recipe_of_each_bench_runs_to_complete(lostmotion, name):
     ran = lostmotion("run", recipe(name), "--virtual-time", "--json", "--serial", "SN1")
     assert (ran.json["state"], ran.json["verdict"]) == ("complete", "PASS"), ran.json["reasons"]
+    assert [one["id"] for one in ran.json["metrics"] if one["value"] is None] == []
+    presets = {"rv-40e-121-output": "output", "static-50nm": "static"}
+    asked = {one.id for one in PRESETS[presets[name]].metrics} if name in presets else set()
+    assert asked <= {one["id"] for one in ran.json["metrics"]}
 
 
 @pytest.mark.parametrize(

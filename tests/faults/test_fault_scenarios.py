@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from drivers.virtual.scenario import Scenario
 from recipes import RecipeError
 from station import command_faults
 from station.assemble_virtual import load_scenario
+from station.command_replay import replay_run
 from station.fault_judge import judge
 from station.fault_matrix import cells, measure
 from station.fault_rows import AFTER_SCANS, ROWS, STATES
@@ -31,10 +33,35 @@ def guard_opened() -> FaultRun:
     return run_scenario(load_job("rv-40e-121-faults", None), "P1", scenario())
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+OVER_WIRES = ("drive-that-lies", "drive-that-refuses", "drive-without-sdo")
+
+
+@pytest.mark.parametrize("path", [path for path in SHIPPED if path.stem not in OVER_WIRES], ids=lambda path: path.stem)
 def test_shipped_scenario_holds(path, capsys):
-    assert command_faults.run(path, None, None, None, wires=False, as_json=False) == 0
+    assert command_faults.run(path, command_faults.How(), as_json=False) == 0
     assert "holds" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", OVER_WIRES)
+def test_what_virtual_time_has_none_of_is_refused_there(name):
+    with pytest.raises(RecipeError, match="run it over wires"):
+        command_faults.run(ROOT / "scenarios" / f"{name}.yaml", command_faults.How(), as_json=False)
+
+
+def test_a_fault_of_virtual_time_is_refused_over_wires(tmp_path):
+    path = tmp_path / "overrun.yaml"
+    fault = "{target: scan.overrun, verb: miss, value: 45, when: {state: lock}}"
+    path.write_text(f"scenario: {{name: x}}\nfaults:\n  - {fault}\n", encoding="utf-8")
+    with pytest.raises(RecipeError, match="leave --wires out"):
+        command_faults.run(path, command_faults.How(wires=True), as_json=False)
+
+
+def test_a_run_in_virtual_time_is_kept_and_replays(tmp_path, capsys):
+    how = command_faults.How(data=tmp_path)
+    assert command_faults.run(ROOT / "scenarios" / "heartbeat-lost.yaml", how, as_json=True) == 0
+    record = Path(json.loads(capsys.readouterr().out)["record"])
+    assert record.parent == tmp_path
+    assert replay_run(str(record), tmp_path, None, as_json=True) == 0
 
 
 def test_a_fault_that_does_not_act_fails_its_scenario(tmp_path, capsys):
@@ -45,8 +72,9 @@ def test_a_fault_that_does_not_act_fails_its_scenario(tmp_path, capsys):
         "expect:\n  - {final_state: complete}\n",
         encoding="utf-8",
     )
-    assert command_faults.run(path, None, None, None, wires=False, as_json=False) == 1
-    assert "io.guard open has had no effect" in capsys.readouterr().out
+    assert command_faults.run(path, command_faults.How(), as_json=False) == 1
+    said = capsys.readouterr().out
+    assert "io.guard open has had no effect: its moment (torque_out_above_nm 9000.0) did not come" in said
 
 
 @pytest.mark.parametrize(

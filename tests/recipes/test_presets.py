@@ -139,8 +139,8 @@ def test_break_torques_that_cannot_be(options, option, said):
 
 def test_a_metric_of_a_preset_beyond_the_cycles_is_found_at_the_preset():
     text = shipped_recipes()["rv-40e-121-output"].read_text(encoding="utf-8").replace("  reference_torque: 300 N·m", "")
-    (metrics,) = re.findall(r"metrics:\n(?:.*\n)+?\n", text)
-    recipe = parse_recipe(text.replace(metrics, "presets: [nabtesco]\n\n").encode(), "r.yaml")
+    (asked,) = re.findall(r"presets:(?:.*\n)+?\nmetrics:\n(?:.*\n)+?\n", text)
+    recipe = parse_recipe(text.replace(asked, "presets: [nabtesco]\n\n").encode(), "r.yaml")
     (problem,) = check(recipe, load_bench("virtual-output"))
     assert problem.option == "presets[0]"
     assert "'stiffness_50_100', which is read at 412 N·m" in str(problem)

@@ -289,3 +289,17 @@ def test_models_of_other_packages(tmp_path):
         strict=True,
     ):  # fmt: skip
         assert words in line
+
+
+def test_devices_on_one_serial_line_talk_alike() -> None:
+    rtu = BENCH
+    for port, settings in (("1503", "parity: even"), ("1504", "parity: none")):
+        rtu = rtu.replace(
+            f"transport: tcp\n  host: 127.0.0.1\n  port: {port}\n",
+            f"transport: rtu\n  serial_port: /dev/ttyUSB0\n  {settings}\n",
+        )
+    (problem,) = problems(rtu, parse_bench)
+    assert "115200 baud, parity none, 1 stop bit on /dev/ttyUSB0, where brake has 115200 baud, parity even" in problem
+    assert "remote_io" in problem
+    alike = parse_bench(rtu.replace("parity: none", "parity: even").encode(), "b.yaml")
+    assert alike.remote_io.parity == "even"

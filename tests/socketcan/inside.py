@@ -18,13 +18,21 @@ NEEDED_IDS = {"080": "SYNC", "205": "RPDO1 of the drive", "185": "TPDO1 of the d
 TESTS = ("tests/drivers/test_can_bus.py", "tests/drivers/test_can_drive.py", "tests/socketcan/test_on_vcan.py")
 SLOW = {
     "period: 4 ms": "period: 20 ms",
-    "missed_periods: 0.1 %": "missed_periods: 99 %",
-    "  sample_age: 20 ms": "  sample_age: 5 s",
+    "  sample_age: 20 ms": "  sample_age: 100 ms",
     "  sample_age: 60 ms": "  sample_age: 5 s",
     "  drive_age: 60 ms": "  drive_age: 5 s\n  io_age: 5 s\n  brake_age: 5 s\n  drive_heartbeat: 5 s",
     "missed_in_a_row: 5": "missed_in_a_row: 250",
+    "torque_rate: 300 N·m/s": "torque_rate: 40 N·m/s",
+    "{id: torque_ratio_slope}": "{id: torque_ratio_slope, min: 80, max: 110}",
 }
-"""An emulated processor is slow: the recipe of the golden runs with time limits that only a lost device exceeds."""
+"""An emulated processor is slow: the recipe of the golden runs with interlocks that only a lost device trips.
+
+What the recipe demands of the timing for a verdict stays, in periods of 20 ms.
+"""
+
+TIMING = re.compile(r"^measurement invalid: (\d+ of \d+ scan periods were missed|a sample was \d+ scans old)")
+"""The only reasons for which the guest's verdict may be NOT DECIDABLE."""
+
 
 ATTEMPTS = 3
 NOT_OPENED = "the bench was not opened in time"
@@ -90,6 +98,7 @@ def main_job(folder: Path) -> dict[str, Any]:
         virtual.wait()
     for line in done.stderr.splitlines():
         say(f"run: {line}")
+    assert done.stdout.startswith("{"), f"the run ended with {done.returncode} and said no result"
     result: dict[str, Any] = json.loads(done.stdout)
     return result
 
@@ -99,6 +108,15 @@ def _cause(result: dict[str, Any]) -> str:
     if result["state"] == "complete":
         return ""
     return str(result["alarms"][0]["id"]) if result["alarms"] else NOT_OPENED
+
+
+def doubts(result: dict[str, Any]) -> list[str]:
+    """Return what speaks against a complete run besides the emulated processor's timing."""
+    if result["verdict"] == "PASS":
+        return []
+    if result["verdict"] == "NOT DECIDABLE":
+        return [reason for reason in result["reasons"] if not TIMING.match(reason)]
+    return [f"verdict {result['verdict']}", *result["reasons"]]
 
 
 def frames(dump: Path) -> dict[str, int]:
@@ -142,8 +160,15 @@ def main() -> int:
         took = f"{time.monotonic() - started:.0f} s"
         say(f"main job over socketcan: {result['state']}, {result['timing']['scans']} scans in {took}")
         say(f"alarms: {[alarm['id'] for alarm in result['alarms']]}")
+        say(f"verdict: {result['verdict']} {result['reasons']}")
+        timing = result["timing"]
+        say(f"timing: {timing['missed']} of {timing['scans'] + timing['missed']} periods of 20 ms missed")
         replay = [sys.executable, "-m", "station", "replay", result["record"]]
-        return subprocess.run(replay, cwd=ROOT, check=False).returncode or (result["state"] != "complete")
+        code = subprocess.run(replay, cwd=ROOT, check=False).returncode
+        for doubt in doubts(result):
+            say(f"not because of the timing: {doubt}")
+            code = code or 1
+        return code or (result["state"] != "complete")
 
 
 if __name__ == "__main__":

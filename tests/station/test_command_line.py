@@ -34,7 +34,7 @@ def test_help_answers_at_once() -> None:
     assert min(took) < 0.4
 
 
-@pytest.mark.parametrize("name", ["run", "check", "analyze", "show", "list", "virtual-bench"])
+@pytest.mark.parametrize("name", ["run", "check", "analyze", "show", "list", "virtual-bench", "recover"])
 def test_every_command_has_help(name: str) -> None:
     done = command(name, "--help")
     assert done.returncode == 0

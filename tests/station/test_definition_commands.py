@@ -9,13 +9,15 @@ from typing import Any
 
 import pytest
 
-from analysis import METRICS
-from recipes import PRESETS
+from analysis import METRICS, Method, MetricWanted, analyse, read_trace
+from recipes import PRESETS, find_recipe, load_bench, parse_recipe
 from recipes.recipe_schema import preset_metrics
 from station.command_analyze import analyze
 from station.command_metrics import metrics
 from station.command_repeatability import repeat
 from station.errors import StationError
+from station.evaluation import method_fields, method_of, wanted_of
+from station.stiffness_plot import stiffness_figure
 
 ROOT = Path(__file__).parents[2]
 TRACE = str(ROOT / "tests/data/loop_published_curve.csv")
@@ -80,6 +82,23 @@ def test_each_number_of_a_preset_has_its_definition(printed: Print) -> None:
         assert words(metric["estimator"]) in shown
 
 
+def test_choices_of_a_recipe_reach_the_analysis() -> None:
+    text = find_recipe(RECIPE).read_text(encoding="utf-8")
+    breaks = "  break_torque: 80 N·m\n  break_torque_t1: 60 N·m\n  break_torque_t2: 240 N·m\n  calibration: measured "
+    asked = (
+        "presets: [inverse]\nmetrics:\n  - {id: spring_constant, variant: centred, branch: load, fit: three_region}\n"
+    )
+    text = text.replace("  calibration: measured ", breaks).replace("metrics:\n", asked)
+    recipe = parse_recipe(text.encode(), "r.yaml")
+    wanted = wanted_of(recipe)
+    assert (wanted[0].variant, wanted[0].branch, wanted[0].fit) == ("centred", "load", "three_region")
+    assert [one.fit for one in wanted if one.id == "stiffness_at"] == [None, "six_segment_20pct", "three_region"]
+    assert [one.fit for one in wanted_of(recipe, "inverse") if one.id == "windup"] == ["three_region"]
+    method = method_of(recipe, load_bench("virtual"))
+    assert (method.break_nm, method.stiffness_breaks_nm) == (80.0, (60.0, 240.0))
+    assert Method(**method_fields(recipe)).stiffness_breaks_nm == (60.0, 240.0)
+
+
 def test_a_preset_without_limits_decides_nothing(printed: Print) -> None:
     found = json.loads(printed(analyze, TRACE, RECIPE, None, NO_RUNS, code=3, preset="harmonic", as_json=True))
     assert found["verdict"] == "NOT DECIDABLE"
@@ -101,6 +120,22 @@ def test_a_limit_of_the_recipe_fails_by_a_preset_too(printed: Print) -> None:
     found = json.loads(printed(analyze, TRACE, RECIPE, None, NO_RUNS, code=1, preset="measurement", as_json=True))
     assert found["verdict"] == "FAIL"
     assert "spring_constant, side -: 45.74 N·m/arcmin is below the limit of 108 N·m/arcmin" in found["reasons"][0]
+
+
+def test_the_stiffness_curve_shows_what_was_chosen() -> None:
+    method = Method(ratio=121, rated_torque_nm=412, stiffness_break_t1_nm=60.0, stiffness_break_t2_nm=240.0)
+    wanted = [MetricWanted("k1"), MetricWanted("k3"), MetricWanted("spring_constant", fit="three_region")]
+    result = analyse(read_trace(Path(TRACE)), method, wanted)
+    figure = stiffness_figure(result, method, [metric.to_dict() for metric in result.metrics])
+    assert figure is not None
+    (axes,) = figure.axes
+    named = [text.get_text().split("\n")[0] for text in axes.get_legend().get_texts()]
+    assert {"k1", "k3", "spring_constant three_region"} <= set(named)
+    k1, k3 = (result.metrics[place].sides[0].value for place in (0, 1))
+    lines = [(line.get_xdata(), line.get_ydata()) for line in axes.lines if len(line.get_xdata()) == 2]
+    spans = {(round(x[0], 6), round(x[1], 6)): y[0] for x, y in lines}
+    assert spans[0.0, 60.0] == pytest.approx(k1)
+    assert spans[240.0, 412.0] == pytest.approx(k3)
 
 
 @pytest.fixture

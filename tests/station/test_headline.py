@@ -8,7 +8,7 @@ from rich.console import Console
 
 from station.headline import headline, remaining_reasons, virtual_badges
 from station.left_state import left_action, left_text
-from station.result_view import show_result
+from station.result_view import show_result, way_back_command
 
 ALARM = {
     "first": True,
@@ -111,3 +111,25 @@ def test_a_stop_and_a_bench_that_did_not_open_are_headlines_too() -> None:
 def test_what_to_do_follows_from_how_the_bench_was_left(changes: dict[str, Any], advice: str) -> None:
     assert advice in left_action(LEFT | changes)
     assert ("when last heard of" in left_text(LEFT | changes)) == ("known" in "".join(changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "command"),
+    [
+        ({}, "lostmotion recover --data /srv/line/runs"),
+        ({"record": "runs/x"}, "lostmotion recover"),
+        ({"state": "stopped"}, ""),
+        ({"clock": "virtual"}, ""),
+        ({"bench": {"embedded": True}}, ""),
+    ],
+)
+def test_a_fault_on_a_real_bench_names_the_way_back(changes: dict[str, Any], command: str) -> None:
+    left = LEFT | {"text": left_text(LEFT), "next_action": left_action(LEFT)}
+    there = {
+        "bench": {"embedded": False},
+        "clock": "real",
+        "record": "/srv/line/runs/x",
+        "left": left,
+        "state": "fault",
+    }
+    assert way_back_command(result(**there | changes)) == command

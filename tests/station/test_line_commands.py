@@ -211,3 +211,26 @@ def test_few_or_equal_values_are_refused_in_words(tmp_path: Path) -> None:
         line.units_of(Asked(None, "value", tmp_path, None), 0.95, as_json=False)
     with pytest.raises(StationError, match="row 2, column time: found 'soon'"):
         line.master_part_of(of_file(csv(tmp_path, "time,value\n2026-01-01,1\nsoon,2\n")), 5, None, 0.99, as_json=False)
+
+
+def test_a_metric_is_named_with_its_choices(tmp_path: Path) -> None:
+    """One recipe may ask for one id by several fits; each is a series of its own."""
+    for number in range(3):
+        several = [
+            metric(0.40 + number, estimator="six"),
+            metric(0.50 + number, estimator="three", choices=["three_region"]),
+            metric(0.60 + number, estimator="three", choices=["centred", "three_region"]),
+        ]
+        store_run(tmp_path, f"C{number}", several, day=number)
+
+    def first(name: str) -> float:
+        return stored_values(tmp_path, Ask(name)).values[0].value
+
+    assert first("lost_motion") == 0.40
+    assert first("lost_motion three_region") == 0.50
+    assert first("lost_motion centred three_region") == first("lost_motion centred") == 0.60
+    with pytest.raises(StationError, match="no run has a value of lost_motion direct: 3 without lost_motion direct"):
+        first("lost_motion direct")
+    store_run(tmp_path, "C9", [metric(1.0, branch="load"), metric(2.0, branch="mean")], day=9)
+    with pytest.raises(StationError, match=r"stands 2 times in run .*C9: lost_motion \(load\), lost_motion \(mean\)"):
+        first("lost_motion")

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from analysis import METRICS, Branch, Curves, Decision, Result, Verdict
 from controller.image import State
 from controller.program import Program
 from recipes import shipped_recipes
@@ -11,7 +12,9 @@ from station.history import History, history_of
 from station.loop_plot import loop_figure
 from station.record_check import RECORD_DTYPE
 from station.request import load_job
+from station.stiffness_plot import POINTS_AT, SEGMENTS, SPANS, stiffness_figure
 from station.time_plot import BANDS, time_figure
+from station.timing_plot import timing_figure
 
 JOB = load_job(str(shipped_recipes()["rv-40e-121-quick"]), None)
 PROGRAM: Program = JOB.program
@@ -66,3 +69,33 @@ def test_the_loop_without_an_analysis_shows_all_samples_and_the_alarm() -> None:
     assert labels == ["all samples", "alarm", "last scan"]
     torque = figure.axes[0].lines[0].get_xdata()
     assert min(torque) == -5.0
+
+
+def test_every_stiffness_metric_has_its_place_in_the_picture() -> None:
+    drawn = {*SPANS, *SEGMENTS, *POINTS_AT}
+    assert drawn == {name for name, row in METRICS.items() if row.unit == "N·m/arcmin"}
+
+
+def test_the_picture_of_stiffness_shows_metrics_where_they_hold() -> None:
+    torque = np.linspace(-450.0, 450.0, 901)
+    branches = Branch(torque, torque / 100.0 - 0.2), Branch(torque, torque / 100.0 + 0.2)
+    curves = Curves((branches[0],), (branches[1],), Branch(torque, torque / 100.0), None)
+    result = Result((), Verdict.PASS, (), Decision(), curves, None, (), ())
+    sides = {side: {"value": 100.0, "uncertainty": 0.5} for side in ("+", "-")}
+    metric = {"branch": "load", "side": "+", "limits": {"min": 95.0, "max": None}, "sides": sides, "torque_nm": None}
+    method = method_of(JOB.recipe, JOB.bench)
+    figure = stiffness_figure(result, method, [metric | {"id": "stiffness_lsq"}, metric | {"id": "spring_constant"}])
+    assert figure is not None
+    lines = {tuple(np.round(line.get_xdata(), 3)) for line in figure.axes[0].lines}
+    assert {(82.4, 329.6), (-82.4, -329.6), (412.0,), (-412.0,)} <= lines
+    labels = figure.axes[0].get_legend_handles_labels()[1]
+    assert "stiffness_lsq\n100.00 and 100.00   (≥ 95)" in labels
+
+
+def test_timing_is_drawn_where_it_was_measured() -> None:
+    rows = [(1.0, 900), (20.5, 99), (1500.0, 1)]
+    proof = {"period_ns": 1_000_000, "histograms_us": {"lateness": rows, "work": rows}}
+    figure = timing_figure(proof)
+    assert figure is not None
+    assert [sum(bar.get_height() for bar in axes.patches) for axes in figure.axes] == [1000, 1000]
+    assert timing_figure({"period_ns": 1_000_000}) is None

@@ -61,6 +61,14 @@ def test_the_own_recipe_gives_the_own_verdict(failed: RunRecord) -> None:
     assert not same_bytes["reevaluated"]
 
 
+def test_a_preset_is_never_the_runs_own_verdict(failed: RunRecord) -> None:
+    result = reevaluate(failed, None, None, "nabtesco")
+    assert (result["preset"], result["reevaluated"], result["original_verdict"]) == ("nabtesco", True, "FAIL")
+    assert [metric["id"] for metric in result["metrics"]] == ["backlash_width_zero", "lost_motion", "stiffness_50_100"]
+    assert "by the definitions of preset nabtesco, not the run's own verdict (FAIL)" in reevaluation_heading(result)
+    assert RunRecord(failed.folder).manifest()["verdict"] == "FAIL"
+
+
 def test_another_recipe_is_never_the_runs_own_verdict(failed: RunRecord, tmp_path: Path) -> None:
     generous = changed_recipe(tmp_path, ("max: 1 arcmin", "max: 9 arcmin"))
     done = command("analyze", str(failed.folder), "--recipe", generous, "--json")

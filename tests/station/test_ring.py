@@ -11,7 +11,16 @@ from station_samples import IMAGE, ORDERS
 import station.ring
 from controller.image import Command
 from station.record_check import check_bytes
-from station.ring import RingError, RingReader, RingWriter, ScanState, create
+from station.ring import (
+    MAILBOX_SLOTS,
+    W_COMMANDS_WRITTEN,
+    W_SLOTS,
+    RingError,
+    RingReader,
+    RingWriter,
+    ScanState,
+    create,
+)
 from station.scan_record import RECORD_BYTES
 
 Ends = tuple[RingWriter, RingReader]
@@ -138,3 +147,24 @@ def test_records_that_could_not_be_kept_stay_in_the_ring(ends: Ends) -> None:
     with pytest.raises(OSError, match="No space"):
         reader.drain(disk_full)
     assert check_bytes(drained(reader), expected=3).sound
+
+
+@pytest.mark.parametrize("number", [len(Command), 255, 256, 2**63])
+def test_a_number_that_is_no_command_is_taken_counted_and_ignored(ends: Ends, number: int) -> None:
+    writer, reader = ends
+    reader._words[W_SLOTS] = number
+    reader._words[W_SLOTS + 1] = int(Command.STOP)
+    reader._words[W_COMMANDS_WRITTEN] = 2
+    assert writer.take_command() == Command.NONE
+    assert writer.take_command() == Command.STOP, "the command behind it is heard"
+    assert writer.strange_commands == 1
+    assert append(writer, 1) == [True]
+
+
+@pytest.mark.parametrize("count", [MAILBOX_SLOTS + 1, 2**64 - 1])
+def test_a_count_that_no_desk_can_have_reached_gives_no_commands(ends: Ends, count: int) -> None:
+    writer, reader = ends
+    reader._words[W_SLOTS] = int(Command.START)
+    reader._words[W_COMMANDS_WRITTEN] = count
+    assert [writer.take_command() for _ in range(3)] == [Command.NONE] * 3
+    assert writer.strange_commands == 1

@@ -13,15 +13,8 @@ from controller.image import State
 from station.live import STATE_WORDS, LiveReader, LiveView, alarm_texts
 from station.progress import STATE_COLOURS, clock, panel
 from station.request import load_job
-from station.result_view import (
-    alarm_lines,
-    all_rows,
-    judging_rows,
-    limits_text,
-    metric_name,
-    number,
-    uncertainty_text,
-)
+from station.result_text import limits_text, metric_name, number, uncertainty_text
+from station.result_view import alarm_lines, all_rows, judging_rows
 from station.scan_record import pack
 from station.terminal_plot import Canvas, nice_ceiling, plot
 

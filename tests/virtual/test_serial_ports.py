@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -13,18 +12,26 @@ from pymodbus.client import AsyncModbusSerialClient
 from pymodbus.exceptions import ModbusIOException
 
 from drivers.virtual.config import CanBus, ModbusPort, Register, RegisterMap
+from drivers.virtual.fault_schedule import FaultSchedule
+from drivers.virtual.modbus_faults import ModbusFaults
 from drivers.virtual.modbus_rtu import RtuLine
 from drivers.virtual.modbus_servers import Device, ModbusServer
 from drivers.virtual.pty_port import PtyPort
 from drivers.virtual.python_can_port import PythonCanPort
+from drivers.virtual.scenario import Fault, Header, Scenario, When
 from drivers.virtual.slcan_server import SlcanServer
 
 REGISTERS = RegisterMap("brake", 0x4C42, "input", 0, 2, (Register("identity", 0, "u16"), Register("value", 1, "i16")))
 
 
-def server(unit_id: int, value: float, trouble: Callable[[], tuple[str, float]] = lambda: ("", 0.0)) -> ModbusServer:
+def server(unit_id: int, value: float, verb: str = "") -> ModbusServer:
+    """A device on a line, with a fault that has begun if one is named."""
+    faults = [Fault(target="modbus.brake", verb=verb, when=When(time_s=0.0))] if verb else []
+    schedule = FaultSchedule(Scenario(scenario=Header(name="line"), faults=tuple(faults)))
+    schedule.step(0)
     port = ModbusPort(REGISTERS, unit_id, rtu=True)
-    return ModbusServer(Device(port, lambda: {"value": value}), lambda: None, trouble)
+    device = Device(port, lambda: {"value": value})
+    return ModbusServer("brake", device, lambda: None, ModbusFaults(schedule, {"brake": REGISTERS}))
 
 
 async def asked(line: RtuLine, unit_id: int) -> list[int] | None:
@@ -51,9 +58,15 @@ def test_each_device_of_a_line_answers_its_own_unit_only(unit_id: int, found: li
     assert asyncio.run(asked(line, unit_id)) == found
 
 
-def test_a_device_without_power_is_silent() -> None:
-    line = RtuLine([server(2, 17, lambda: ("off", 0.0))], "", quiet)
+@pytest.mark.parametrize("verb", ["off", "silence", "exception", "truncate", "wrong_unit"])
+def test_a_device_with_a_fault_on_its_line_is_not_believed(verb: str) -> None:
+    line = RtuLine([server(2, 17, verb)], "", quiet)
     assert asyncio.run(asked(line, 2)) is None
+
+
+def test_a_frozen_device_on_a_line_answers_as_before() -> None:
+    line = RtuLine([server(2, 17, "freeze")], "", quiet)
+    assert asyncio.run(asked(line, 2)) == [0x4C42, 17]
 
 
 def test_a_port_has_its_name_until_it_is_closed(tmp_path: Path) -> None:

@@ -237,8 +237,10 @@ def test_modbus_devices(served: Served) -> None:
         brake.write_registers(0, [0, 6000], device_id=2)
         assert brake.read_input_registers(0, count=3, device_id=2).registers == [0x4C42, 0, 0]
     with served.modbus("remote_io") as remote_io:
-        words = remote_io.read_input_registers(0, count=4, device_id=3).registers
-        assert words == [0x4C49, 0b11, 220, 220]
+        words = remote_io.read_input_registers(0, count=5, device_id=3).registers
+        assert words[:4] == [0x4C49, 0b11, 220, 220]
+        time.sleep(0.01)
+        assert remote_io.read_input_registers(4, count=1, device_id=3).registers[0] > words[4]
 
 
 def test_requests_in_one_packet_are_all_answered(served: Served) -> None:

@@ -1,0 +1,68 @@
+"""Figures of a result as text: values as far as their uncertainty carries, limits as people say them, names, units."""
+
+from __future__ import annotations
+
+from math import floor, log10
+from typing import Any
+
+NO_UNCERTAINTY = "no uncertainty: one cycle"
+
+
+def minus(text: str) -> str:
+    """Return a number's text with the minus sign that stands in all other texts."""
+    return text.replace("-", "−")
+
+
+def number(value: float | None, uncertainty: float | None = None) -> str:
+    """Return a value as far as its uncertainty carries (two digits of it), else four digits; a dash for none."""
+    if value is None:
+        return "–"
+    if uncertainty is not None and 0 < uncertainty < abs(value):
+        decimals = 1 - floor(log10(uncertainty))
+        if 0 <= decimals <= 6:
+            return minus(f"{value:.{decimals}f}")
+    text = f"{value:.4g}"
+    return minus(text if "e" not in text else f"{value:.3e}")
+
+
+def limits_text(limits: dict[str, float | None]) -> str:
+    """Return limits as they are said: `≤ 1`, `≥ 108`, `95 … 120`, or nothing."""
+    low, high = limits.get("min"), limits.get("max")
+    if low is not None and high is not None:
+        return minus(f"{low:g} … {high:g}")
+    if low is not None:
+        return minus(f"≥ {low:g}")
+    return minus(f"≤ {high:g}") if high is not None else ""
+
+
+def metric_name(metric: dict[str, Any]) -> str:
+    """Return a metric's id with torque, branch and side where they tell it from others."""
+    parts = [str(metric["id"])]
+    if metric.get("torque_nm") is not None:
+        parts.append(f"{metric['torque_nm']:g} N·m")
+    parts += metric.get("choices", [])
+    if metric["branch"] in ("load", "unload") or metric["id"] == "stiffness_50_100":
+        parts.append(metric["branch"])
+    if metric["side"] in ("+", "-"):
+        parts.append(f"side {minus(metric['side'])}")
+    return " ".join(parts)
+
+
+def uncertainty_text(metric: dict[str, Any]) -> str:
+    """Return the expanded uncertainty with two digits, why there is none, or nothing."""
+    uncertainty = metric["uncertainty"]
+    if uncertainty is None:
+        return NO_UNCERTAINTY if metric["value"] is not None and metric.get("cycles") == 1 else ""
+    decimals = max(1 - floor(log10(uncertainty)), 0) if uncertainty > 0 else 0
+    return f"± {uncertainty:.{decimals}f}" if decimals <= 6 else f"± {uncertainty:.1e}"
+
+
+def unit_text(unit: str) -> str:
+    """Return the unit as it stands behind a number; nothing for pure numbers."""
+    return "" if unit == "1" else unit
+
+
+def spread_text(row: dict[str, Any]) -> str:
+    """Return the expanded uncertainty of a row as it stands in a table; what `no U` means stands below it."""
+    said = uncertainty_text(row)
+    return "no U" if said == NO_UNCERTAINTY else said

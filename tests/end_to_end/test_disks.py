@@ -1,0 +1,207 @@
+"""Disks that are full, read-only or slow, each a real one: a small tmpfs, or a C library whose fsync takes seconds."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from conftest import COMMAND, ROOT, Running
+
+from station.record_check import check_file
+from station.ring import FILE_PREFIX, SHARED_MEMORY
+
+pytestmark = pytest.mark.wires
+GOLDEN = str(ROOT / "tests" / "golden" / "golden.yaml")
+DISK_MB = 48
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of its own, of 48 MB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={DISK_MB}m", "lostmotion-test", str(place)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip(f"a disk of its own cannot be mounted here: {done.stderr.strip()}")
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)  # noqa: S607
+
+
+@pytest.fixture
+def begin() -> Iterator[Callable[[Path], Running]]:
+    started: list[Running] = []
+
+    def run(data: Path) -> Running:
+        started.append(Running(("run", GOLDEN, "--serial", "D", "--json", "--data", str(data)), data))
+        return started[-1]
+
+    yield run
+    for one in started:
+        if one.process.poll() is None:
+            os.killpg(one.process.pid, 9)
+            one.process.wait()
+
+
+def fill(disk: Path) -> Path:
+    """Fill a disk to its last byte, as something else on the computer does; return the file that holds it."""
+    ballast = disk / "ballast"
+    with ballast.open("wb", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(1 << 16))
+    assert shutil.disk_usage(disk).free == 0
+    return ballast
+
+
+def recording(data: Path) -> bool:
+    return any(path.stat().st_size > 50_000 for path in data.glob("*/samples.bin"))
+
+
+def rings() -> set[Path]:
+    return set(SHARED_MEMORY.glob(f"{FILE_PREFIX}*"))
+
+
+def command(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*COMMAND, *words], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
+    before = rings()
+    run = begin(disk)
+    run.wait_for(lambda: recording(disk))
+    ballast = fill(disk)
+    ran = run.finish()
+    (folder,) = (path.parent for path in disk.glob("*/run.json"))
+    assert ran.exit_code == 4
+    assert ran.json["verdict"] == "NOT DECIDABLE"
+    (reason,) = ran.json["reasons"]
+    for words in ("No space left on device", "torque was brought to zero", "wait in memory", f"show {folder.name}"):
+        assert words in reason
+    assert "stopping: the torque is brought to zero first, because the record cannot be kept" in ran.err
+    assert check_file(folder / "samples.bin").problems == (), "what was written is whole"
+    on_disk = check_file(folder / "samples.bin").records
+    assert on_disk > 0
+
+    ballast.unlink()
+    shown = json.loads(command("show", folder.name, "--data", str(disk), "--json").stdout)
+    assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
+    assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
+    whole = check_file(folder / "samples.bin", shown["timing"]["scans"])
+    assert whole.problems == ()
+    assert whole.records > on_disk
+    assert command("replay", str(folder)).returncode == 0
+    assert rings() <= before
+
+
+def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begin):
+    run = begin(disk)
+    run.wait_for(lambda: recording(disk))
+    ballast = fill(disk)
+    size = next(disk.glob("*/samples.bin")).stat().st_size
+    time.sleep(1.0)
+    assert next(disk.glob("*/samples.bin")).stat().st_size <= size + 4096
+    ballast.unlink()
+    ran = run.finish()
+    result = ran.json
+    assert (ran.exit_code, result["state"], result["verdict"]) == (4, "stopped", "NOT DECIDABLE")
+    assert any("the disk did not take the records" in one for one in result["reasons"])
+    assert result["timing"]["disk"]["refused"] >= 1
+    assert check_file(ran.record / "samples.bin", result["timing"]["scans"]).problems == ()
+
+
+def test_a_disk_without_room_is_refused_before_anything_moves(disk):
+    ballast = fill(disk)
+    os.truncate(ballast, ballast.stat().st_size - 4_000_000)
+    done = command("run", GOLDEN, "--serial", "D", "--data", str(disk / "runs"))
+    assert done.returncode == 2
+    assert "MB free" in done.stderr
+    assert "Free the disk" in done.stderr
+    assert not (disk / "runs").exists()
+
+
+def test_a_read_only_disk_is_refused_before_anything_moves(disk):
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)  # noqa: S607
+    done = command("run", GOLDEN, "--serial", "D", "--data", str(disk))
+    assert done.returncode == 2
+    assert "Read-only file system" in done.stderr
+    assert "--data" in done.stderr
+    assert list(disk.iterdir()) == []
+
+
+SLOW_LIBRARY = """
+#include <sys/syscall.h>
+#include <string.h>
+#include <stdio.h>
+#include <unistd.h>
+int fsync(int handle) {
+    char link[64], path[4096];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", handle);
+    ssize_t size = readlink(link, path, sizeof path - 1);
+    path[size < 0 ? 0 : size] = 0;
+    if (strstr(path, "samples.bin")) usleep(SLEEP_US);
+    return (int)syscall(SYS_fsync, handle);
+}
+"""
+
+
+def slow_library(folder: Path, seconds: float) -> Path:
+    """Compile a library whose fsync of the samples takes so long."""
+    if shutil.which("gcc") is None:
+        pytest.skip("a slow disk needs gcc, which is not installed")
+    source, library = folder / "slow.c", folder / "slow.so"
+    source.write_text(SLOW_LIBRARY.replace("SLEEP_US", str(int(seconds * 1e6))))
+    subprocess.run(["gcc", "-shared", "-fPIC", "-o", str(library), str(source)], check=True)  # noqa: S607
+    return library
+
+
+SLOW_DESK = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, "tests/station")
+from station_samples import IMAGE, ORDERS
+from station.durable import Appender
+from station.record_writer import RecordWriter
+from station.ring import RingReader, RingWriter, create
+folder, capacity, count = Path(sys.argv[1]), int(sys.argv[2]), 1500
+path = create(folder, capacity)
+scan, ring = RingWriter(path), RingReader(path)
+path.unlink()
+writer = RecordWriter(ring, Appender(folder / "samples.bin"))
+writer.start()
+longest = 0.0
+for number in range(count):
+    start = time.monotonic()
+    scan.append(number, 0, 0, IMAGE, ORDERS)
+    ring.beat()
+    longest = max(longest, time.monotonic() - start)
+    time.sleep(0.001)
+writer.finish()
+print(writer.written, ring.lost, writer.times.as_json()["longest_flush_s"], writer.times.most_waiting, longest)
+print(ring.stopped_because)
+"""
+
+
+@pytest.mark.parametrize(("capacity", "lost"), [(2000, False), (200, True)])
+def test_a_slow_disk_is_made_up_for_from_the_ring_or_its_loss_is_told(tmp_path, capacity, lost):
+    library = slow_library(tmp_path, 0.8)
+    words = [sys.executable, "-c", SLOW_DESK, str(tmp_path), str(capacity)]
+    environment = os.environ | {"LD_PRELOAD": str(library), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    figures, because = done.stdout.splitlines()
+    written, missing, flush_s, most_waiting, longest_s = (float(word) for word in figures.split())
+    assert flush_s >= 0.8
+    assert written + missing == 1500
+    assert most_waiting >= min(capacity, 300), "the slow flush never held anything up"
+    assert longest_s < 0.4, "the slow disk held the desk"
+    assert (missing > 0) is lost
+    assert ("found no room" in because) is lost
+    report = check_file(tmp_path / "samples.bin", 1500)
+    assert bool(report.problems) is lost, "what is missing is told"

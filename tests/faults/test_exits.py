@@ -1,0 +1,67 @@
+"""Every exit brings the torque to zero in time; the page shows them all as they are measured."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from controller.faults import FAULTS
+from controller.image import Reaction
+from station import command_exits
+from station.errors import StationError
+from station.exit_rows import EXITS, LOAD_NM
+from station.exits import PROVOKE, measure_exit, provokers
+from station.exits_page import page
+
+PAGE = (Path(__file__).parents[2] / "docs" / "exits.md").read_text(encoding="utf-8")
+BEFORE_TORQUE = {
+    "drive_enable_timeout", "homing_failed", "devices_not_ready", "tare_out_of_range", "tare_unsteady",
+    "lock_not_closed", "lock_unproven", "target_not_reached", "calibration_failed",
+}  # fmt: skip
+"""Raised by a step that waits: in a ramp of the virtual bench nothing leads to them, or another fault comes first."""
+
+
+def rows(text: str) -> dict[str, str]:
+    return {line.split("`")[1]: line for line in text.splitlines() if line.startswith("| `")}
+
+
+def test_every_exit_is_in_the_table_and_can_be_provoked():
+    faults = {fault.id for fault in FAULTS if fault.reaction >= Reaction.UNLOAD}
+    people_and_processes = {"finish", "operator_stop", "abort", "lost_desk", "lost_scan", "power_failure"}
+    assert {row.id for row in EXITS} == faults | people_and_processes
+    assert len(EXITS) == len({row.id for row in EXITS})
+    assert {name for name in faults if name not in PROVOKE and not provokers(name)} <= BEFORE_TORQUE
+
+
+def test_the_page_has_every_exit_within_its_bound():
+    assert list(rows(PAGE)) == [row.id for row in EXITS]
+    for row in EXITS:
+        cells = rows(PAGE)[row.id].split(" | ")
+        assert cells[3] == f"{row.bound_s:g} s"
+        if row.id not in BEFORE_TORQUE:
+            assert float(re.fullmatch(r"([0-9.]+) s", cells[4])[1]) <= row.bound_s, row.id
+
+
+@pytest.mark.parametrize("name", [*PROVOKE, "guard_open", "lock_slip"])
+def test_the_torque_comes_to_zero_as_the_page_says(name):
+    found = measure_exit(name)
+    assert found.wrong == ()
+    measured = page({row.id: found if row.id == name else None for row in EXITS})
+    assert rows(measured)[name] == rows(PAGE)[name], "run 'lostmotion faults exits --page docs/exits.md'"
+
+
+def test_an_exit_that_is_too_slow_is_said():
+    found = measure_exit("finish")
+    assert found.down_s > 0.0
+    assert found.opened_nm < LOAD_NM
+    slow = next(row for row in EXITS if row.id == "finish")._replace(bound_s=0.0)
+    assert "allowed 0 s" in PROVOKE["finish"](slow).wrong[0]
+
+
+def test_the_command_refuses_what_it_does_not_know(capsys):
+    with pytest.raises(StationError, match="nonsense: no such exit"):
+        command_exits.exits(["nonsense"], None, 1, as_json=False)
+    assert command_exits.exits(["abort"], None, 1, as_json=False) == 0
+    assert "1 of 1 exits measured; outside their bounds: none" in capsys.readouterr().out

@@ -1,0 +1,268 @@
+"""One real run, in virtual time, and what is made of its record: reports, numbers computed again, a model."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis import AnalysisError
+from analysis.models import model_from_json
+from station import command_analyze, command_model, command_report
+from station.command_model import Asked, fixed_values
+from station.errors import StationError
+from station.headline import virtual_badges
+from station.illustrate import Shown, illustrate
+from station.record_store import RunRecord, Store
+from station.report_content import budget_tables, gate_rows, shown_gates, stage_rows, uncertainty_kind
+from station.run_analysis import complete_run
+from station.run_conditions import housing_temperature_c, lock_position_deg
+
+ROOT = Path(__file__).parents[2]
+
+
+def command(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "station", *words], cwd=ROOT, text=True, capture_output=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    data = tmp_path_factory.mktemp("measured")
+    done = command("run", "rv-40e-121-quick", "--virtual-time", "--serial", "R1", "--data", str(data))
+    assert done.returncode == 0, done.stderr
+    # the verdict first, then where the report is
+    assert done.stdout.index("PASS ") < done.stdout.index("report.html") < done.stdout.index("report.pdf")
+    return data
+
+
+@pytest.fixture
+def run(measured: Path, tmp_path: Path) -> RunRecord:
+    shutil.copytree(measured, tmp_path / "data")
+    return Store(tmp_path / "data").find("last")
+
+
+def report(run: RunRecord, out: Path) -> str:
+    command_report.report(run.id, run.folder.parent, out, open_it=False, as_json=True)
+    assert (out / "report.pdf").read_bytes().startswith(b"%PDF-")
+    return (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_report_stands_alone_and_is_the_same_when_made_again(run: RunRecord, tmp_path: Path) -> None:
+    page = report(run, tmp_path / "out")
+    assert page == (run.folder / "report.html").read_text(encoding="utf-8")
+    assert (tmp_path / "out" / "report.pdf").read_bytes() == (run.folder / "report.pdf").read_bytes()
+    outside = [found for found in re.findall(r'(?:src|href)="([^"]{0,40})', page) if not found.startswith("data:")]
+    assert outside == []
+    titles = (
+        "Metrics",
+        "Is the measurement valid?",
+        "Stiffness",
+        "How it was evaluated",
+        "Timing",
+        "To check it again",
+    )
+    for title in titles:
+        assert f"<h2>{title}</h2>" in page
+    for name, found in run.manifest()["files"].items():
+        assert name in page
+        assert found["sha256"] in page
+
+
+def test_a_reader_can_compute_the_metrics_again_from_the_report_alone(run: RunRecord, tmp_path: Path) -> None:
+    page = report(run, tmp_path / "out")
+    for name, content in re.findall(r'download="([^"]+)" href="data:text/plain;base64,([^"]+)"', page):
+        (tmp_path / name).write_bytes(base64.b64decode(content))
+    done = command("analyze", str(tmp_path / "loop.csv"), "--recipe", str(tmp_path / "recipe.yaml"), "--json")
+    again = {(one["id"], one["branch"]): one for one in json.loads(done.stdout)["metrics"]}
+    stored = [one for one in run.read_json("result.json")["metrics"] if not one["id"].startswith("torque_ratio")]
+    assert len(stored) >= 5
+    for metric in stored:
+        found = again[metric["id"], metric["branch"]]
+        for side, value in metric["sides"].items():
+            assert found["sides"][side]["value"] == pytest.approx(value["value"], rel=2e-5), metric["id"]
+
+
+def test_an_altered_record_is_reported_as_altered(run: RunRecord, tmp_path: Path) -> None:
+    with (run.folder / "recipe.yaml").open("ab") as file:
+        file.write(b"\n# changed\n")
+    page = report(run, tmp_path / "out")
+    assert "RECORD ALTERED" in page
+    assert "NOT DECIDABLE" in page
+    assert ">PASS<" not in page
+    assert "loop.csv" not in page
+
+
+def test_a_run_without_a_result_has_a_report(run: RunRecord, tmp_path: Path) -> None:
+    (run.folder / "result.json").unlink()
+    manifest = {key: value for key, value in run.manifest().items() if key != "files"}
+    run.write_json("run.json", manifest | {"state": "interrupted", "verdict": None})
+    (run.folder.parent / "index.jsonl").unlink()
+    page = report(run, tmp_path / "out")
+    assert "INTERRUPTED" in page
+    assert "<h2>Metrics</h2>" not in page
+
+
+def test_a_record_of_an_older_version_has_a_report(run: RunRecord) -> None:
+    found = complete_run(run)
+    old = {key: value for key, value in run.read_json("result.json").items() if key not in ("gates", "stages", "notes")}
+    keys = ("budget", "uncertainty_kind", "per_cycle", "sides", "estimator")
+    old["metrics"] = [{key: value for key, value in one.items() if key not in keys} for one in old["metrics"]]
+    html, pdf = illustrate(run, Shown(found.job, old, found.result))
+    assert b"Is the measurement valid?" not in html
+    assert pdf.startswith(b"%PDF-")
+
+
+SHAPES = ("[]", "{}", '{"metrics": 1}', '{"alarms": [1], "metrics": [], "reasons": []}', "x")
+
+
+@pytest.mark.parametrize("content", SHAPES)
+def test_a_result_of_any_shape_is_told_and_no_crash(run: RunRecord, tmp_path: Path, content: str) -> None:
+    (run.folder / "result.json").write_text(content)
+    try:
+        said = report(run, tmp_path / "out")
+    except StationError as error:
+        said = str(error)
+    assert "RECORD ALTERED" in said or f"{run.id}: no report" in said
+
+
+def test_a_report_that_cannot_be_written_is_told(run: RunRecord, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(StationError, match="cannot be written"):
+        report(run, tmp_path / "file")
+
+
+def test_a_run_evaluated_again_is_still_virtual(run: RunRecord) -> None:
+    result = command_analyze.reevaluate(run, None, None)
+    assert virtual_badges(result) == ("VIRTUAL BENCH", "VIRTUAL TIME")
+    assert virtual_badges(result | {"clock": "real", "timing": {}}) == ("VIRTUAL BENCH",)
+
+
+def test_conditions_are_read_from_the_records(run: RunRecord) -> None:
+    assert housing_temperature_c(run) == pytest.approx(22.2, abs=0.5)
+    assert abs(lock_position_deg(run)) < 360.0
+
+
+def test_a_model_of_the_run_is_identified_exported_and_played(
+    run: RunRecord, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, data = tmp_path / "model.json", run.folder.parent
+    command_model.model(Asked("R1", "dahl", [], None, None, data, out), as_json=True)
+    found = json.loads(capsys.readouterr().out)
+    values = {one["name"]: one["value"] for one in found["parameters"]}
+    # unit P1: half the height of its loop is 23.5 N·m, its stiffness at high torque 110.9 N·m/arcmin
+    assert values["friction_nm"] == pytest.approx(23.475, rel=0.05)
+    assert values["stiffness_nm_per_arcmin"] == pytest.approx(110.87, rel=0.05)
+    assert found["residual_pct_of_peak"] < 1.0
+    assert (found["virtual"], found["refused"]) == (True, [])
+    angles = tmp_path / "angles.csv"
+    angles.write_text("angle_arcmin\n0\n1.5\n-1\n")
+    command_model.play_model(out, angles, tmp_path / "torques.csv", as_json=False)
+    played = np.loadtxt(tmp_path / "torques.csv", delimiter=",", skiprows=1)
+    direct, _ = model_from_json(out.read_text(encoding="utf-8")).play(np.array([0.0, 1.5, -1.0]))
+    assert played[:, 1] == pytest.approx(direct, rel=1e-8)
+
+
+def test_a_file_without_recipe_is_compared_with_every_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    head, *rows = (ROOT / "tests" / "data" / "loop_published_curve.csv").read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "few.csv"
+    path.write_text("\n".join([head, *rows[::20]]))
+    command_model.model(Asked(str(path), "all", [], None, None, ROOT, None), as_json=False)
+    text = capsys.readouterr().out
+    for kind in command_model.KINDS:
+        assert f"\n{kind} " in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"kind": "spline"}, "--kind: found 'spline'"),
+        ({"kind": "all", "fixed": ["friction_nm=1"]}, "are for one model"),
+        ({"kind": "maxwell-slip", "fixed": ["a=1"]}, "nothing to fix"),
+        ({"trace": "none.csv"}, "there is no such file"),
+    ],
+)
+def test_what_no_model_can_be_made_of_is_said(changes: dict[str, object], said: str, tmp_path: Path) -> None:
+    trace = str(ROOT / "tests" / "data" / "loop_published_curve.csv")
+    asked = {"trace": trace, "kind": "cubic", "fixed": [], "recipe": None, "bench": None, "data": tmp_path, "out": None}
+    with pytest.raises(StationError, match=said):
+        command_model.model(Asked(**(asked | changes)), as_json=False)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("text", ["a", "a=", "a=nan", "a=inf", "a=b"])
+def test_a_fixed_value_is_a_finite_number(text: str) -> None:
+    with pytest.raises(StationError, match="--fix: found"):
+        fixed_values([text])
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"format": "lostmotion reducer model", "version": 1}', "\ud800"])
+def test_a_file_that_is_no_model_is_told(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "m.json"
+    path.write_bytes(text.encode(errors="surrogatepass"))
+    with pytest.raises((AnalysisError, StationError), match=r"m\.json"):
+        command_model.play_model(path, path, None, as_json=False)
+
+
+def test_gates_budgets_and_stages_become_rows() -> None:
+    gates = [
+        {"id": "a", "figure": 1.0, "limit": 2.0, "unit": "%", "passed": True, "text": "fine"},
+        {"id": "b", "figure": None, "limit": 2.0, "unit": "%", "passed": None, "text": "no sensor"},
+        {"id": "c", "figure": 3.0, "limit": 2.0, "unit": "1", "passed": False, "text": "too much"},
+    ]
+    assert gate_rows(gates) == (
+        ("c", "too much: 3, limit 2", "FAILED"),
+        ("b", "no sensor", "not checked"),
+        ("a", "fine: 1 %, limit 2 %", "in order"),
+    )
+    budget = [
+        {
+            "quantity": "q",
+            "text": "small",
+            "u": 1e-9,
+            "unit": "rad",
+            "sensitivity": 1,
+            "contribution": 1e-9,
+            "share": 0,
+        },
+        {
+            "quantity": "g",
+            "text": "gain",
+            "u": 0.001,
+            "unit": "1",
+            "sensitivity": -9.0,
+            "contribution": 0.1,
+            "share": 1.0,
+        },
+    ]
+    metric = {"id": "windup", "branch": "mean", "side": "both", "value": 9.0, "uncertainty": 0.2, "unit": "arcmin"}
+    (table,) = budget_tables([metric | {"budget": budget}, metric])
+    assert (table.metric, table.expanded) == ("windup", "9.00 ± 0.20 arcmin")
+    assert table.rows == (
+        ("gain", "0.001", "−9", "0.1 arcmin", "100.0%"),
+        ("less than 0.5% each: q", "", "", "", "0.0%"),
+    )
+    assert shown_gates({"metrics": [], "gates": gates}) == gates[2:]
+    assert shown_gates({"metrics": [metric], "gates": gates}) == gates
+    stages = [
+        {"stage": "drift", "text": "none", "figures": {"slope_here": {"value": 0.5, "unit": "arcmin/min"}}},
+        {"name": "fits", "text": "made"},
+    ]
+    assert stage_rows(stages) == (("drift", "none", "slope here 0.5 arcmin/min"), ("fits", "made", ""))
+
+
+def test_the_kind_of_uncertainty_is_a_sentence() -> None:
+    metric = {"id": "windup", "branch": "mean", "side": "both", "uncertainty": 0.1, "budget": [{"share": 1.0}]}
+    alone = metric | {"id": "lost_motion", "budget": [], "uncertainty_kind": "repeatability"}
+    assert uncertainty_kind([metric]) == "± is U = k·u with k = 2: it holds every source of the uncertainty budget."
+    assert "Of lost_motion it holds the scatter within this run alone." in uncertainty_kind([metric, alone])
+    assert "not the uncertainty of the sensors." in uncertainty_kind([alone])
+    assert uncertainty_kind([metric | {"uncertainty": None}]).startswith("No uncertainty is known")
+    assert uncertainty_kind([]) == ""

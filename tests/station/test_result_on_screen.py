@@ -1,0 +1,89 @@
+"""Below the metrics: gates, notes, the kind of U; the list on narrow terminals; help that answers at once."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from station.result_notes import MOST_NOTES, gate_lines, note_lines, summary_line
+from station.run_list import print_runs
+
+ROOT = Path(__file__).parents[2]
+GATES = [
+    {"id": "drift", "figure": 0.31, "limit": 0.1, "unit": "%", "passed": False, "text": "too much"},
+    {"id": "lag", "figure": 0.0, "limit": 0.1, "unit": "%", "passed": True, "text": "fine"},
+    {"id": "clipping", "figure": None, "limit": 1.0, "unit": "%", "passed": None, "text": "no sensor"},
+]
+
+
+def test_each_failed_gate_is_one_line() -> None:
+    assert gate_lines({"gates": GATES}) == ["drift: 0.31 %, limit 0.1 %"]
+    assert gate_lines({}) == []
+
+
+def test_gates_in_order_are_a_count() -> None:
+    metrics = [{"uncertainty": None, "id": "windup"}]
+    assert summary_line({"metrics": metrics, "gates": GATES[1:]}).endswith("1 validity gates in order, 1 do not apply.")
+    assert "gates" not in summary_line({"metrics": metrics, "gates": GATES})
+    assert summary_line({"metrics": []}) == ""
+
+
+def test_notes_that_matter_are_warnings_and_corrections() -> None:
+    stages = [
+        {"stage": "drift", "text": "drift taken out", "applied": True},
+        {"stage": "binning", "text": "binned", "applied": True},
+        {"stage": "fixture", "text": "nothing to subtract", "applied": False},
+    ]
+    notes = ["recipe x is not the one of run y", "drift taken out", "binned", "nothing to subtract"]
+    assert note_lines({"notes": notes, "stages": stages}) == ["recipe x is not the one of run y", "drift taken out"]
+    assert note_lines({"notes": notes}) == ["recipe x is not the one of run y"]
+    many = {"notes": [f"recipe {number}" for number in range(9)]}
+    assert len(note_lines(many)) == MOST_NOTES + 1
+    assert note_lines({}) == []
+
+
+def rows() -> list[dict[str, Any]]:
+    one: dict[str, Any] = {"run": "20260102T030405.678Z-SN-0000001", "serial": "SN-0000001", "attempt": 1}
+    one |= {"recipe": "rv-40e-121-inverse", "revision": 1, "state": "complete", "verdict": "NOT DECIDABLE"}
+    one |= {"records": 154142, "scanning": None}
+    damaged = one | {"run": "x", "serial": None, "recipe": None, "state": "damaged", "verdict": None, "attempt": None}
+    return [one, one | {"state": "altered", "verdict": None}, damaged]
+
+
+@pytest.mark.parametrize(("width", "fits"), [(130, True), (80, True), (50, True), (80, False)])
+def test_no_run_id_is_cut_off_and_no_line_is_too_long(width: int, fits: bool) -> None:  # noqa: FBT001
+    stream = io.StringIO()
+    print_runs(Console(file=stream, width=width), rows(), fits=fits)
+    text = stream.getvalue()
+    assert text.count("20260102T030405.678Z-SN-0000001") == 2
+    for word in ("NOT DECIDABLE", "altered", "damaged", "rv-40e-121-inverse r1"):
+        assert word in text
+    if fits:
+        assert max(len(line.rstrip()) for line in text.splitlines()) <= width
+    assert ("scans" in text) == (width == 130 or not fits)
+
+
+def test_the_help_loads_nothing_heavy() -> None:
+    heavy = "numpy scipy matplotlib pydantic pyarrow reportlab rich.table analysis recipes canopen"
+    code = f"import sys, station.cli; print([name for name in {heavy.split()!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, text=True, capture_output=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_bad_input_of_a_statistic_is_json_for_a_program(tmp_path: Path) -> None:
+    path = tmp_path / "v.csv"
+    path.write_text("value\n1\nx\n3\n")
+    words = ["capability", str(path), "--max", "9", "--json"]
+    done = subprocess.run(
+        [sys.executable, "-m", "station", *words], cwd=ROOT, text=True, capture_output=True, check=False
+    )
+    assert done.returncode == 2
+    assert "row 2, column value: found 'x'" in done.stderr
+    assert "row 2, column value" in json.loads(done.stdout)["errors"][0]["found"]

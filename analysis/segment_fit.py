@@ -133,10 +133,10 @@ def fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> F
     slope = 2.0 / (high_nm - low_nm)
     x = np.array([-(high_nm + low_nm) / (high_nm - low_nm), slope])
     coefficients = np.zeros(degree + 1)
-    power: FloatArray = np.ones(1)
+    power = np.ones(1)
     for coefficient in scaled:
         coefficients[: power.size] += coefficient * power
-        power = np.convolve(power, x).astype(np.float64)
+        power = np.convolve(power, x)
     return coefficients
 
 
@@ -144,8 +144,7 @@ def fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> F
 def _least_squares(degree: int) -> FloatArray:
     """Matrix from the values at `FIT_POINTS` even points of -1…1 to the coefficients of their polynomial."""
     points = np.linspace(-1.0, 1.0, FIT_POINTS)
-    matrix: FloatArray = np.linalg.pinv(np.polynomial.polynomial.polyvander(points, degree))
-    return matrix
+    return np.asarray(np.linalg.pinv(np.polynomial.polynomial.polyvander(points, degree)), dtype=np.float64)
 
 
 def polynomial(coefficients: FloatArray, torque_nm: FloatArray | float) -> FloatArray:

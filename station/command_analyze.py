@@ -32,11 +32,19 @@ from station.trace_origin import check_recipe_fits, objections_to_bench
 
 
 def analyze(
-    trace: str, recipe: str | None, bench: str | None, data: Path, *, as_json: bool, preset: str | None = None
+    trace: str,
+    recipe: str | None,
+    bench: str | None,
+    data: Path,
+    *,
+    as_json: bool,
+    preset: str | None = None,
+    draws: int = 0,
 ) -> int:
     """Analyse a trace and print its result; return the exit code of its verdict.
 
     preset: report the metrics of this preset instead of the recipe's; the recipe's limits for them hold.
+    draws: of Monte Carlo beside the uncertainty budget.
 
     Raises:
         StationError, RecipeError, AnalysisError: what cannot be read, or what the method needs and the trace lacks.
@@ -48,14 +56,14 @@ def analyze(
     if path.is_file():
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the trace is evaluated")
-        result = elsewhere(path, recipe, bench, preset)
+        result = elsewhere(path, recipe, bench, preset, draws=draws)
     elif path.suffix in (".csv", ".parquet"):
         raise StationError(f"{trace}: there is no such file")
     else:
         run = Store(data).find(trace)
         if run.state() != "complete" and not alterations(run):
             return _incomplete(run, as_json=as_json)
-        result = reevaluate(run, recipe, bench, preset)
+        result = reevaluate(run, recipe, bench, preset, draws=draws)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
         return _code(result)
@@ -139,7 +147,9 @@ def _judged_without_bench(plain: dict[str, Any], bench: Bench | None) -> dict[st
     return plain | {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
 
 
-def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str | None) -> dict[str, Any]:
+def elsewhere(
+    path: Path, recipe_name: str, bench_name: str | None, preset: str | None, *, draws: int = 0
+) -> dict[str, Any]:
     """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset."""
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
@@ -149,7 +159,7 @@ def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str 
     # A file does not say when it was measured: what is out of date today may have been so then.
     today = datetime.now(tz=UTC).date()
     objections = [] if bench is None else objections_to_bench(recipe, bench, today)
-    found = analyse(read_trace(path), method, wanted, decision_of(recipe), objections, figures=figures)
+    found = analyse(read_trace(path), method, wanted, decision_of(recipe), objections, figures=figures, draws=draws)
     return {
         "run": None,
         "serial": None,
@@ -171,7 +181,7 @@ def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
 
 
 def reevaluate(
-    run: RunRecord, recipe_name: str | None, bench_name: str | None, preset: str | None = None
+    run: RunRecord, recipe_name: str | None, bench_name: str | None, preset: str | None = None, *, draws: int = 0
 ) -> dict[str, Any]:
     """Evaluate a complete run anew, by its own recipe, another one or a preset; the record itself is not touched.
 
@@ -194,7 +204,7 @@ def reevaluate(
     reevaluated = preset is not None or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
     day = date.fromisoformat(manifest["started"][:10])
     objections = objections_to_bench(recipe, bench, day) if reevaluated else []
-    _, found = evaluate_run(run, recipe, bench, preset, objections)
+    _, found = evaluate_run(run, recipe, bench, preset, objections, draws=draws)
     plain = _judged_by_preset(found.to_dict(), recipe, preset)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:

@@ -26,7 +26,13 @@ class RunAnalysis:
 
 
 def evaluate_run(
-    run: RunRecord, recipe: Recipe, bench: Bench, preset: str | None = None, objections: Sequence[str] = ()
+    run: RunRecord,
+    recipe: Recipe,
+    bench: Bench,
+    preset: str | None = None,
+    objections: Sequence[str] = (),
+    *,
+    draws: int = 0,
 ) -> tuple[Trace, Result]:
     """Evaluate the samples of a complete run by a recipe and a bench; `preset` reports the metrics of that instead.
 
@@ -43,7 +49,7 @@ def evaluate_run(
     facts = run_facts(table, timing, recipe.sampling)
     segments = run.read_json("program.json")["segments"]
     trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, preset)
+    return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, preset, draws=draws)
 
 
 def complete_run(run: RunRecord) -> RunAnalysis:

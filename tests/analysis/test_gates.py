@@ -227,6 +227,23 @@ def test_an_angle_that_stands_while_its_shaft_is_loaded_is_told(torque_nm: float
     assert "the angle of the loaded shaft stands" in of(result, "clipping").text
 
 
+def test_a_saturated_angle_with_noise_is_told() -> None:
+    """One unsteady count at the end of the range must not hide it."""
+    flicker = np.random.default_rng(3).integers(0, 2, GOOD.samples) * 1e-6
+    most = 0.8 * float(np.abs(GOOD.angle_in_rad).max())
+    stands = np.clip(GOOD.angle_in_rad, -most, most) + flicker
+    result = judged(trace=dataclasses.replace(GOOD, angle_in_rad=stands))
+    assert "the angle of the loaded shaft stands" in of(result, "clipping").text
+    assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_a_fixture_that_takes_the_whole_windup_is_told() -> None:
+    """As soft as unit and fixture together: nothing is left for the unit, which then reads stiffer than anything."""
+    soft = FixtureCurve((-500.0, 500.0), (-5.4, 5.4), "both")
+    result = judged(method=dataclasses.replace(KNOWN, fixture_curve=soft))
+    assert of(result, "clipping").passed is False
+
+
 def test_an_angle_without_any_change_is_no_measurement() -> None:
     result = judged(trace=dataclasses.replace(GOOD, angle_in_rad=np.zeros(GOOD.samples)))
     assert of(result, "clipping").figure > 40.0

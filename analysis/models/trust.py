@@ -20,7 +20,7 @@ MOST_CORRELATION = 0.95
 NO_INFLUENCE = 1e-9
 """A parameter whose column of the Jacobian is this small beside the largest one does not move the torque."""
 
-STRETCHES = (160, 40, 10)
+STRETCHES = (160, 40, 10, 3, 1)
 """Lengths of path over which residuals are summed, as parts of a branch: the one that says most counts."""
 
 
@@ -82,5 +82,5 @@ def _covariances(scaled: FloatArray, fit: RobustFit, place: FloatArray) -> tuple
     for parts in STRETCHES:
         starts: IntArray = np.flatnonzero(np.diff(np.floor(place * parts), prepend=-1.0))
         sums = np.add.reduceat(scaled * score[:, None], starts, axis=0) @ inverse
-        variances.append(np.square(sums).sum(axis=0))
+        variances.append(np.square(sums).sum(axis=0) * starts.size / max(1, starts.size - 1))
     return inverse, np.max(variances, axis=0)

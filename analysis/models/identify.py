@@ -9,7 +9,7 @@ of the model; Cauchy's loss lets what obeys it decide.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,7 @@ class Identified:
     values by name; u standard uncertainty by name (0: fixed; NaN: at its bound or without influence), from residuals
     that hang together along the path. correlation: of the parameters in `free`. residual_pct and worst_pct: rms and
     largest residual as % of the peak torque, from turn to turn. at_bound: parameters that ended at the limit of their
-    range. friction_at_turns: share of the friction, −1…1, that was there when the wind-up turned to fall and to rise;
+    range. friction_at_turns: share of the friction, 0…1, that was left when the wind-up turned to fall and to rise;
     1 where nothing had crept; none for a model that has no memory or keeps it over the turn.
     """
 
@@ -87,7 +87,7 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
         raise AnalysisError(f"model {model}: every parameter is fixed; leave at least one free")
     ratio = np.array([row.parameters[name].by_ratio for name in free])
     turns = 0 if row.friction_state is None else TURNS
-    least = np.append(_searched(np.array([row.parameters[name].least for name in free]), ratio), [-1.0] * turns)
+    least = np.append(_searched(np.array([row.parameters[name].least for name in free]), ratio), [0.0] * turns)
     most = np.append(_searched(np.array([row.parameters[name].most for name in free]), ratio), [1.0] * turns)
 
     def values(x: FloatArray) -> dict[str, float]:
@@ -121,7 +121,9 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
     at_bound = np.flatnonzero(found.active_mask[: len(free)]).tolist()
     inside = [index for index in range(len(free)) if index not in at_bound]
     beside = [len(free) + index for index in np.flatnonzero(found.active_mask[len(free) :] == 0).tolist()]
-    fit = RobustFit(_jacobian(residual, found.x, least, most)[:, inside + beside], found.fun, scale_nm)
+    slope = _slope(row, values(found.x), found.x[len(free) :], loop)
+    jacobian = _jacobian(residual, found.x, least, most)[:, inside + beside]
+    fit = RobustFit(jacobian, found.fun, scale_nm, slope * loop.angle_noise_arcmin)
     u, correlation, refused = trust(fit, _place(loop), [free[index] for index in inside])
     final = values(found.x)
     spread = {**dict.fromkeys(given, 0.0), **dict.fromkeys(free, float("nan"))}
@@ -147,16 +149,31 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
 def torque_on_branches(
     row: Model, values: Mapping[str, float], at_turns: Sequence[float] | FloatArray, loop: LoopSamples
 ) -> FloatArray:
-    """Torque [N·m] along the branches of a loop, each from its turn; at_turns as `Identified.friction_at_turns`."""
+    """Torque [N·m] along the branches of a loop, each from its turn; at_turns as `Identified.friction_at_turns`.
+
+    The turn is where the branch begins, or where the one before it ended when that is further out: samples after a
+    reversal may be missing.
+    """
     torque = np.empty_like(loop.torque_nm)
+    before = float(loop.angle_arcmin[-1])
     for branch in loop.branches:
-        start, rising = float(loop.angle_arcmin[branch.start]), loop.direction[branch.start] > 0.0
-        state = PathState(start)
+        rising = loop.direction[branch.start] > 0.0
+        state = PathState((min if rising else max)(before, float(loop.angle_arcmin[branch.start])))
         if row.friction_state is not None:
             share = float(at_turns[int(rising)]) * (-1.0 if rising else 1.0)
-            state = PathState(start, np.array([share * row.friction_state(values)]))
+            state = replace(state, hysteresis=np.array([share * row.friction_state(values)]))
         torque[branch], _ = row.play(values, loop.angle_arcmin[branch], state)
+        before = float(loop.angle_arcmin[branch.stop - 1])
     return torque
+
+
+def _slope(row: Model, values: Mapping[str, float], at_turns: FloatArray, loop: LoopSamples) -> FloatArray:
+    """Slope dT/dφ [N·m/arcmin] along the branches; the turns stay where they are."""
+    step = 1e-6 * (loop.angle_range_arcmin[1] - loop.angle_range_arcmin[0])
+    moved = loop.angle_arcmin + step * loop.direction
+    moved[[branch.start for branch in loop.branches]] -= step * loop.direction[[one.start for one in loop.branches]]
+    there = torque_on_branches(row, values, at_turns, replace(loop, angle_arcmin=moved))
+    return (there - torque_on_branches(row, values, at_turns, loop)) / (step * loop.direction)
 
 
 def _scale_nm(residual_nm: FloatArray, loop: LoopSamples) -> float:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import optimize
@@ -28,12 +29,14 @@ class LoopSamples:
     """Wind-up [arcmin] and output torque [N·m] in order of time, with the direction (+1, −1) of each sample's branch.
 
     Every branch runs from its turn to its end without turning back. The first sample continues the last one: whole
-    cycles, from one reversal to the same one.
+    cycles, from one reversal to the same one. angle_noise_arcmin: rms that the wind-up is uncertain by from sample to
+    sample: what was taken from it to make it monotone, or the steps of the encoders, if those are known to be larger.
     """
 
     angle_arcmin: FloatArray
     torque_nm: FloatArray
     direction: FloatArray
+    angle_noise_arcmin: float = 0.0
 
     @property
     def branches(self) -> tuple[slice, ...]:
@@ -102,12 +105,17 @@ def loop_samples(
 
 
 def samples_of_branches(
-    forward: Sequence[Branch], backward: Sequence[Branch], most_points: int = MOST_POINTS
+    forward: Sequence[Branch],
+    backward: Sequence[Branch],
+    most_points: int = MOST_POINTS,
+    *,
+    angle_noise_arcmin: float = 0.0,
 ) -> LoopSamples:
     """Join the branches of the cycles, as they were evaluated, to a path: falling, then rising, cycle after cycle.
 
-    Their torque is at the output, and fixture and reversal were taken care of. Raises AnalysisError for branches that
-    are no pairs, or hold fewer than 40 points.
+    Their torque is at the output, and fixture and reversal were taken care of. angle_noise_arcmin: rms that is known of
+    the wind-up, as the steps of encoders; where the branches show more, that counts. Raises AnalysisError for
+    branches that are no pairs, or hold fewer than 40 points.
     """
     if not forward or len(forward) != len(backward):
         raise AnalysisError(f"model: {len(forward)} rising and {len(backward)} falling branches; needed are pairs")
@@ -119,13 +127,18 @@ def samples_of_branches(
             (rising.angle_arcmin, rising.torque_nm, 1),
         )
     ]
-    return _joined(path, most_points)
+    joined = _joined(path, most_points)
+    return replace(joined, angle_noise_arcmin=max(joined.angle_noise_arcmin, angle_noise_arcmin))
 
 
 def _joined(path: Sequence[tuple[FloatArray, FloatArray, int]], most_points: int) -> LoopSamples:
     """Thin the branches of a path and join them; AnalysisError when too little is left."""
     turned = [(*_from_turn(angle, torque, direction), direction) for angle, torque, direction in path]
     total = sum(angle.size for angle, _, _ in turned)
+    taken = sum(
+        float(np.square(angle[-ahead.size :] - ahead).sum())
+        for (angle, _, _), (ahead, _, _) in zip(path, turned, strict=True)
+    )
     if total < LEAST_POINTS:
         raise AnalysisError(f"model: {total} points in the branches; needed are {LEAST_POINTS} or more")
     stride = max(1, -(-total // most_points))
@@ -133,6 +146,7 @@ def _joined(path: Sequence[tuple[FloatArray, FloatArray, int]], most_points: int
         np.concatenate([angle[::stride] for angle, _, _ in turned]),
         np.concatenate([torque[::stride] for _, torque, _ in turned]),
         np.concatenate([np.full(angle[::stride].size, float(direction)) for angle, _, direction in turned]),
+        math.sqrt(taken / total),
     )
 
 

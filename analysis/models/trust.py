@@ -3,7 +3,8 @@
 Residuals of a model that does not quite fit are not noise: neighbours err alike. The covariance is the larger one, for
 each parameter, of two: residuals as independent, and residuals summed over stretches of the path (P. J. Huber, "The
 behavior of maximum likelihood estimates under nonstandard conditions", 1967; stretches as clusters after K.-Y. Liang
-and S. L. Zeger, 1986). Neither knows of errors that every stretch shares, as of a sensor's gain.
+and S. L. Zeger, 1986). To that comes what is left of the noise of the wind-up: next to a turn the loop is so steep that
+an encoder's step is many N·m. None of it knows of errors that every stretch shares, as of a sensor's gain.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ NO_INFLUENCE = 1e-9
 STRETCHES = (160, 40, 10, 3, 1)
 """Lengths of path over which residuals are summed, as parts of a branch: the one that says most counts."""
 
+SHORT_STRETCHES = 10
+"""Stretches of this many parts of a branch or more: how far an error of the wind-up may reach."""
+
 
 class Refusal(NamedTuple):
     """A parameter that the loop does not determine: the one it cannot be told from ("" for none), and why."""
@@ -34,11 +38,15 @@ class Refusal(NamedTuple):
 
 
 class RobustFit(NamedTuple):
-    """What a fit by Cauchy's loss leaves: Jacobian (samples, parameters), residuals [N·m], their scale c [N·m]."""
+    """What a fit by Cauchy's loss leaves: Jacobian (samples, parameters), residuals [N·m], their scale c [N·m].
+
+    angle_error_nm: torque that the noise of the wind-up stands for, per sample: slope times noise.
+    """
 
     jacobian: FloatArray
     residual_nm: FloatArray
     scale_nm: float
+    angle_error_nm: FloatArray
 
 
 def trust(fit: RobustFit, place: FloatArray, names: list[str]) -> tuple[FloatArray, FloatArray, tuple[Refusal, ...]]:
@@ -78,9 +86,14 @@ def _covariances(scaled: FloatArray, fit: RobustFit, place: FloatArray) -> tuple
     inverse = np.linalg.pinv((scaled * curvature[:, None]).T @ scaled, hermitian=True)
     spare = max(1, score.size - scaled.shape[1])
     alone = float(np.square(score).sum()) / spare / max(float(curvature.mean()), 1e-12)
-    variances = [alone * np.diag(inverse)]
+    variances, by_angle = [alone * np.diag(inverse)], [np.zeros(scaled.shape[1])]
     for parts in STRETCHES:
         starts: IntArray = np.flatnonzero(np.diff(np.floor(place * parts), prepend=-1.0))
         sums = np.add.reduceat(scaled * score[:, None], starts, axis=0) @ inverse
         variances.append(np.square(sums).sum(axis=0) * starts.size / max(1, starts.size - 1))
-    return inverse, np.max(variances, axis=0)
+        # the same error all along a branch would be an offset of the wind-up
+        if parts >= SHORT_STRETCHES:
+            sums = np.add.reduceat(scaled * (curvature * fit.angle_error_nm)[:, None], starts, axis=0) @ inverse
+            by_angle.append(np.square(sums).sum(axis=0))
+    total: FloatArray = np.max(variances, axis=0) + np.max(by_angle, axis=0)
+    return np.asarray(inverse, dtype=np.float64), total

@@ -29,8 +29,11 @@ FIRST_EVALUATIONS = 12
 
 MOST_EVALUATIONS = 200
 
-ROUNDS = 3
-"""Fits with the scale of Cauchy's loss taken from the residuals of the fit before."""
+ROUNDS = (1e-4, 1e-5, 1e-8)
+"""Fits with the scale of Cauchy's loss from the residuals of the fit before: relative change of the loss at the end."""
+
+ROUGH = 1e-3
+"""The same for the fit by least squares before them."""
 
 CAUCHY = 2.385 * 1.4826
 """Scale of the loss over the median of the residuals' size: 95 % efficient where they are normal."""
@@ -97,21 +100,18 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
     def residual(x: FloatArray) -> FloatArray:
         return torque_on_branches(row, values(x), x[len(free) :], loop) - loop.torque_nm
 
-    def search(begin: FloatArray, evaluations: int, scale_nm: float | None = None) -> Any:
-        loss = {} if scale_nm is None else {"loss": "cauchy", "f_scale": scale_nm}
-        return optimize.least_squares(
-            residual, begin, bounds=(least, most), x_scale="jac", max_nfev=evaluations, **loss
-        )
+    def search(begin: FloatArray, evaluations: int, **how: Any) -> Any:
+        return optimize.least_squares(residual, begin, bounds=(least, most), x_scale="jac", max_nfev=evaluations, **how)
 
     try:
         with np.errstate(all="ignore"):
             natural = [np.array([start[name] for name in free]) for start in starts]
             begins = [np.append(_searched(begin, ratio), [FIRST_SHARE] * turns) for begin in natural]
             first = min((search(begin, FIRST_EVALUATIONS) for begin in begins), key=lambda fit: float(fit.cost))
-            found = search(first.x, MOST_EVALUATIONS)
-            for _ in range(ROUNDS):
+            found = search(first.x, MOST_EVALUATIONS, ftol=ROUGH)
+            for enough in ROUNDS:
                 scale_nm = _scale_nm(found.fun, loop)
-                found = search(found.x, MOST_EVALUATIONS, scale_nm)
+                found = search(found.x, MOST_EVALUATIONS, loss="cauchy", f_scale=scale_nm, ftol=enough)
     except (ValueError, np.linalg.LinAlgError) as error:
         raise AnalysisError(f"model {model}: the fit fails on this loop: {error}; look at the loop") from error
     if found.status <= 0:

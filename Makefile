@@ -12,7 +12,7 @@ FUZZ_REPLIES ?= 100000
 SEEDS ?= 1000
 SECONDS ?= 600
 
-.PHONY: help setup run test model-check wire-faults check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan clean
+.PHONY: help setup run test model-check wire-faults check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan coverage-study clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -29,6 +29,7 @@ help:
 	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"
 	@echo "make seeds   1000 seeded runs in virtual time (SEEDS=N), each made twice and replayed: the same bytes"
 	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
+	@echo "make coverage-study  does the stated uncertainty hold? 200 simulated units, about ten minutes"
 	@echo "make bench   performance figures, as ratios measured in one run"
 	@echo "make ten-minutes  a long scan over wires with cyclictest beside it (SECONDS=N): periods, records, memory"
 
@@ -87,6 +88,9 @@ golden: $(STAMP)
 
 test-socketcan: $(STAMP)
 	$(BIN)/python tests/socketcan/boot.py
+
+coverage-study: $(STAMP)
+	$(BIN)/python -m benchmarks.coverage_study
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -14,7 +14,8 @@ from analysis.measured import Evidence, RunFacts
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import METRIC_UNITS, METRICS, Definition
 from analysis.pipeline import Curves, Result, analyse, measure
-from analysis.quadrants import Quadrants, TorqueLine, fit_quadrants
+from analysis.quadrant_fit import fit_quadrants
+from analysis.quadrants import Quadrants, TorqueLine
 from analysis.runs import commanded_runs
 from analysis.segment_fit import MeanCurve
 from analysis.stages import STAGES, Figure, StageRecord

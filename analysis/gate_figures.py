@@ -176,23 +176,24 @@ def ramp_rate(evidence: Evidence) -> Reading | str:
     found = evidence.measured
     if found is None:
         return NOT_EVALUATED
-    ramps = [some for one, some in zip(_sides(found), found.blocks, strict=True) if len(one.run.pieces) == 1]
-    if not ramps:
-        return "loaded in steps"
-    deviations = [_unsteadiness(some) for some in ramps]
-    if None in deviations:
-        return "the trace has no time"
-    return Reading(100.0 * max(one for one in deviations if one is not None))
+    deviations = []
+    for number, (one, some) in enumerate(zip(_sides(found), found.blocks, strict=True)):
+        if len(one.run.pieces) > 1:
+            continue
+        if some.t_s is None:
+            return "the trace has no time"
+        exclusion = found.loops[number // 2].exclusion_nm[0 if one.run.direction > 0 else 1]
+        deviations.append(_unsteadiness(some, some.t_s, exclusion))
+    return Reading(100.0 * max(deviations)) if deviations else "loaded in steps"
 
 
-def _unsteadiness(blocks: Blocks) -> float | None:
-    if blocks.t_s is None:
-        return None
-    size = max(1, blocks.t_s.size // RATE_BLOCKS)
-    edges = np.arange(0, blocks.t_s.size - size + 1, size)
+def _unsteadiness(blocks: Blocks, t_s: FloatArray, exclusion_nm: float) -> float:
+    """Deviation of the rate of one ramp from steady, outside the torque in which friction reverses after the turn."""
+    size = max(1, t_s.size // RATE_BLOCKS)
+    edges = np.arange(0, t_s.size - size + 1, size)
     time, torque, angle = (
         np.add.reduceat(values[: edges[-1] + size], edges) / size
-        for values in (blocks.t_s, blocks.torque_nm, blocks.angle_arcmin)
+        for values in (t_s, blocks.torque_nm, blocks.angle_arcmin)
     )
     step = np.diff(time)
     if not (step > 0).all():
@@ -200,7 +201,8 @@ def _unsteadiness(blocks: Blocks) -> float | None:
     # Unloading may be faster than loading for the same input torque: each half is compared with itself.
     largest = MIDDLE * min(abs(float(torque[0])), abs(float(torque[-1])))
     middle = (torque[:-1] + torque[1:]) / 2.0
-    halves = [(middle < 0) & (middle > -largest), (middle > 0) & (middle < largest)]
+    turned = np.abs(middle - torque[0]) > exclusion_nm
+    halves = [turned & (middle < 0) & (middle > -largest), turned & (middle > 0) & (middle < largest)]
     found = [_spread(np.diff(values) / step, halves) for values in (torque, angle)]
     return min(found)
 

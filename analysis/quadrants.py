@@ -9,37 +9,19 @@ stored calibration, or no input angle) that stretch is masked.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage, optimize
+from scipy import ndimage
 
 from analysis.errors import AnalysisError
-from analysis.runs import Run
-from analysis.torque_ratio import RatioFit, fit_torque_ratio
-from analysis.trace import Trace
+from analysis.torque_ratio import RatioFit
 from analysis.units import BoolArray, FloatArray
 
 QUADRANTS = ("load_positive", "unload_positive", "load_negative", "unload_negative")
 """Names of the four lines."""
-
-LOADING_RANGE = (0.05, 0.99)
-UNLOADING_RANGE = (0.05, 0.75)
-"""Share of the peak torque that a line is fitted to; above, an unloading run is still in its transition."""
-
-FIT_BLOCKS = 200
-"""Samples are averaged to this many points per line, so that residuals do not repeat each other."""
-
-TRANSITION_BOUNDS_RAD = (1e-6, 0.3)
-"""Bounds of the transition length L at the input shaft."""
-
-TRANSITION_POINTS = 20_000
-"""Samples of a run that the transition is fitted to at most, evenly picked."""
-
-TRANSITION_RESIDUAL = 0.03
-"""A transition that fits worse than this share of the peak torque is masked instead."""
 
 BLEND_END = 1e-5
 """The transition ends where less than this share of the loading line is left."""
@@ -49,12 +31,6 @@ ZERO_SAMPLES = 15
 
 NEAR_ZERO = (0.4, 0.06)
 """Piece of the unloading line, in fractions of its friction torque, that is continued to zero."""
-
-LEFTOVER_BINS = 240
-"""Bins of torque in which what the conversion leaves over is averaged and corrected: 4 N·m of a branch of 900 N·m."""
-
-FINE_BINS = 960
-"""Bins that show what the correction itself leaves over."""
 
 MASK_BELOW_TURN = 0.15
 """Share of the torque at the turn that is masked after a reversal when the transition length is not known."""
@@ -101,39 +77,6 @@ class Quadrants:
                 )
 
 
-def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
-    """Fit the four lines to the calibrate runs of a trace, and the transition after a reversal where it can be seen.
-
-    Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
-    """
-    torque_in = trace.channel("torque_in_nm", "the torque ratio")
-    torque_out = trace.channel("torque_out_nm", "the torque ratio")
-    calibration = [run for run in runs if run.role == "calibrate"]
-    if not calibration:
-        raise AnalysisError(
-            f"{trace.source}: no calibrate segment; the torque ratio needs input and output torque measured together; "
-            "calibrate in the sequence, or give a stored calibration"
-        )
-    peak = max(float(np.abs(run.take(torque_out)).max()) for run in calibration)
-    fits = {}
-    for name in QUADRANTS:
-        sign = 1 if name.endswith("positive") else -1
-        loading = name.startswith("load")
-        pairs = [_points(run, torque_in, torque_out, sign, peak, loading=loading) for run in calibration]
-        x, y = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-        if x.size < 3:
-            raise AnalysisError(
-                f"{trace.source}: torque ratio: quadrant {name} has {x.size} points; needed are 3 or more; calibrate "
-                "up and down on both sides of zero"
-            )
-        fits[name] = fit_torque_ratio(x, y)
-    lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
-    steady = Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)
-    length = _fit_transition(trace, calibration, steady, peak)
-    with_length = replace(steady, transition_rad=length)
-    return replace(with_length, left=_leftovers(trace, calibration, with_length, peak))
-
-
 def output_torque(
     quadrants: Quadrants, torque_in_nm: FloatArray, direction: int, angle_in_rad: FloatArray | None
 ) -> tuple[FloatArray, BoolArray]:
@@ -141,18 +84,18 @@ def output_torque(
 
     angle_in_rad: input angle of the same samples, None when it was not measured.
     """
-    torque, valid = _by_lines(quadrants, torque_in_nm, direction, angle_in_rad)
+    torque, valid = by_lines(quadrants, torque_in_nm, direction, angle_in_rad)
     left = quadrants.left.get(direction)
     return (torque if left is None else torque - np.interp(torque, left.torque_nm, left.error_nm)), valid
 
 
-def _by_lines(
+def by_lines(
     quadrants: Quadrants, torque_in_nm: FloatArray, direction: int, angle_in_rad: FloatArray | None
 ) -> tuple[FloatArray, BoolArray]:
     """Convert by lines and transition."""
     steady = _steady(quadrants, torque_in_nm, direction, angle_in_rad)
     valid = np.ones(steady.size, dtype=np.bool_)
-    before, after = _turn_lines(quadrants, direction)
+    before, after = turn_lines(quadrants, direction)
     at_turn = before.offset_nm + before.slope * float(torque_in_nm[0])
     if at_turn * direction >= 0:
         return steady, valid
@@ -163,7 +106,7 @@ def _by_lines(
         return steady, valid
     share = np.exp(-np.abs(angle_in_rad - angle_in_rad[0]) / quadrants.transition_rad)
     return np.where(
-        share > BLEND_END, _blended(before, after, torque_in_nm, float(torque_in_nm[0]), share), steady
+        share > BLEND_END, blended(before, after, torque_in_nm, float(torque_in_nm[0]), share), steady
     ), valid
 
 
@@ -186,7 +129,7 @@ def _steady(
     step = -unloading.offset_nm / unloading.slope - at_zero
     share: FloatArray | float = 0.0
     if quadrants.transition_rad is not None and angle_in_rad is not None and crossing < unloaded.size:
-        turn = _step(*_turn_lines(quadrants, direction), float(torque_in_nm[0]))
+        turn = _step(*turn_lines(quadrants, direction), float(torque_in_nm[0]))
         length = quadrants.transition_rad * min(1.0, abs(2.0 * at_zero / turn)) if turn else 0.0
         turned = np.abs(angle_in_rad - angle_in_rad[crossing])
         share = np.exp(-turned / length) if length > 0.0 else 0.0
@@ -212,14 +155,14 @@ def _end_of_unloading(unloaded: FloatArray, friction_nm: float) -> int:
     return min(near + round(min(max(ahead, 0.0), near - far)), int(unloaded.size))
 
 
-def _turn_lines(quadrants: Quadrants, direction: int) -> tuple[TorqueLine, TorqueLine]:
+def turn_lines(quadrants: Quadrants, direction: int) -> tuple[TorqueLine, TorqueLine]:
     """Line before and line after the reversal that a run starts with."""
     if direction < 0:
         return quadrants.load_positive, quadrants.unload_positive
     return quadrants.load_negative, quadrants.unload_negative
 
 
-def _blended(
+def blended(
     before: TorqueLine, after: TorqueLine, torque_in_nm: FloatArray, at_turn_nm: float, share: FloatArray
 ) -> FloatArray:
     """Output torque while friction goes over to the other side: at the turn it is that of the line before.
@@ -235,92 +178,3 @@ def _step(before: TorqueLine, after: TorqueLine, at_turn_nm: float) -> float:
     """Input torque between two lines at the output torque of a turn: the friction that reverses, N·m."""
     turn_nm = before.offset_nm + before.slope * at_turn_nm
     return at_turn_nm - (turn_nm - after.offset_nm) / after.slope
-
-
-def _points(
-    run: Run, torque_in: FloatArray, torque_out: FloatArray, sign: int, peak: float, *, loading: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Averaged points of one run in one quadrant."""
-    if (run.direction == sign) != loading:
-        return np.empty(0), np.empty(0)
-    x, y = run.take(torque_in), run.take(torque_out)
-    low, high = LOADING_RANGE if loading else UNLOADING_RANGE
-    chosen = (sign * y >= low * peak) & (sign * y <= high * peak)
-    x, y = x[chosen], y[chosen]
-    if x.size <= FIT_BLOCKS:
-        return x, y
-    edges = np.linspace(0, x.size, FIT_BLOCKS, endpoint=False).astype(np.int64)
-    counts = np.diff(np.append(edges, x.size))
-    return np.add.reduceat(x, edges) / counts, np.add.reduceat(y, edges) / counts
-
-
-def _leftovers(trace: Trace, calibration: Sequence[Run], quadrants: Quadrants, peak: float) -> dict[int, Leftover]:
-    """Return what the conversion of whole calibration branches leaves over, by direction; only with a transition.
-
-    A branch that starts at rest has other friction than one that starts at a turn: it is left out.
-    """
-    if quadrants.transition_rad is None or trace.torque_in_nm is None or trace.torque_out_nm is None:
-        return {}
-    if trace.angle_in_rad is None:
-        return {}
-    found: dict[int, list[tuple[FloatArray, FloatArray]]] = {}
-    for run in calibration:
-        measured = run.take(trace.torque_out_nm)
-        if -run.direction * measured[0] > 0.5 * peak:
-            converted, _ = _by_lines(
-                quadrants, run.take(trace.torque_in_nm), run.direction, run.take(trace.angle_in_rad)
-            )
-            found.setdefault(run.direction, []).append((converted, converted - measured))
-    left = {}
-    for direction, pieces in found.items():
-        torque, error = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-        left[direction] = Leftover(*_in_bins(torque, error, LEFTOVER_BINS), *_in_bins(torque, error, FINE_BINS))
-    return left
-
-
-def _in_bins(torque: FloatArray, error: FloatArray, bins: int) -> tuple[FloatArray, FloatArray]:
-    """Mean of torque and error in bins of equal width; bins without samples are left out."""
-    low, high = float(torque.min()), float(torque.max())
-    index = np.minimum(((torque - low) / (high - low) * bins).astype(np.int64), bins - 1)
-    count = np.bincount(index, minlength=bins)
-    there = count > 0
-    mean_torque, mean_error = (
-        np.bincount(index, weights=values, minlength=bins)[there] / count[there] for values in (torque, error)
-    )
-    return mean_torque, mean_error
-
-
-def _fit_transition(trace: Trace, calibration: Sequence[Run], steady: Quadrants, peak: float) -> float | None:
-    """Transition length L [rad], None when it cannot be seen or does not describe what was measured."""
-    if trace.angle_in_rad is None or trace.torque_in_nm is None or trace.torque_out_nm is None:
-        return None
-    pieces = []
-    for run in calibration:
-        torque_out = run.take(trace.torque_out_nm)
-        chosen = -run.direction * torque_out > 0.5 * peak
-        if np.count_nonzero(chosen) > 10 and -run.direction * torque_out[0] > 0.5 * peak:
-            angle = run.take(trace.angle_in_rad)
-            travel = np.abs(angle - angle[0])[chosen]
-            thin = slice(None, None, -(-travel.size // TRANSITION_POINTS))
-            torque_in = run.take(trace.torque_in_nm)
-            turn = float(torque_in[0])
-            pieces.append((run.direction, torque_in[chosen][thin], turn, travel[thin], torque_out[chosen][thin]))
-    if not pieces:
-        return None
-
-    def mean_square(log_length: float) -> float:
-        length = float(np.exp(log_length))
-        squares = [
-            np.square(_blended(*_turn_lines(steady, direction), torque_in, turn, np.exp(-travel / length)) - torque_out)
-            for direction, torque_in, turn, travel, torque_out in pieces
-        ]
-        return float(np.concatenate(squares).mean())
-
-    shortest, longest = np.log(TRANSITION_BOUNDS_RAD)
-    grid = np.linspace(float(shortest), float(longest), 40)
-    best = int(np.argmin([mean_square(point) for point in grid]))
-    bounds = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
-    found = optimize.minimize_scalar(mean_square, bounds=bounds, method="bounded")
-    if not np.sqrt(found.fun) <= TRANSITION_RESIDUAL * peak:
-        return None
-    return float(np.exp(found.x))

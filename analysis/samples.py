@@ -9,7 +9,8 @@ import numpy as np
 
 from analysis.errors import AnalysisError
 from analysis.method import Method
-from analysis.quadrants import Quadrants, fit_quadrants, output_torque
+from analysis.quadrant_fit import fit_quadrants
+from analysis.quadrants import Quadrants, output_torque
 from analysis.runs import Run, paired_cycles
 from analysis.stages import Figure, StageRecord
 from analysis.trace import Trace

@@ -7,6 +7,7 @@ the seams so that F joins. Source: "backlash and stiffness measurement system".
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -127,10 +128,23 @@ def fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> F
         )
     torque = np.linspace(low_nm, high_nm, FIT_POINTS)
     angle = interpolate(branch.torque_nm[inside], branch.angle_arcmin[inside], torque)
-    fitted = np.polynomial.Polynomial.fit(torque, angle, degree).convert().coef
+    scaled = _least_squares(degree) @ angle
+    # from x in -1…1 to torque: x = offset + slope·T
+    slope = 2.0 / (high_nm - low_nm)
+    x = np.array([-(high_nm + low_nm) / (high_nm - low_nm), slope])
     coefficients = np.zeros(degree + 1)
-    coefficients[: fitted.size] = fitted
+    power = np.ones(1)
+    for coefficient in scaled:
+        coefficients[: power.size] += coefficient * power
+        power = np.convolve(power, x)
     return coefficients
+
+
+@cache
+def _least_squares(degree: int) -> FloatArray:
+    """Matrix from the values at `FIT_POINTS` even points of -1…1 to the coefficients of their polynomial."""
+    points = np.linspace(-1.0, 1.0, FIT_POINTS)
+    return np.asarray(np.linalg.pinv(np.polynomial.polynomial.polyvander(points, degree)), dtype=np.float64)
 
 
 def polynomial(coefficients: FloatArray, torque_nm: FloatArray | float) -> FloatArray:

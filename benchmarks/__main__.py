@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from benchmarks import analysis_speed, virtual_time
+from benchmarks import analysis_speed, monte_carlo_speed, virtual_time
 from benchmarks.wakeups import HEAD, ROOT, Lateness, cyclictest, full_scan, in_child, of_report
 from station.timing_rates import HEAD as RATES_HEAD
 from station.timing_rates import bus_us, limit, measured
@@ -113,6 +113,7 @@ def main() -> None:
     print(f"replay: {replayed:.0f} scans/s, {replayed / 1000:.0f} x real time at 1 ms")
     print(f"lostmotion --help: {help_time():.2f} s of processor time")
     analysis_speed.show()
+    monte_carlo_speed.main()
     print()
     sys.stdout.flush()
     subprocess.run([sys.executable, "benchmarks/virtual_bench_load.py", "3"], check=True, cwd=ROOT)

@@ -28,10 +28,12 @@ def wanted() -> list[MetricWanted]:
 
 def line(row: CoverageRow) -> str:
     """One row of the table."""
+    nothing = abs(row.value) < 1e-3 * row.expanded
+    share = "" if nothing else f"{row.largest_relative:.2%}"
     return (
-        f"| `{row.metric}` | {row.value:.4g} {row.unit} | {row.bias / row.expanded:+.2f} | "
+        f"| `{row.metric}` | {0.0 if nothing else row.value:.4g} {row.unit} | {row.bias / row.expanded:+.2f} | "
         f"{2 * row.deviation / row.expanded:.2f} | {row.expanded:.2g} | {row.largest:.2g} | "
-        f"{row.largest_relative:.2%} | {row.covered:.1%} | {row.count} |"
+        f"{share} | {row.covered:.1%} | {row.count} |"
     )
 
 

@@ -49,6 +49,7 @@ class Release:
                 context.phase = self.OPEN
                 context.measured.brake_current_expected_a = 0.0
                 context.lock_proven = False
+                context.lock_found = False
                 context.brake_on = 0
                 context.brake_current_a = 0.0
         elif not image.brake_on and image.brake_current_a <= context.program.lock.tolerance_a:

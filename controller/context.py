@@ -46,6 +46,7 @@ class Context:
         "left_loaded",
         "loading_offset_nm",
         "loading_slope",
+        "lock_found",
         "lock_proven",
         "lock_zero_rad",
         "measured",
@@ -67,6 +68,7 @@ class Context:
         self.brake_current_a = 0.0
         self.brake_on = 0
         self.left_loaded = False
+        self.lock_found = True
         self.notes: list[str] = []
         self.begin()
 
@@ -95,7 +97,7 @@ class Context:
         self.measured.mode_expected = 0
 
     def keep_lock(self, image: Image) -> None:
-        """Leave the lock as it is found before a run: nobody knows yet what a closed one holds."""
+        """Leave the lock as it is found, until a step of the run orders it: nobody knows what a closed one holds."""
         if image.brake_age_scans == AGE_NEVER:
             return
         if not image.brake_on:
@@ -107,6 +109,7 @@ class Context:
     def take_up(self, image: Image, torque_in_tare_nm: float, torque_out_tare_nm: float) -> None:
         """Go on where an earlier run ended: its zeroes, angles from where the shafts stand, the lock as found."""
         self.left_loaded = True
+        self.lock_found = False
         self.torque_in_tare_nm, self.torque_out_tare_nm = torque_in_tare_nm, torque_out_tare_nm
         self.take_references(image)
         self.measured.brake_current_expected_a = self.program.lock.current_a if self.brake_on else 0.0

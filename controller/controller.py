@@ -126,6 +126,8 @@ class Controller:
 
     def _measure(self, image: Image) -> None:
         context, program = self._context, self.program
+        if context.lock_found:
+            context.keep_lock(image)
         measured = context.measured
         measured.torque_in_nm = image.torque_in_nm - context.torque_in_tare_nm
         measured.torque_out_nm = image.torque_out_nm - context.torque_out_tare_nm
@@ -147,7 +149,6 @@ class Controller:
 
     def _scan_idle(self, image: Image, elapsed: int) -> Outcome:
         context, left = self._context, self._left
-        context.keep_lock(image)
         outcome = self._readiness.scan(image, elapsed) if self._start_pending else RUNNING
         if outcome.trigger and left is not None:
             context.take_up(image, left.torque_in_tare_nm, left.torque_out_tare_nm)
@@ -199,6 +200,8 @@ class Controller:
         state = self._sequence.state
         self._in_state = 0
         self.events.append(Event(scan, "transition", before.name.lower(), state.name.lower()))
+        if state == State.IDLE:
+            self._context.lock_found = True
         if state == State.HOME:
             self._start_pending = False
             self._watch.forget()

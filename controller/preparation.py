@@ -174,6 +174,7 @@ class CloseLock:
         """Switch the brake on; the drive stays enabled with no torque."""
         context = self._context
         context.phase = self.CLOSE
+        context.lock_found = False
         context.brake_on = 1
         context.brake_current_a = context.program.lock.current_a
         self._waited = 0

@@ -30,11 +30,19 @@ from station.seal import alterations
 
 
 def analyze(
-    trace: str, recipe: str | None, bench: str | None, data: Path, *, as_json: bool, preset: str | None = None
+    trace: str,
+    recipe: str | None,
+    bench: str | None,
+    data: Path,
+    *,
+    as_json: bool,
+    preset: str | None = None,
+    draws: int = 0,
 ) -> int:
     """Analyse a trace and print its result; return the exit code of its verdict.
 
     preset: report the metrics of this preset instead of the recipe's; the recipe's limits for them hold.
+    draws: of Monte Carlo beside the uncertainty budget.
 
     Raises:
         StationError, RecipeError, AnalysisError: what cannot be read, or what the method needs and the trace lacks.
@@ -46,14 +54,14 @@ def analyze(
     if path.is_file():
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the trace is evaluated")
-        result = elsewhere(path, recipe, bench, preset)
+        result = elsewhere(path, recipe, bench, preset, draws=draws)
     elif path.suffix in (".csv", ".parquet"):
         raise StationError(f"{trace}: there is no such file")
     else:
         run = Store(data).find(trace)
         if run.state() != "complete" and not alterations(run):
             return _incomplete(run, as_json=as_json)
-        result = reevaluate(run, recipe, bench, preset)
+        result = reevaluate(run, recipe, bench, preset, draws=draws)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
         return _code(result)
@@ -127,14 +135,16 @@ def _judged_by_preset(plain: dict[str, Any], recipe: Recipe, preset: str | None)
     return plain | {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
 
 
-def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str | None) -> dict[str, Any]:
+def elsewhere(
+    path: Path, recipe_name: str, bench_name: str | None, preset: str | None, *, draws: int = 0
+) -> dict[str, Any]:
     """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset."""
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
     method, wanted = method_without_run(recipe, bench), wanted_of(recipe, preset)
     figures = None if bench is None else figures_for(recipe, bench)
-    found = analyse(read_trace(path), method, wanted, decision_of(recipe), figures=figures)
+    found = analyse(read_trace(path), method, wanted, decision_of(recipe), figures=figures, draws=draws)
     return {
         "run": None,
         "serial": None,
@@ -156,7 +166,7 @@ def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
 
 
 def reevaluate(
-    run: RunRecord, recipe_name: str | None, bench_name: str | None, preset: str | None = None
+    run: RunRecord, recipe_name: str | None, bench_name: str | None, preset: str | None = None, *, draws: int = 0
 ) -> dict[str, Any]:
     """Evaluate a complete run anew, by its own recipe, another one or a preset; the record itself is not touched.
 
@@ -177,7 +187,7 @@ def reevaluate(
     _check_fits(recipe, recipe_file, load_recipe(own_recipe), run)
     other_bench = bench_file.read_bytes() != own_bench.read_bytes()
     reevaluated = preset is not None or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
-    _, found = evaluate_run(run, recipe, bench, preset)
+    _, found = evaluate_run(run, recipe, bench, preset, draws=draws)
     plain = _judged_by_preset(found.to_dict(), recipe, preset)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:

@@ -208,8 +208,12 @@ PROVOKE: dict[str, Callable[[Exit], Measured]] = {
 
 
 def provokers(fault: str) -> list[Row]:
-    """Rows of the fault matrix that may raise a fault in a ramp."""
-    return [row for row in ROWS if fault in row.causes and "ramp_pos" in row.states]
+    """Rows of the fault matrix that may raise a fault in a ramp.
+
+    Not those after which no drive can take the torque away: a unit that jams keeps it, and the matrix says how much.
+    """
+    rows = [row for row in ROWS if fault in row.causes and "ramp_pos" in row.states]
+    return [row for row in rows if row.rest <= REST_SHARE_OF_RATED]
 
 
 def measure_fault(row: Exit) -> Measured | None:

@@ -24,7 +24,9 @@ class RunAnalysis:
     result: Result
 
 
-def evaluate_run(run: RunRecord, recipe: Recipe, bench: Bench, preset: str | None = None) -> tuple[Trace, Result]:
+def evaluate_run(
+    run: RunRecord, recipe: Recipe, bench: Bench, preset: str | None = None, *, draws: int = 0
+) -> tuple[Trace, Result]:
     """Evaluate the samples of a complete run by a recipe and a bench; `preset` reports the metrics of that instead.
 
     Raises:
@@ -38,7 +40,7 @@ def evaluate_run(run: RunRecord, recipe: Recipe, bench: Bench, preset: str | Non
     facts = run_facts(table, timing, recipe.sampling)
     segments = run.read_json("program.json")["segments"]
     trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return trace, evaluate_trace(trace, recipe, bench, broken, facts, preset)
+    return trace, evaluate_trace(trace, recipe, bench, broken, facts, preset, draws=draws)
 
 
 def complete_run(run: RunRecord) -> RunAnalysis:

@@ -39,6 +39,16 @@ class Stepper(Protocol):
         """Decide one scan."""
 
 
+class Injected(Protocol):
+    """What faults in virtual time need of the loop: only it knows the scan and the controller's state."""
+
+    def take_missed(self) -> int:
+        """Return how many periods are missed before the next scan."""
+
+    def tell(self, state: str, scan: int) -> None:
+        """Take the state of the controller after a scan."""
+
+
 Append = Callable[[int, int, int, Image, Orders], bool]
 """`append(scan, lateness_ns, work_ns, image, orders)`, False when the record was lost."""
 
@@ -55,18 +65,33 @@ class Stop:
         self.wanted = True
 
 
-def run_virtual(bench: Bench, controller: Stepper, append: Append, take_command: Callable[[int], int]) -> int:
-    """Run scans back to back until the controller has finished; return how many there were."""
-    scan = 0
+def run_virtual(
+    bench: Bench,
+    controller: Stepper,
+    append: Append,
+    take_command: Callable[[int], int],
+    faults: Injected | None = None,
+) -> int:
+    """Run scans back to back until the controller has finished; return how many there were.
+
+    `faults` may skip periods, as a machine in trouble does, and are told where the controller is.
+    """
+    sequence = missed = 0
+    scan = -1
     read, step, write = bench.read, controller.step, bench.write
     while True:
-        image = read(scan, 0, take_command(scan))
+        if faults is not None:
+            missed = faults.take_missed()
+        scan += 1 + missed
+        image = read(scan, missed, take_command(sequence))
         orders = step(image, scan)
         write(orders, scan)
         append(scan, 0, 0, image, orders)
-        scan += 1
+        if faults is not None:
+            faults.tell(State(orders.state).name.lower(), scan)
+        sequence += 1
         if controller.finished:
-            return scan
+            return sequence
 
 
 def run_real(

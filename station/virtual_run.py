@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from controller.context import Event
 from controller.controller import Controller
 from controller.image import Command
 from drivers.virtual.inprocess import VirtualTimeBench
@@ -64,6 +65,7 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
     profiles = {name: record.folder / "profiles" / f"{name}.yaml" for name in job.profile_names}
     bench = VirtualTimeBench(virtual_config(job.bench, profiles, unit), job.recipe.sampling.period_ns, faults)
     controller = Controller(job.program)
+    injected = None if faults is None else bench.faults
     operator = _Operator()
     file = Appender(record.samples)
     recorder = VirtualRecorder(file)
@@ -75,11 +77,14 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
 
     try:
         with quiet_collector(), _listening(operator):
-            run_virtual(bench, controller, recorder.append, take_command)
+            run_virtual(bench, controller, recorder.append, take_command, injected)
     finally:
         try:
             recorder.flush()
         finally:
             file.close()
     notes = [event._asdict() for event in controller.events if event.kind == "note"]
+    if injected is not None:
+        last = Event(recorder.sequence - 1, "note", controller.state.name.lower(), "")
+        notes += [last._replace(text=f"injected fault: {text}")._asdict() for text in injected.why_unseen()]
     return Ending(written=recorder.sequence, notes=notes)

@@ -12,7 +12,8 @@ import numpy as np
 from analysis.branches import Branch
 from analysis.measured import Measured
 from analysis.method import Method
-from analysis.quadrants import LOADING_RANGE, QUADRANTS, UNLOADING_RANGE, Quadrants, TorqueLine
+from analysis.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
+from analysis.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.samples import BranchSamples
 from analysis.turning import converts
 from analysis.units import FloatArray

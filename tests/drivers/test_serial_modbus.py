@@ -14,6 +14,8 @@ from drivers.errors import ModbusError
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
 
+pytestmark = pytest.mark.wires
+
 TIMEOUT, DRAIN = 80, 200
 """In scans of a millisecond."""
 
@@ -171,7 +173,7 @@ def test_a_spoilt_reply_costs_a_value_and_nothing_else(running: Stand, spoil: Ca
     running.cable.on_reply = once(spoil)
     running.run(lambda: running.line.garbage + running.line.timeouts == 1)
     before = running.counter
-    assert running.line.epoch == epoch + 1
+    assert running.line.epoch > epoch, "the identity is read again"
     running.replies(5)
     assert running.counter > before
     assert running.amplifier.trusted

@@ -17,10 +17,11 @@ import tempfile
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 
-from kills import COMMAND, ROOT, RUN_S, lostmotion, short_recipe  # noqa: E402 - after the path of a script run by hand
+from kills import COMMAND, LASTS_S, ROOT, short_recipe  # noqa: E402 - after the path of a script run by hand
 
 from station.record_check import check_file, read_table  # noqa: E402
 
@@ -28,6 +29,13 @@ START_S = 4.0
 """About how long it takes from the command to the first record."""
 
 SETTLE_S = 0.5
+
+
+def lostmotion(*args: str) -> tuple[int, dict[str, Any]]:
+    """Run a command with --json; return its exit code and object."""
+    done = subprocess.run([*COMMAND, *args, "--json"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr, done.stderr
+    return done.returncode, json.loads(done.stdout) if done.stdout else {}
 
 
 def _family(desk: int) -> dict[str, int]:
@@ -181,7 +189,7 @@ def main() -> int:
         drill = Drill(Path(folder))
         for number in range(cuts):
             loaded = number % 4 != 3
-            after_s = chance.uniform(0.0, RUN_S) if loaded else chance.uniform(0.3, START_S)
+            after_s = chance.uniform(0.0, LASTS_S["run"]) if loaded else chance.uniform(0.3, START_S)
             found, wrong = drill.cut(after_s, ring_too=number % 2 == 1, loaded=loaded)
             bad += bool(wrong)
             since = "its first record" if loaded else "the command"

@@ -123,3 +123,12 @@ def test_stored_run_is_shown_listed_and_analysed_again(lostmotion, short_recipe)
     assert "PASS" in lostmotion("show", run_id).out
     again = lostmotion("analyze", str(ran.record), "--recipe", short_recipe, "--json").json
     assert [m["value"] for m in again["metrics"]] == [m["value"] for m in ran.json["metrics"]]
+
+
+def test_a_scenario_acts_in_a_run_as_it_does_in_its_own_command(lostmotion):
+    scenario = str(Path(__file__).parents[2] / "scenarios" / "heartbeat-lost.yaml")
+    ran = lostmotion("run", recipe("rv-40e-121-faults"), "--virtual-time", "--json", "--serial", "H",
+                     "--scenario", scenario)  # fmt: skip
+    assert ran.exit_code == 4
+    assert ran.json["state"] == "fault"
+    assert [alarm["id"] for alarm in ran.json["alarms"] if alarm["first"]] == ["drive_heartbeat_lost"]

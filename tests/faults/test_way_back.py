@@ -129,3 +129,14 @@ def test_a_bench_whose_devices_do_not_answer_ends_the_way_back(stopped):
     assert settle(bench, 5000).fault == FAULT_BY_ID["devices_not_ready"].number
     assert bench.controller.finished
     assert bench.run.orders[-1].brake_on
+
+
+@pytest.mark.parametrize("command", [Command.STOP, Command.QUICK_STOP])
+def test_a_command_that_comes_before_the_devices_leaves_a_closed_lock_closed(stopped, command):
+    bench = restarted(stopped, knowing=False)
+    bench.controller = Controller(bench.controller.program)
+    bench.order(command)
+    settle(bench, 300)
+    assert bench.run.states[-1] in ("stopped", "fault")
+    assert all(orders.brake_on for orders in bench.run.orders)
+    assert abs(bench.run.torque_nm[-1]) > 0.025 * RATED_NM

@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import small_bench
 from bench_model import READY
 from mutants import Mutant
-from safety_rules import CONDITIONS, LOCKED, RULES, BrokenRuleError, Monitor, check_step, require
-from small_bench import START, STRONG, BenchState, Choice, advance, choices
+from safety_rules import CONDITIONS, LOCKED, RULES, TOWARDS_TORQUE, BrokenRuleError, Monitor, check_step, require
+from small_bench import START, STRONG, WOUND_UP, ZERO_NM, BenchState, Choice, advance, choices
 from snapshots import Freezer, Snapshot
 
-from controller.aftermath import Release
+from controller.aftermath import FaultReaction, Release
 from controller.controller import Controller
 from controller.faults import FAULT_BY_ID
+from controller.held_lock import HeldLock, Left
 from controller.image import Command, Image, Orders, Reaction, State
 from controller.interlocks import Measured, Watch
 from controller.program import Program
@@ -69,19 +70,21 @@ class Explored:
 @contextmanager
 def coarse_time() -> Iterator[None]:
     """Proofs of a few scans instead of fifty, so that the space stays small; the code that counts them is the same."""
-    before = (Release.PROVE_SCANS, Unloading.RELAX_SCANS)
-    Release.PROVE_SCANS, Unloading.RELAX_SCANS = 2, 1
+    before = (Release.PROVE_SCANS, Unloading.RELAX_SCANS, HeldLock.HOLD_SCANS)
+    Release.PROVE_SCANS, Unloading.RELAX_SCANS, HeldLock.HOLD_SCANS = 2, 1, 2
     try:
         yield
     finally:
-        Release.PROVE_SCANS, Unloading.RELAX_SCANS = before
+        Release.PROVE_SCANS, Unloading.RELAX_SCANS, HeldLock.HOLD_SCANS = before
 
 
 class Explorer:
-    """Breadth-first search over one program."""
+    """Breadth-first search over one program; `left`: over the way back on a bench that was left wound up."""
 
-    def __init__(self, *, by_speed: bool = False) -> None:
-        self.controller = Controller(small_bench.small_program(by_speed=by_speed))
+    def __init__(self, *, by_speed: bool = False, left: bool = False) -> None:
+        taken_up = Left(FAULT_BY_ID["operator_quick_stop"].number, 0.0, ZERO_NM) if left else None
+        self.left = left
+        self.controller = Controller(small_bench.small_program(by_speed=by_speed), left=taken_up)
         self.freezer = Freezer(self.controller, WATCHED_ALARMS)
         self.choices = choices()
         self.by_name = {choice.name: choice for choice in self.choices}
@@ -103,6 +106,11 @@ class Explorer:
             image = image._replace(sample_counter=self.controller._last_counter % 3 + 1)
         orders = self._decide(image)
         monitor = check_step(node.bench, node.monitor, image, orders)
+        if self.left:
+            proven = self.controller._context.lock_proven
+            enabling = orders.drive_command in TOWARDS_TORQUE
+            require(7, f"drive command {orders.drive_command} before the lock has proven itself",
+                    holds=proven or not enabling)  # fmt: skip
         return Node(self.freezer.take(), bench._replace(orders=orders), monitor), image, orders
 
     def _decide(self, image: Image) -> Orders:
@@ -120,7 +128,7 @@ class Explorer:
 
     def first(self) -> Node:
         """The bench switched on."""
-        return Node(self.freezer.take(), START, Monitor())
+        return Node(self.freezer.take(), WOUND_UP if self.left else START, Monitor())
 
     def nominal(self) -> list[Node]:
         """The nodes of an undisturbed run, from idle to complete."""
@@ -139,9 +147,9 @@ class Explorer:
         _check_trips()
         queue: deque[tuple[int, Node]] = deque()
         _check_agreement(self.controller.program)
-        for number, node in enumerate(self.nominal()):
+        for number, node in enumerate([self.first()] if self.left else self.nominal()):
             self._take_in(node, queue, (number - 1, "nominal"))
-            if number % 3 == 0:
+            if number % 3 == 0 and not self.left:
                 self._ways_back(node)
         while queue and len(self._ids) < most_states and time.perf_counter() - begin < most_s:
             number, node = queue.popleft()
@@ -209,7 +217,8 @@ class Explorer:
                 at = self.step(at, choice)[0]
                 key = self.key(at)
                 state = at.bench.orders.state
-                if state in (S.IDLE, S.COMPLETE, S.STOPPED) or (state == S.FAULT and self.controller.finished):
+                settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a way back waits for a person
+                if state in (S.IDLE, S.COMPLETE, S.STOPPED) or (state == S.FAULT and settled):
                     break
                 require(11, f"{choice.name} for ever, in {State(state).name}", holds=key not in seen)
                 seen.add(key)

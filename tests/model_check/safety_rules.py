@@ -164,12 +164,14 @@ def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Order
     _check_set_points(was, image, orders)
     low = abs(image.torque_out_nm - ZERO_NM) <= RELEASE_NM and image.sample_age_scans <= 5
     low_scans = min(monitor.low_scans + 1, 2 * PROVE_SCANS) if low and last == S.RELEASE else 0
-    if was.brake_on and not orders.brake_on:
+    if was.brake_on and not orders.brake_on and (last != S.IDLE or image.brake_on):
         off = image.drive_state in OFF
         holds = last == S.RELEASE and off and low_scans >= PROVE_SCANS
         require(4, f"in {last.name}, drive {image.drive_state}, low for {low_scans} scans", holds=holds)
     resting = now in (S.IDLE, S.COMPLETE, S.STOPPED)
-    idle = orders.drive_command == DriveCommand.DISABLE_VOLTAGE and not orders.brake_on
+    # a lock that is found closed before anything was started stays as it was found
+    found_closed = now in (S.IDLE, S.STOPPED) and was.brake_on and image.brake_on
+    idle = orders.drive_command == DriveCommand.DISABLE_VOLTAGE and (not orders.brake_on or found_closed)
     require(8, f"{now.name} with drive command {orders.drive_command}", holds=idle or not resting)
     monitor = _remember(monitor, last, now, image, orders)
     _check_lock(monitor, now, orders, closed=image.brake_on or was.brake_on)

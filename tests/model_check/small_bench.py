@@ -143,6 +143,12 @@ def advance(bench: BenchState, choice: Choice, counter: int) -> tuple[BenchState
     return BenchState(drive, mode, torque_nm, brake_on, orders), image
 
 
+WOUND_UP = START._replace(
+    torque_out_nm=PEAK_NM, brake_on=1, orders=START.orders._replace(brake_on=1, brake_current_a=LOCK_A)
+)
+"""As a run before has left it: the lock holds a torque, and the brake supply keeps its order."""
+
+
 STRONG: dict[str, dict[str, float]] = {
     "estop": {"estop_released": 0},
     "guard_open": {"guard_closed": 0},

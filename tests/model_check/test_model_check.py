@@ -25,6 +25,12 @@ def test_no_rule_is_broken_near_any_run(by_speed):
         assert found.probed[name] == set(condition.states), name
 
 
+def test_no_rule_is_broken_on_the_way_back_from_a_bench_that_was_left_wound_up():
+    with coarse_time():
+        found = Explorer(left=True).explore(1500)
+    assert found.visited == {State.IDLE, State.FAULT, State.UNLOAD, State.RELEASE, State.STOPPED}
+
+
 def test_the_rules_know_every_interlock_and_every_transition():
     named = {name.split(" ")[0] for name in CONDITIONS}
     assert {row.fault for row in INTERLOCKS} - {"torque_channels_disagree"} == named

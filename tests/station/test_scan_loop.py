@@ -5,7 +5,7 @@ from pathlib import Path
 
 from station_samples import IMAGE, ORDERS
 
-from controller.image import Command, Image, Orders
+from controller.image import Command, Image, Orders, State
 from station import realtime
 from station.scan_loop import START_AT, Stop, run_real, run_virtual, start_once
 from station.scan_times import ScanTimes
@@ -85,3 +85,26 @@ def test_every_request_is_answered_with_a_reason(tmp_path: Path) -> None:
     names = [line.split(":") for line in answers.read_text().splitlines()]
     assert [name for name, _ in names] == ["affinity", "timer_slack", "prefault", "mlock", "gc_off", "fifo"]
     assert all(detail == "True" for _, detail in names)
+
+
+class Trouble:
+    """A machine that misses two periods before the fourth scan, and hears where the controller is."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[str, int]] = []
+
+    def take_missed(self) -> int:
+        return 2 if len(self.told) == 3 else 0
+
+    def tell(self, state: str, scan: int) -> None:
+        self.told.append((state, scan))
+
+
+def test_faults_in_virtual_time_miss_periods_and_hear_where_the_controller_is() -> None:
+    line, trouble = Line(60), Trouble()
+    assert run_virtual(line, line, line.append, start_once, trouble) == 60
+    assert line.recorded == [0, 1, 2, *range(5, 62)]
+    assert [missed for _, missed, _ in line.seen][:5] == [0, 0, 0, 2, 0]
+    assert [scan for scan, _, command in line.seen if command == Command.START] == [START_AT + 2]
+    assert [scan for _, scan in trouble.told] == line.recorded
+    assert {state for state, _ in trouble.told} == {State(ORDERS.state).name.lower()}

@@ -34,9 +34,9 @@ def server(unit_id: int, value: float, verb: str = "") -> ModbusServer:
     return ModbusServer("brake", device, lambda: None, ModbusFaults(schedule, {"brake": REGISTERS}))
 
 
-async def asked(line: RtuLine, unit_id: int) -> list[int] | None:
+async def asked(line: RtuLine, unit_id: int, timeout_s: float = 0.3) -> list[int] | None:
     """What pymodbus' client gets from a unit of a line; None for silence."""
-    client = AsyncModbusSerialClient(await line.start(), baudrate=115200, timeout=0.2, retries=0)
+    client = AsyncModbusSerialClient(await line.start(), baudrate=115200, timeout=timeout_s, retries=0)
     try:
         assert await client.connect()
         reply = await client.read_input_registers(0, count=2, device_id=unit_id)
@@ -55,7 +55,7 @@ def quiet(_kind: str, _text: str) -> None:
 @pytest.mark.parametrize(("unit_id", "found"), [(2, [0x4C42, 17]), (3, [0x4C42, 23]), (4, None)])
 def test_each_device_of_a_line_answers_its_own_unit_only(unit_id: int, found: list[int] | None) -> None:
     line = RtuLine([server(2, 17), server(3, 23)], "", quiet)
-    assert asyncio.run(asked(line, unit_id)) == found
+    assert asyncio.run(asked(line, unit_id, 0.3 if found is None else 10.0)) == found
 
 
 @pytest.mark.parametrize("verb", ["off", "silence", "exception", "truncate", "wrong_unit"])

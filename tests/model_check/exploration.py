@@ -12,8 +12,30 @@ from typing import Any, NamedTuple
 import small_bench
 from bench_model import READY
 from mutants import Mutant
-from safety_rules import CONDITIONS, LOCKED, RULES, TOWARDS_TORQUE, BrokenRuleError, Monitor, check_step, require
-from small_bench import START, STRONG, WOUND_UP, ZERO_NM, BenchState, Choice, advance, choices
+from safety_rules import (
+    CONDITIONS,
+    LOCKED,
+    RULES,
+    TOWARDS_TORQUE,
+    BrokenRuleError,
+    Monitor,
+    broken,
+    check_step,
+    require,
+)
+from small_bench import (
+    START,
+    STRONG,
+    WOUND_UP,
+    ZERO_NM,
+    BenchState,
+    Choice,
+    Devices,
+    Shown,
+    advance,
+    choices,
+    look,
+)
 from snapshots import Freezer, Snapshot
 
 from controller.aftermath import FaultReaction, Release
@@ -57,6 +79,7 @@ class Explored:
     """What a walk has seen."""
 
     states: int = 0
+    choices: int = 0
     steps: int = 0
     places: int = 0
     probes: int = 0
@@ -90,28 +113,24 @@ class Explorer:
         self.by_name = {choice.name: choice for choice in self.choices}
         self.stubborn = [choice for choice in self.choices if choice.name in STUBBORN]
         self.found = Explored()
-        self._counter = 0
         self._places: set[Any] = set()
         self._ids: dict[Any, int] = {}
         self._edges: list[tuple[int, ...]] = []
         self._running: list[bool] = []
         self._came_from: list[tuple[int, str]] = []
 
-    def step(self, node: Node, choice: Choice) -> tuple[Node, Image, Orders]:
-        """One scan from a node; raises `BrokenRuleError`."""
+    def step(self, node: Node, choice: Choice, devices: Devices | None = None) -> tuple[Node, Image, Orders]:
+        """One scan from a node, with what the devices do in it if that is known; raises `BrokenRuleError`."""
         self.freezer.put_back(node.controller)
-        self._counter += 1
-        bench, image = advance(node.bench, choice, self._counter % 3 if "sample_counter" not in choice.shown else 7)
-        if choice.shown.get("sample_counter") is None:
-            image = image._replace(sample_counter=self.controller._last_counter % 3 + 1)
+        devices = devices or advance(node.bench, choice)
+        counter = self.controller._last_counter % 3 + 1
+        image = look(devices, choice.command, counter, choice.shown)
         orders = self._decide(image)
         monitor = check_step(node.bench, node.monitor, image, orders)
-        if self.left:
-            proven = self.controller._context.lock_proven
-            enabling = orders.drive_command in TOWARDS_TORQUE
-            require(7, f"drive command {orders.drive_command} before the lock has proven itself",
-                    holds=proven or not enabling)  # fmt: skip
-        return Node(self.freezer.take(), bench._replace(orders=orders), monitor), image, orders
+        if self.left and orders.drive_command in TOWARDS_TORQUE and not self.controller._context.lock_proven:
+            broken(7, f"drive command {orders.drive_command} before the lock has proven itself")
+        bench = BenchState(devices.drive, devices.mode, devices.torque_out_nm, devices.brake_on, orders)
+        return Node(self.freezer.take(), bench, monitor), image, orders
 
     def _decide(self, image: Image) -> Orders:
         controller = self.controller
@@ -153,17 +172,34 @@ class Explorer:
                 self._ways_back(node)
         while queue and len(self._ids) < most_states and time.perf_counter() - begin < most_s:
             number, node = queue.popleft()
-            self._edges[number] = tuple(self._follow(number, node, choice, queue) for choice in self.choices)
-            found.steps += len(self.choices)
+            self._edges[number] = self._expand(number, node, queue)
         found.complete = not queue
         found.states, found.places = len(self._ids), len(self._places)
         found.longest_scans = self._longest_way()
         found.seconds = time.perf_counter() - begin
         return found
 
-    def _follow(self, number: int, node: Node, choice: Choice, queue: deque[tuple[int, Node]]) -> int:
+    def _expand(self, number: int, node: Node, queue: deque[tuple[int, Node]]) -> tuple[int, ...]:
+        """Let everything happen that may happen in one scan.
+
+        Choices that leave the devices alike and show the controller the same image, such as a drive that lags where it
+        has nothing to do, are one and the same step: the controller sees nothing else.
+        """
+        following: dict[tuple[Devices, int, Shown], int] = {}
+        for choice in self.choices:
+            devices = advance(node.bench, choice)
+            same = devices, choice.command, choice.shown
+            if same not in following:
+                following[same] = self._follow(number, node, choice, devices, queue)
+        self.found.choices += len(self.choices)
+        self.found.steps += len(following)
+        return tuple(following.values())
+
+    def _follow(
+        self, number: int, node: Node, choice: Choice, devices: Devices, queue: deque[tuple[int, Node]]
+    ) -> int:
         try:
-            return self._take_in(self.step(node, choice)[0], queue, (number, choice.name))
+            return self._take_in(self.step(node, choice, devices)[0], queue, (number, choice.name))
         except BrokenRuleError as error:
             error.add_note("timeline: " + ", ".join(self._way_to(number, choice.name)))
             raise
@@ -233,7 +269,7 @@ class Explorer:
             self._probe_one(node, name)
 
     def _probe_one(self, node: Node, name: str) -> None:
-        condition, nominal = CONDITIONS[name], Choice(name, shown=CONDITIONS[name].shown)
+        condition, nominal = CONDITIONS[name], Choice(name, shown=tuple(CONDITIONS[name].shown.items()))
         began = State(node.bench.orders.state)
         strongest = Reaction.NONE
         for _ in range(condition.within_scans):

@@ -7,7 +7,7 @@ react at least. `check_step` holds one step against the rules; a `Monitor` remem
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from small_bench import PROOF_NM, RELEASE_NM, SLEW_NM, TORQUE_LIMIT_NM, ZERO_NM, BenchState
 
@@ -30,6 +30,7 @@ S, R = State, Reaction
 RUNNING = (S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE)
 ALWAYS = (*RUNNING, S.FAULT)
 LOCKED = (S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD)
+RESTING = (S.IDLE, S.COMPLETE, S.STOPPED)
 LOADED = (S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG)
 ENABLING = (DriveCommand.ENABLE_OPERATION, DriveCommand.START_HOMING)
 TOWARDS_TORQUE = (DriveCommand.SWITCH_ON, *ENABLING)
@@ -146,85 +147,101 @@ class BrokenRuleError(AssertionError):
         self.rule = rule
 
 
+def broken(rule: int, found: str) -> NoReturn:
+    """Raise `BrokenRuleError` for rule number `rule`."""
+    raise BrokenRuleError(RULES[rule], found)
+
+
 def require(rule: int, found: str, *, holds: bool) -> None:
     """Raise `BrokenRuleError` for rule number `rule` unless it holds."""
     if not holds:
-        raise BrokenRuleError(RULES[rule], found)
+        broken(rule, found)
 
 
 def _cause_present(image: Image) -> bool:
     return not image.estop_released or not image.guard_closed or bool(image.links_lost)
 
 
+# The checks below are made for every step of every walk: the text of a breach is written only when there is one.
+
+
 def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Orders) -> Monitor:
     """Hold one step against the rules and return what is to be remembered; `before.orders` are the last scan's."""
     was, now, last = before.orders, State(orders.state), State(before.orders.state)
-    require(1, f"{last.name} -> {now.name}", holds=now == last or now in ALLOWED[last])
+    if now != last and now not in ALLOWED[last]:
+        broken(1, f"{last.name} -> {now.name}")
     _check_fault(image, orders)
     _check_set_points(was, image, orders)
-    low = abs(image.torque_out_nm - ZERO_NM) <= RELEASE_NM and image.sample_age_scans <= 5
-    low_scans = min(monitor.low_scans + 1, 2 * PROVE_SCANS) if low and last == S.RELEASE else 0
+    low_scans = 0
+    if last == S.RELEASE and abs(image.torque_out_nm - ZERO_NM) <= RELEASE_NM and image.sample_age_scans <= 5:
+        low_scans = min(monitor.low_scans + 1, PROVE_SCANS)
     if was.brake_on and not orders.brake_on and (last != S.IDLE or image.brake_on):
         off = image.drive_state in OFF
-        holds = last == S.RELEASE and off and low_scans >= PROVE_SCANS
-        require(4, f"in {last.name}, drive {image.drive_state}, low for {low_scans} scans", holds=holds)
-    resting = now in (S.IDLE, S.COMPLETE, S.STOPPED)
-    # a lock that is found closed before anything was started stays as it was found
-    found_closed = now in (S.IDLE, S.STOPPED) and was.brake_on and image.brake_on
-    idle = orders.drive_command == DriveCommand.DISABLE_VOLTAGE and (not orders.brake_on or found_closed)
-    require(8, f"{now.name} with drive command {orders.drive_command}", holds=idle or not resting)
+        if last != S.RELEASE or not off or low_scans < PROVE_SCANS:
+            broken(4, f"in {last.name}, drive {image.drive_state}, low for {low_scans} scans")
+    if now in RESTING:
+        # a lock that is found closed before anything was started stays as it was found
+        found_closed = now != S.COMPLETE and was.brake_on and image.brake_on
+        if orders.drive_command != DriveCommand.DISABLE_VOLTAGE or (orders.brake_on and not found_closed):
+            broken(8, f"{now.name} with drive command {orders.drive_command}, brake order {orders.brake_on}")
     monitor = _remember(monitor, last, now, image, orders)
     _check_lock(monitor, now, orders, closed=image.brake_on or was.brake_on)
-    return monitor._replace(low_scans=low_scans if now == S.RELEASE else 0)
+    low_scans = low_scans if now == S.RELEASE else 0
+    return monitor if monitor.low_scans == low_scans else monitor._replace(low_scans=low_scans)
 
 
 def _check_fault(image: Image, orders: Orders) -> None:
     if orders.state != S.FAULT:
-        require(1, "a fault number without a fault", holds=not orders.fault)
+        if orders.fault:
+            broken(1, "a fault number without a fault")
         return
     enabling = orders.drive_command in TOWARDS_TORQUE
-    unload = orders.reaction == R.UNLOAD and orders.phase == FaultReaction.UNLOADING
-    plain = orders.drive_command == DriveCommand.ENABLE_OPERATION
-    running = image.drive_state == DriveState.OPERATION_ENABLED
-    require(2, f"drive command {orders.drive_command} in phase {orders.phase}, drive state {image.drive_state}",
-            holds=not enabling or (unload and plain and running))  # fmt: skip
-    if orders.reaction >= R.QUICK_STOP:
-        still = not orders.drive_target_torque_nm and not orders.drive_target_velocity_rad_s
-        require(3, f"reaction {orders.reaction}: {orders}", holds=still and not enabling)
-    require(1, "a fault without its number", holds=bool(orders.fault))
+    if enabling:
+        unload = orders.reaction == R.UNLOAD and orders.phase == FaultReaction.UNLOADING
+        plain = orders.drive_command == DriveCommand.ENABLE_OPERATION
+        if not (unload and plain and image.drive_state == DriveState.OPERATION_ENABLED):
+            broken(2, f"drive command {orders.drive_command} in phase {orders.phase}, drive state {image.drive_state}")
+    if orders.reaction >= R.QUICK_STOP and (
+        orders.drive_target_torque_nm or orders.drive_target_velocity_rad_s or enabling
+    ):
+        broken(3, f"reaction {orders.reaction}: {orders}")
+    if not orders.fault:
+        broken(1, "a fault without its number")
 
 
 def _check_set_points(was: Orders, image: Image, orders: Orders) -> None:
     torque_nm, speed = orders.drive_target_torque_nm, orders.drive_target_velocity_rad_s
-    within = abs(torque_nm) <= TORQUE_LIMIT_NM and abs(speed) <= 1.0
-    require(5, f"torque {torque_nm} N·m, speed {speed} rad/s", holds=within)
+    if not (abs(torque_nm) <= TORQUE_LIMIT_NM and abs(speed) <= 1.0):
+        broken(5, f"torque {torque_nm} N·m, speed {speed} rad/s")
     acts = orders.drive_command in ENABLING and was.drive_command in ENABLING
     if not acts or image.drive_state != DriveState.OPERATION_ENABLED:
         return
     if orders.drive_mode == was.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE:
         step_nm = abs(torque_nm - was.drive_target_torque_nm)
-        require(6, f"torque steps by {step_nm} N·m", holds=step_nm <= SLEW_NM + EPSILON)
+        if not step_nm <= SLEW_NM + EPSILON:
+            broken(6, f"torque steps by {step_nm} N·m")
     if orders.drive_mode == was.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
         step = abs(speed - was.drive_target_velocity_rad_s)
         # a dwell stops the shaft at once: from what was left at the turning point
-        require(6, f"speed steps by {step} rad/s", holds=step <= 1.0 + EPSILON)
+        if not step <= 1.0 + EPSILON:
+            broken(6, f"speed steps by {step} rad/s")
 
 
 def _check_lock(monitor: Monitor, now: State, orders: Orders, *, closed: int) -> None:
+    if now in LOADED and not (monitor.proof_up and monitor.proof_down):
+        broken(7, f"{now.name} without the proof of the lock")
+    if now in LOCKED and monitor.tared and orders.torque_out_tare_nm != ZERO_NM:
+        broken(7, f"{now.name} with a zero of {orders.torque_out_tare_nm} N·m")
     moving = orders.drive_target_torque_nm or orders.drive_target_velocity_rad_s
-    if now in LOADED:
-        require(7, f"{now.name} without the proof of the lock", holds=monitor.proof_up and monitor.proof_down)
-    if now in LOCKED and monitor.tared:
-        require(
-            7, f"{now.name} with a zero of {orders.torque_out_tare_nm} N·m", holds=orders.torque_out_tare_nm == ZERO_NM
-        )
-    if moving and orders.drive_command in ENABLING:
-        state = f"{orders.drive_target_torque_nm} N·m in {now.name}, brake order {orders.brake_on}"
-        require(7, state, holds=bool(orders.brake_on))
-    if now == S.LOCK and moving:
-        require(7, "the lock has not been seen closed", holds=bool(closed))
-        require(7, f"{orders.drive_target_torque_nm} N·m before the proof",
-                holds=abs(orders.drive_target_torque_nm) <= TORQUE_LIMIT_NM)  # fmt: skip
+    if not moving:
+        return
+    if orders.drive_command in ENABLING and not orders.brake_on:
+        broken(7, f"{orders.drive_target_torque_nm} N·m in {now.name}, brake order {orders.brake_on}")
+    if now == S.LOCK:
+        if not closed:
+            broken(7, "the lock has not been seen closed")
+        if not abs(orders.drive_target_torque_nm) <= TORQUE_LIMIT_NM:
+            broken(7, f"{orders.drive_target_torque_nm} N·m before the proof")
 
 
 def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:

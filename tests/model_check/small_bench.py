@@ -6,7 +6,8 @@ so that set-points take a handful of values and the whole space of states can be
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 from bench_model import READY
@@ -80,6 +81,10 @@ NEXT_STATE = {
 }
 
 
+Shown = tuple[tuple[str, float], ...]
+"""What an image shows beside what the devices do: fields and their values."""
+
+
 @dataclass(frozen=True)
 class Choice:
     """What happens in one scan: what each device does, what the image shows beside, and what the operator wants."""
@@ -91,7 +96,7 @@ class Choice:
     torque_stays: bool = False  # friction, or a stored rest
     brake_lags: bool = False
     homing: bool = True
-    shown: dict[str, float] = field(default_factory=dict)
+    shown: Shown = ()
 
 
 class BenchState(NamedTuple):
@@ -107,14 +112,25 @@ class BenchState(NamedTuple):
 START = BenchState(D.SWITCH_ON_DISABLED, 0, 0.0, 0, Orders(*[0] * len(Orders._fields)))
 
 
-def advance(bench: BenchState, choice: Choice, counter: int) -> tuple[BenchState, Image]:
-    """Let one scan's time pass as `choice` says; the bench then and what the controller sees of it."""
+class Devices(NamedTuple):
+    """What the devices are once a scan's time has passed, and all of it that they show."""
+
+    drive: int
+    mode: int
+    torque_out_nm: float
+    brake_on: int
+    motor_nm: float
+    homing_attained: int
+
+
+def advance(bench: BenchState, choice: Choice) -> Devices:
+    """Let one scan's time pass as `choice` says."""
     orders = bench.orders
     drive = bench.drive
     if choice.drive == "obeys":
         if orders.drive_command == C.DISABLE_VOLTAGE and drive != D.FAULT:
             drive = D.SWITCH_ON_DISABLED
-        drive = NEXT_STATE.get((DriveState(drive), DriveCommand(orders.drive_command)), drive)
+        drive = NEXT_STATE.get((drive, orders.drive_command), drive)
     elif choice.drive == "drops":
         drive = D.SWITCH_ON_DISABLED if drive != D.FAULT else drive
     elif choice.drive == "faults":
@@ -133,14 +149,20 @@ def advance(bench: BenchState, choice: Choice, counter: int) -> tuple[BenchState
             torque_nm = motor_nm
     if mode == DriveMode.CYCLIC_SYNC_VELOCITY:
         motor_nm = torque_nm
-    shown: dict[str, Any] = {
-        "command": choice.command, "drive_state": drive, "drive_mode": mode, "drive_torque_nm": motor_nm,
-        "drive_homing_attained": int(choice.homing and enabled and orders.drive_command == C.START_HOMING),
-        "torque_in_nm": motor_nm, "torque_out_nm": torque_nm + ZERO_NM, "sample_counter": counter, "brake_on": brake_on,
-        "brake_current_a": LOCK_A * brake_on,
+    homing = int(choice.homing and enabled and orders.drive_command == C.START_HOMING)
+    return Devices(drive, mode, torque_nm, brake_on, motor_nm, homing)
+
+
+@cache
+def look(devices: Devices, command: int, counter: int, shown: Shown) -> Image:
+    """The image that a controller gets of the devices; there are few, so each is made once."""
+    values: dict[str, Any] = {
+        "command": command, "drive_state": devices.drive, "drive_mode": devices.mode,
+        "drive_torque_nm": devices.motor_nm, "drive_homing_attained": devices.homing_attained,
+        "torque_in_nm": devices.motor_nm, "torque_out_nm": devices.torque_out_nm + ZERO_NM, "sample_counter": counter,
+        "brake_on": devices.brake_on, "brake_current_a": LOCK_A * devices.brake_on,
     }  # fmt: skip
-    image = READY._replace(**{**shown, **choice.shown})
-    return BenchState(drive, mode, torque_nm, brake_on, orders), image
+    return READY._replace(**{**values, **dict(shown)})
 
 
 WOUND_UP = START._replace(
@@ -165,14 +187,15 @@ def choices() -> tuple[Choice, ...]:
         {},
         {"torque_stays": True},
         dict(SILENT),
-        {"shown": STRONG["estop"]},
-        {"shown": STRONG["brake_link_lost"]},
+        {"shown": tuple(STRONG["estop"].items())},
+        {"shown": tuple(STRONG["brake_link_lost"].items())},
     ]
     found = [
         Choice(f"{index}.{command.name}", command=command, **world)
         for index, world in enumerate(worlds)
         for command in Command
     ]
+    wild = (("drive_torque_nm", WILD_NM),)
     single: dict[str, dict[str, Any]] = {
         "drive lags": {"drive": "lags"},
         "drive drops": {"drive": "drops"},
@@ -181,9 +204,9 @@ def choices() -> tuple[Choice, ...]:
         "mode lags": {"mode_lags": True},
         "brake lags": {"brake_lags": True},
         "no homing": {"homing": False},
-        "guard opens": {"shown": STRONG["guard_open"]},
-        "samples late": {"shown": {"sample_age_scans": 6}},
-        "drive reports a wild torque": {"shown": {"drive_torque_nm": WILD_NM}},
-        "wild torque and brake link lost": {"shown": {"drive_torque_nm": WILD_NM, **STRONG["brake_link_lost"]}},
+        "guard opens": {"shown": tuple(STRONG["guard_open"].items())},
+        "samples late": {"shown": (("sample_age_scans", 6),)},
+        "drive reports a wild torque": {"shown": wild},
+        "wild torque and brake link lost": {"shown": (*wild, *STRONG["brake_link_lost"].items())},
     }
     return (*found, *(Choice(name, **world) for name, world in single.items()))

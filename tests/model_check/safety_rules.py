@@ -259,6 +259,11 @@ def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: O
             proof_up=monitor.proof_up or image.torque_out_nm >= 0.75 * PROOF_NM,
             proof_down=monitor.proof_down or image.torque_out_nm <= -0.75 * PROOF_NM,
         )
+    if now not in LOADED and now != S.LOCK and (monitor.proof_up or monitor.proof_down):
+        # the next load wants its own proof
+        monitor = monitor._replace(proof_up=False, proof_down=False)
+    if now not in LOCKED and monitor.tared:
+        monitor = monitor._replace(tared=False)
     return _remember_fault(monitor, last, now, image, orders)
 
 
@@ -273,6 +278,9 @@ def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, ord
     if image.command == Command.RESET and monitor.acknowledged:
         monitor = monitor._replace(reset_asked=True)
     if now == S.FAULT:
+        if monitor.reset_asked and orders.phase != FaultReaction.DRIVE_RESET:
+            # refused, or over: the next way back wants its own
+            monitor = monitor._replace(reset_asked=False)
         return monitor
     require(9, "no acknowledgement", holds=monitor.acknowledged)
     require(9, "no reset asked for", holds=monitor.reset_asked)

@@ -15,6 +15,7 @@ from controller.aftermath import FaultReaction
 from controller.controller import Controller
 from controller.faults import FAULT_BY_ID, FAULTS
 from controller.image import State
+from controller.unloading import Unloading
 
 S = State
 CAP = 20
@@ -25,6 +26,7 @@ NEVER_ACTS: dict[str, str] = {
     "first_out": "reported only; that it is set is a property of its own",
     "_last_scan": "only its difference to the next scan counts, and that is one",
     "_in_state": "only tells the caller that the run is over",
+    "_waits_for_person": "same",
     "_logged": "equal to `latched` after every step",
     "_last_counter": "the counter of the small bench says the same",
     "_home._counter": "the counter of the small bench says the same",
@@ -59,6 +61,8 @@ ACTS_IN: tuple[tuple[str, frozenset[State]], ...] = (
     ("_loading._unloading.", frozenset({S.UNLOAD})),
     ("_loading.", LOADING),
     ("_context.segment", LOADING),
+    # the walks turn no shaft, so that no limit above zero tells; a probe does, where every way in has set the limit
+    ("_context.measured.lock_motion_limit_rad", LOADING),
 )
 UNLOADING_ONLY = ("_fault._torque.", "_fault._unloading.")
 """Begun anew with each controlled unload."""
@@ -100,8 +104,13 @@ class Freezer:
             for state in State
             for unloading in (True, False)
         }
-        self._waited = {
-            which: [position for position, i in enumerate(selected) if self.paths[i].endswith("._waited")]
+        caps = {"_waited": CAP, "_at_bound": Unloading.STUCK_SCANS + 1}
+        self._caps = {
+            which: [
+                (position, caps[name])
+                for position, i in enumerate(selected)
+                if (name := self.paths[i].rpartition(".")[2]) in caps
+            ]
             for which, selected in self._selected.items()
         }
         self._select = {which: itemgetter(*selected) for which, selected in self._selected.items()}
@@ -187,7 +196,7 @@ class Freezer:
         return [*chain.from_iterable(snapshot.parts[:plain]), *snapshot.parts[plain:]]
 
     def key(self, snapshot: Snapshot) -> tuple[Any, ...]:
-        """What makes two snapshots behave alike; counters of scans stop at `CAP` here."""
+        """What makes two snapshots behave alike; counters of scans stop where no limit is beyond."""
         values, at = self._flat(snapshot), self._at
         state = values[at["_sequence.state"]]
         fault = state == S.FAULT
@@ -199,8 +208,8 @@ class Freezer:
             values[at["_watch._counts"]] = tuple(map(min, counts, self._enough))
         alarms = values[at["_watch.latched"]] & self._watched_alarms if fault else 0
         chosen = list(self._select[which](values))
-        for position in self._waited[which]:
-            chosen[position] = min(chosen[position], CAP)
+        for position, cap in self._caps[which]:
+            chosen[position] = min(chosen[position], cap)
         if fault and phase == FaultReaction.SETTLED:
             chosen[self._waited_in_fault] = 0  # begins anew with the way back
         return (alarms, *chosen)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, NoReturn
 
-from small_bench import PROOF_NM, RELEASE_NM, SLEW_NM, TORQUE_LIMIT_NM, ZERO_NM, BenchState
+from small_bench import LOCK_A, LOCK_TOLERANCE_A, PROOF_NM, RELEASE_NM, SLEW_NM, TORQUE_LIMIT_NM, ZERO_NM, BenchState
 
 from controller.aftermath import FaultReaction
 from controller.image import (
@@ -41,6 +41,7 @@ OFF = (
     DriveState.FAULT,
 )
 PROVE_SCANS = 2
+HOLD_SCANS = 2
 EPSILON = 1e-9
 
 
@@ -137,14 +138,21 @@ class Monitor(NamedTuple):
     proof_up: bool = False
     proof_down: bool = False
     low_scans: int = 0
+    left: bool = False  # a bench that an earlier run has left wound up: what holds that is proven for the way to zero
+    held_scans: int = 0
+    lock_proven: bool = False
 
 
 class BrokenRuleError(AssertionError):
     """A rule of `RULES` does not hold."""
 
     def __init__(self, rule: str, found: str) -> None:
-        super().__init__(f"{rule}: {found}")
+        super().__init__(rule, found)
         self.rule = rule
+
+    def __str__(self) -> str:
+        """The rule and what was found instead."""
+        return ": ".join(self.args)
 
 
 def broken(rule: int, found: str) -> NoReturn:
@@ -184,8 +192,11 @@ def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Order
         found_closed = now != S.COMPLETE and was.brake_on and image.brake_on
         if orders.drive_command != DriveCommand.DISABLE_VOLTAGE or (orders.brake_on and not found_closed):
             broken(8, f"{now.name} with drive command {orders.drive_command}, brake order {orders.brake_on}")
-    monitor = _remember(monitor, last, now, image, orders)
+    monitor = _remember_lock(_remember(monitor, last, now, image, orders), last, now, image, orders)
     _check_lock(monitor, now, orders, closed=image.brake_on or was.brake_on)
+    enabled = image.drive_state == DriveState.OPERATION_ENABLED
+    if now == S.UNLOAD and orders.drive_command in TOWARDS_TORQUE and not enabled and not monitor.lock_proven:
+        broken(7, f"drive command {orders.drive_command} in UNLOAD before the lock is proven")
     low_scans = low_scans if now == S.RELEASE else 0
     return monitor if monitor.low_scans == low_scans else monitor._replace(low_scans=low_scans)
 
@@ -251,7 +262,7 @@ def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: O
         monitor = monitor._replace(started=False)
     if now == S.HOME and last == S.IDLE:
         require(8, "home without a start", holds=monitor.started)
-        monitor = Monitor()
+        monitor = Monitor(left=monitor.left)
     if now == S.LOCK and last == S.HOME:
         monitor = monitor._replace(tared=True)
     if last == S.LOCK and image.brake_on:
@@ -267,9 +278,25 @@ def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: O
     return _remember_fault(monitor, last, now, image, orders)
 
 
+def _remember_lock(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:
+    """A lock is proven by its proof, and by what it holds where a run has left it loaded, until it is opened."""
+    held_scans, proven = 0, monitor.lock_proven
+    if monitor.left and not proven and last == now == S.UNLOAD:
+        closed = image.brake_on and image.brake_current_a >= LOCK_A - LOCK_TOLERANCE_A
+        held_scans = monitor.held_scans + 1 if closed and image.sample_age_scans <= 5 else 0
+    if held_scans >= HOLD_SCANS or (now in LOADED and monitor.proof_up and monitor.proof_down):
+        held_scans, proven = 0, True
+    if not orders.brake_on:
+        proven = False
+    if (held_scans, proven) == (monitor.held_scans, monitor.lock_proven):
+        return monitor
+    return monitor._replace(held_scans=held_scans, lock_proven=proven)
+
+
 def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:
     if last != S.FAULT:
-        return Monitor(alarms=orders.alarms) if now == S.FAULT else monitor
+        fault = Monitor(alarms=orders.alarms, left=monitor.left, lock_proven=monitor.lock_proven)
+        return fault if now == S.FAULT else monitor
     if now == S.FAULT and orders.alarms & ~monitor.alarms:
         # another fault on top wants its own acknowledgement
         monitor = monitor._replace(acknowledged=False, reset_asked=False, alarms=orders.alarms)
@@ -285,4 +312,4 @@ def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, ord
     require(9, "no acknowledgement", holds=monitor.acknowledged)
     require(9, "no reset asked for", holds=monitor.reset_asked)
     require(9, "the cause is still present", holds=not _cause_present(image))
-    return Monitor()
+    return Monitor(left=monitor.left, lock_proven=monitor.lock_proven)

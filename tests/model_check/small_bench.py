@@ -16,8 +16,13 @@ from controller.image import Command, DriveCommand, DriveMode, DriveState, Image
 from controller.program import Limits, Lock, Program, Segment, Tare, TorqueControl
 
 S, D, C = State, DriveState, DriveCommand
-PROOF_NM, PEAK_NM, TORQUE_LIMIT_NM, SLEW_NM, RELEASE_NM, WILD_NM = 1.0, 2.0, 2.0, 1.0, 0.5, 50.0
-LOCK_A = 6.0
+PROOF_NM, PEAK_NM, TORQUE_LIMIT_NM, SLEW_NM, RELEASE_NM, WILD_NM = 1.0, 2.0, 2.0, 1.0, 1.0, 50.0
+"""Whole numbers, so that torques stay whole; 1 N·m is low enough to open the lock, but not yet a small rest."""
+
+OFFSET_NM = 0.4
+"""Friction by the loading line: an unloading may lead the drive 2.5 times that past zero, which is 1 N·m."""
+
+LOCK_A, LOCK_TOLERANCE_A = 6.0, 0.3
 ZERO_NM = 0.125
 """What the output torque sensor shows at rest; a tare takes it away without rounding."""
 
@@ -41,11 +46,12 @@ LIMITS = Limits(
     torque_out_alarm_nm=3.2, torque_out_trip_nm=4.2, torque_in_trip_nm=4.2, speed_rad_s=1.5, travel_rad=1.0,
     lock_slip_rad=0.2, lock_proof_motion_rad=0.1, housing_temperature_c=60.0, sample_late_scans=5,
     sample_stale_scans=10, drive_stale_scans=10, heartbeat_scans=100, io_stale_scans=100, brake_stale_scans=100,
-    missed_in_a_row=2, internal_limit_scans=1, torque_agreement_nm=3.5, torque_agreement_ratio=1.7,
+    missed_in_a_row=2, internal_limit_scans=1, torque_agreement_nm=WILD_NM, torque_agreement_ratio=1.7,
 )  # fmt: skip
+"""The two torque channels never disagree in the walks: twenty scans of debounce would be twenty copies of the space."""
 
 
-def small_program(*, by_speed: bool = False) -> Program:
+def small_program(*, by_speed: bool = False, loading_input: bool = True) -> Program:
     """A whole run in about fifty scans; `by_speed` makes the cycle's ramps run at constant speed."""
     segments = []
     for index, (state, role, direction, start, target, dwell) in enumerate(ROWS):
@@ -58,11 +64,11 @@ def small_program(*, by_speed: bool = False) -> Program:
             ),
         )  # fmt: skip
     return Program(
-        name="small", period_s=1.0, loading_input=True, ratio=1.0, has_torque_in=True, has_torque_out=True,
+        name="small", period_s=1.0, loading_input=loading_input, ratio=1.0, has_torque_in=True, has_torque_out=True,
         segments=tuple(segments), unload_segment=len(segments) - 1, limits=LIMITS,
-        tare=Tare(1, 0.4, 0.4, 0.4, 0.4), lock=Lock(LOCK_A, 0.3, 1, 2),
+        tare=Tare(1, 0.4, 0.4, 0.4, 0.4), lock=Lock(LOCK_A, LOCK_TOLERANCE_A, 1, 2),
         control=TorqueControl(
-            controlled_from_input=False, measure_ratio=False, slope=1.0, offset_nm=0.0, gain_per_s=1.0,
+            controlled_from_input=False, measure_ratio=False, slope=1.0, offset_nm=OFFSET_NM, gain_per_s=1.0,
             window_nm=1000.0, tolerance_nm=0.25, rate_acceleration_s=1.0, slew_nm_s=SLEW_NM,
             torque_limit_nm=TORQUE_LIMIT_NM, stiffness_nm_per_rad=1.0,
         ),

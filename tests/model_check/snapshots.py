@@ -115,6 +115,7 @@ class Freezer:
         }
         self._select = {which: itemgetter(*selected) for which, selected in self._selected.items()}
         self._waited_in_fault = self._selected[S.FAULT, False].index(self._at["_fault._waited"])
+        self._pulsed_in_fault = self._selected[S.FAULT, False].index(self._at["_fault._pulsed"])
         # a condition that has counted beyond its debounce is the same as one that has counted longer
         self._enough = [0] * 64
         for fault in FAULTS:
@@ -210,6 +211,9 @@ class Freezer:
         chosen = list(self._select[which](values))
         for position, cap in self._caps[which]:
             chosen[position] = min(chosen[position], cap)
+        # both begin anew with the way back
         if fault and phase == FaultReaction.SETTLED:
-            chosen[self._waited_in_fault] = 0  # begins anew with the way back
+            chosen[self._waited_in_fault] = 0
+        if fault and phase not in (FaultReaction.UNLOADING, FaultReaction.DRIVE_RESET):
+            chosen[self._pulsed_in_fault] = False
         return (alarms, *chosen)

@@ -340,12 +340,20 @@ def _check_agreement(program: Program) -> None:
         require(10, f"torque_channels_disagree in {state.name}: {strongest}", holds=strongest >= Reaction.QUICK_STOP)
 
 
+NEIGHBOURHOODS: tuple[tuple[dict[str, bool], int], ...] = (
+    ({}, 600),
+    ({"by_speed": True}, 300),
+    ({"left": True}, 600),
+)
+"""Walks that look for mutants, and how many states of each."""
+
+
 def check_mutant(mutant: Mutant) -> bool:
     """Return whether the check notices a mutant, by the undisturbed runs and what branches off near them."""
-    for by_speed, states in ((False, 600), (True, 300)):
+    for walk, states in NEIGHBOURHOODS:
         try:
             with coarse_time(), mutant.applied():
-                Explorer(by_speed=by_speed).explore(states)
+                Explorer(**walk).explore(states)
         except BrokenRuleError:
             return True
     return False

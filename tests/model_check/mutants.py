@@ -10,13 +10,15 @@ from typing import Any, NamedTuple
 from unittest import mock
 
 import small_bench
-from safety_rules import CONDITIONS
+from safety_rules import CONDITIONS, LOCKED
+from small_bench import LOCK_A
 
 from controller import aftermath, interlocks, preparation, states
 from controller.aftermath import FaultReaction, Release
 from controller.context import Context, Outcome
 from controller.faults import FAULT_BY_ID
-from controller.image import DriveState, Reaction, State
+from controller.held_lock import HeldLock
+from controller.image import DriveMode, DriveState, Reaction, State
 from controller.interlocks import INTERLOCKS
 from controller.preparation import CloseLock, Home
 from controller.program import Program
@@ -90,13 +92,19 @@ SEEN_OTHERWISE: dict[tuple[str, State], str] = {
 """Rows that another one stands in for: their absence changes nothing that a rule could see."""
 
 
+def asked_for(fault: str, state: State) -> bool:
+    """Whether the rules want a condition to be seen in a state."""
+    if fault == "torque_channels_disagree":
+        return state in LOCKED  # see `exploration._check_agreement`
+    return any(name.split(" ")[0] == fault and state in c.states for name, c in CONDITIONS.items())
+
+
 def live_states() -> list[Mutant]:
     """Each interlock blind in one of the states where it must see."""
     found = []
     for row in INTERLOCKS:
         for state in State:
-            needed = any(n.split(" ")[0] == row.fault and state in c.states for n, c in CONDITIONS.items())
-            if state not in row.live_in or not needed or (row.fault, state) in SEEN_OTHERWISE:
+            if state not in row.live_in or not asked_for(row.fault, state) or (row.fault, state) in SEEN_OTHERWISE:
                 continue
             blind = row._replace(live_in=row.live_in - {state})
             rows = tuple(blind if r == row else r for r in INTERLOCKS)
@@ -144,6 +152,16 @@ def _lock_at_once(self: CloseLock, _image: Any, _elapsed: int) -> Outcome:
     return Outcome(trigger="closed")
 
 
+def _with_image(**shown: float) -> Callable[..., Any]:
+    """A step that takes something for granted that it should have seen."""
+    original = HeldLock.scan
+    return lambda self, image, elapsed: original(self, image._replace(**shown), elapsed)
+
+
+def _always(*, value: bool) -> property:
+    return property(lambda _self: value, lambda _self, _value: None)
+
+
 def _method(function: Callable[..., Any], *args: Any, **options: Any) -> Callable[..., Any]:
     return lambda self, *more: function(*args, self, *more, **options)
 
@@ -172,6 +190,18 @@ def guards() -> list[Mutant]:
         Mutant("lock without end", small_bench, "small_program", _program_with(
             lambda program: replace(program, lock=replace(program.lock, limit_scans=10**9)))),
         Mutant("drive enabled from anywhere", preparation, "ENABLE_PATH", dict.fromkeys(DriveState, 3)),
+        # the way back on a lock that was found or left closed
+        Mutant("held lock proven by one scan", HeldLock, "HOLD_SCANS", 1),
+        Mutant("held lock without its current", HeldLock, "scan", _with_image(brake_on=1, brake_current_a=LOCK_A)),
+        Mutant("held lock with late samples", HeldLock, "scan", _with_image(sample_age_scans=1)),
+        Mutant("held lock without end", HeldLock, "PATIENCE", 10**9),
+        Mutant("way back on a lock that is not proven", Context, "lock_proven", _always(value=True)),
+        Mutant("lock that is found closed not kept", Context, "keep_lock", nothing),
+        Mutant("lock never taken for found", Context, "lock_found", _always(value=False)),
+        Mutant("lock taken for found for ever", Context, "lock_found", _always(value=True)),
+        # the drive that does not follow, in each of the modes
+        Mutant("following not asked for by torque", interlocks, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_VELOCITY,)),
+        Mutant("following not asked for by speed", interlocks, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_TORQUE,)),
     ]  # fmt: skip
     budgets = ("enable_scans", "homing_scans", "mode_scans", "release_scans", "unload_limit_scans")
     return found + [_endless(name) for name in budgets]

@@ -12,7 +12,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "controller"), str(HERE.parents[1])]
 
 from exploration import Explored, Explorer, check_mutant, coarse_time  # noqa: E402
-from mutants import ALL, SEEN_OTHERWISE  # noqa: E402
+from mutants import ALL, NOT_ASKED_FOR, SEEN_OTHERWISE  # noqa: E402
 from safety_rules import CONDITIONS, RULES, BrokenRuleError  # noqa: E402
 
 WORKERS = 2
@@ -85,6 +85,8 @@ def mutate_all(pool: ProcessPoolExecutor) -> bool:
     print(f"survived: {', '.join(survived) or 'none'}")
     print(f"rows without a mutant, for another stands in for them: {len(SEEN_OTHERWISE)}")
     print("\n".join(f"  - {fault} in {state.name}: {why}" for (fault, state), why in SEEN_OTHERWISE.items()))
+    print(f"rows without a mutant, for no rule asks for them: {len(NOT_ASKED_FOR)}")
+    print("\n".join(f"  - {fault} in {state.name}: {why}" for (fault, state), why in NOT_ASKED_FOR.items()))
     return not survived
 
 

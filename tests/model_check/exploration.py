@@ -13,8 +13,9 @@ import small_bench
 from bench_model import READY
 from mutants import Mutant
 from safety_rules import (
+    AGREEMENT_STATES,
     CONDITIONS,
-    LOCKED,
+    ESTABLISHED,
     RULES,
     BrokenRuleError,
     Monitor,
@@ -22,6 +23,7 @@ from safety_rules import (
     require,
 )
 from small_bench import (
+    LEFT_CHOICES,
     START,
     WOUND_UP,
     ZERO_NM,
@@ -39,7 +41,7 @@ from controller.aftermath import FaultReaction, Release
 from controller.controller import Controller
 from controller.faults import FAULT_BY_ID
 from controller.held_lock import HeldLock, Left
-from controller.image import Command, Image, Orders, Reaction, State
+from controller.image import Command, DriveState, Image, Orders, Reaction, State
 from controller.interlocks import INTERLOCKS, Measured, Watch
 from controller.program import Program
 from controller.states import Sequence
@@ -63,7 +65,8 @@ WAYS_BACK: tuple[tuple[str, ...], ...] = (
     ("4.ACKNOWLEDGE", "4.RESET"),
     ("1.ACKNOWLEDGE", "4.NONE", "0.RESET"),
 )
-STUBBORN = ("0.NONE", "1.NONE", "2.NONE", "drive lags", "mode lags", "brake lags", "no homing", "samples late")
+STUBBORN = ("0.NONE", "1.NONE", "2.NONE", "drive lags", "mode lags", "brake lags", "no homing", "samples late",
+            "left: samples late")
 
 
 class Node(NamedTuple):
@@ -116,7 +119,7 @@ class Explorer:
         self.controller = Controller(program, left=taken_up)
         self.conditions = {name: shown_on(program, condition.shown) for name, condition in CONDITIONS.items()}
         self.freezer = Freezer(self.controller, WATCHED_ALARMS)
-        self.choices = choices()
+        self.choices = (*choices(), *LEFT_CHOICES) if left else choices()
         self.by_name = {choice.name: choice for choice in self.choices}
         self.stubborn = [choice for choice in self.choices if choice.name in STUBBORN]
         self.found = Explored()
@@ -155,12 +158,17 @@ class Explorer:
         return Node(self.freezer.take(), WOUND_UP if self.left else START, Monitor(left=self.left))
 
     def nominal(self) -> list[Node]:
-        """The nodes of an undisturbed run, from idle to complete."""
-        node, nodes = self.first(), []
-        for scan in range(LONGEST_RUN):
+        """The nodes of an undisturbed run, from idle to complete; with `left`, of the way back until it is stopped."""
+        node, nodes, orders = self.first(), [], None
+        for _ in range(LONGEST_RUN):
             nodes.append(node)
-            node, _, orders = self.step(node, Choice("start", command=Command.START) if not scan else Choice("nominal"))
-            if orders.state == S.COMPLETE:
+            command = Command.NONE if orders else Command.START
+            if self.left and orders and orders.phase == FaultReaction.SETTLED and orders.state == S.FAULT:
+                command = Command.RESET if node.monitor.acknowledged else Command.ACKNOWLEDGE
+            # a unit that was left wound up stays so until the drive unwinds it
+            held = self.left and node.bench.drive != DriveState.OPERATION_ENABLED
+            node, _, orders = self.step(node, self.by_name[f"{int(held)}.{command.name}"])
+            if orders.state == (S.STOPPED if self.left else S.COMPLETE):
                 return [*nodes, node]
         raise BrokenRuleError(RULES[11], "the undisturbed run does not end")
 
@@ -170,7 +178,7 @@ class Explorer:
         _check_trips()
         queue: deque[tuple[int, Node]] = deque()
         _check_agreement(self.controller.program)
-        for number, node in enumerate([self.first()] if self.left else self.nominal()):
+        for number, node in enumerate(self.nominal()):
             self._take_in(node, queue, (number - 1, "nominal"))
             if number % 3 == 0 and not self.left:
                 self._ways_back(node)
@@ -265,7 +273,8 @@ class Explorer:
     def _probe(self, node: Node, state: State) -> None:
         """Put on every condition that must be seen here, and look for its reaction in time."""
         for name, condition in CONDITIONS.items():
-            if state not in condition.states:
+            established = node.bench.orders.phase in ESTABLISHED.get(state, ())
+            if state not in condition.states and not (established and state in condition.established_in):
                 continue
             self.found.probes += 1
             self.found.probed.setdefault(name, set()).add(state)
@@ -274,14 +283,14 @@ class Explorer:
     def _probe_one(self, node: Node, name: str) -> None:
         condition, nominal = CONDITIONS[name], Choice(name, shown=self.conditions[name])
         began = State(node.bench.orders.state)
-        strongest = Reaction.NONE
+        strongest, asked_for = Reaction.NONE, (*condition.states, *condition.established_in)
         for _ in range(condition.within_scans):
             node, _, orders = self.step(node, nominal)
-            if orders.state in (S.FAULT, *condition.states):
+            if orders.state in (S.FAULT, *asked_for):
                 strongest = max(strongest, Reaction(orders.reaction))
-            if orders.state not in condition.states:
+            if orders.state not in asked_for:
                 break  # the run has gone on to where the condition means nothing
-        stays = orders.state in condition.states or orders.state == S.FAULT
+        stays = orders.state in asked_for or orders.state == S.FAULT
         holds = strongest >= condition.reaction or not stays
         require(10, f"{name} in {began.name}: reaction {strongest.name} in {condition.within_scans} scans", holds=holds)
 
@@ -330,7 +339,7 @@ def _check_trips() -> None:
 def _check_agreement(program: Program) -> None:
     """The one interlock that a small ramp is too short for: the two torque channels contradict each other."""
     program = replace(program, limits=replace(program.limits, torque_agreement_nm=AGREEMENT_NM))
-    for state in LOCKED:
+    for state in AGREEMENT_STATES:
         watch, measured = Watch(program), Measured()
         measured.agreement_live, measured.torque_out_nm = True, 2.0 * program.limits.torque_agreement_nm
         measured.torque_out_nm = min(measured.torque_out_nm, program.limits.torque_out_trip_nm)
@@ -343,7 +352,7 @@ def _check_agreement(program: Program) -> None:
 NEIGHBOURHOODS: tuple[tuple[dict[str, bool], int], ...] = (
     ({}, 600),
     ({"by_speed": True}, 300),
-    ({"left": True}, 600),
+    ({"left": True}, 3000),
 )
 """Walks that look for mutants, and how many states of each."""
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from unittest import mock
 
 import small_bench
-from safety_rules import CONDITIONS, LOCKED
+from safety_rules import AGREEMENT_STATES, CONDITIONS
 from small_bench import LOCK_A
 
 from controller import aftermath, interlocks, preparation, states
@@ -91,12 +91,27 @@ SEEN_OTHERWISE: dict[tuple[str, State], str] = {
 }
 """Rows that another one stands in for: their absence changes nothing that a rule could see."""
 
+NOT_ASKED_FOR: dict[tuple[str, State], str] = {
+    ("drive_mode_refused", State.HOME): "no mode is expected before HOME ends; its steps wait for the modes they need",
+    **{
+        (fault, State.RELEASE): "the torque is low, and RELEASE itself switches the drive off"
+        for fault in ("drive_dropped_out", "drive_mode_refused", "drive_internal_limit")
+    },
+    **{
+        (fault, State.FAULT): "its reaction is the weakest of a fault: in force already; it stands against a reset"
+        for fault in ("brake_current_lost", "housing_temperature")
+    },
+    ("drive_not_following", State.UNLOAD): "an unloading of the small programs is shorter than its debounce",
+}
+"""Where a row is live and no rule wants it, so that there is no mutant of it."""
+
 
 def asked_for(fault: str, state: State) -> bool:
     """Whether the rules want a condition to be seen in a state."""
     if fault == "torque_channels_disagree":
-        return state in LOCKED  # see `exploration._check_agreement`
-    return any(name.split(" ")[0] == fault and state in c.states for name, c in CONDITIONS.items())
+        return state in AGREEMENT_STATES
+    asking = [c for name, c in CONDITIONS.items() if name.split(" ")[0] == fault]
+    return any(state in (*c.states, *c.established_in) for c in asking)
 
 
 def live_states() -> list[Mutant]:

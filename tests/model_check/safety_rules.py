@@ -25,6 +25,8 @@ from controller.image import (
     Reaction,
     State,
 )
+from controller.loading import Loading
+from controller.preparation import Home
 
 S, R = State, Reaction
 RUNNING = (S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE)
@@ -52,12 +54,21 @@ class Condition(NamedTuple):
     states: tuple[State, ...]
     within_scans: int
     reaction: Reaction
+    established_in: tuple[State, ...] = ()
+    """States in which it must be seen once they have established what it contradicts, see `ESTABLISHED`."""
 
+
+ESTABLISHED: dict[State, tuple[int, ...]] = {
+    S.HOME: (Home.HOMING, Home.TORQUE_MODE),
+    S.LOCK: (Loading.RUN,),
+    S.UNLOAD: (Loading.RUN,),
+}
+"""Phases of a state in which the drive has been enabled, and the lock, if the state wants one, closed."""
 
 CONDITIONS: dict[str, Condition] = {
     "estop": Condition({"estop_released": 0}, ALWAYS, 1, R.POWER_OFF),
     "guard_open": Condition({"guard_closed": 0}, ALWAYS, 1, R.QUICK_STOP),
-    "operator_quick_stop": Condition({"command": Command.QUICK_STOP}, RUNNING, 1, R.QUICK_STOP),
+    "operator_quick_stop": Condition({"command": Command.QUICK_STOP}, (S.IDLE, *ALWAYS), 1, R.QUICK_STOP),
     "can_lost": Condition({"links_lost": Link.CAN}, ALWAYS, 1, R.POWER_OFF),
     "drive_heartbeat_lost": Condition({"drive_heartbeat_age_scans": 101}, ALWAYS, 1, R.POWER_OFF),
     "drive_data_stale": Condition({"drive_age_scans": 11}, ALWAYS, 1, R.POWER_OFF),
@@ -72,27 +83,30 @@ CONDITIONS: dict[str, Condition] = {
     "remote_io_lost (link)": Condition({"links_lost": Link.REMOTE_IO}, ALWAYS, 1, R.QUICK_STOP),
     "drive_fault": Condition({"drive_state": DriveState.FAULT}, ALWAYS, 1, R.POWER_OFF),
     "drive_emergency": Condition({"drive_emcy_code": 0x8130}, ALWAYS, 1, R.QUICK_STOP),
-    "drive_dropped_out": Condition({"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF),
-    "drive_mode_refused": Condition({"drive_mode": -1}, (S.LOCK, *LOADED), 3, R.QUICK_STOP),
-    "drive_internal_limit": Condition({"drive_internal_limit": 1}, (S.LOCK, *LOADED), 2, R.UNLOAD),
+    "drive_dropped_out": Condition({"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF, (S.HOME, S.UNLOAD)),
+    "drive_mode_refused": Condition({"drive_mode": -1}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,)),
+    "drive_internal_limit": Condition({"drive_internal_limit": 1}, (S.LOCK, *LOADED), 2, R.UNLOAD, (S.HOME, S.UNLOAD)),
     "torque_out_trip": Condition({"torque_out_nm": -4.5}, ALWAYS, 1, R.QUICK_STOP),
     "torque_in_trip": Condition({"torque_in_nm": 4.5}, ALWAYS, 1, R.QUICK_STOP),
     "torque_out_alarm": Condition({"torque_out_nm": -3.5}, LOADED, 3, R.HOLD),
     "overspeed": Condition({"drive_velocity_rad_s": -1.6}, ALWAYS, 3, R.QUICK_STOP),
     "over_travel": Condition({"angle_in_rad": -1.1}, ALWAYS, 1, R.QUICK_STOP),
-    "lock_slip": Condition({"angle_out_rad": 0.3}, LOADED, 3, R.UNLOAD),
-    "brake_current_lost": Condition({"brake_current_a": 1.0}, LOADED, 3, R.UNLOAD),
-    "brake_current_lost (off)": Condition({"brake_on": 0}, LOADED, 3, R.UNLOAD),
+    "lock_slip": Condition({"angle_out_rad": 0.3}, LOADED, 3, R.UNLOAD, (S.LOCK, S.UNLOAD)),
+    "brake_current_lost": Condition({"brake_current_a": 1.0}, LOADED, 3, R.UNLOAD, (S.LOCK, S.UNLOAD)),
+    "brake_current_lost (off)": Condition({"brake_on": 0}, LOADED, 3, R.UNLOAD, (S.LOCK, S.UNLOAD)),
     "housing_temperature": Condition({"housing_temp_c": 61.0}, RUNNING, 11, R.UNLOAD),
     "missed_periods": Condition({"missed_periods": 3}, RUNNING, 1, R.UNLOAD),
     "sensor_not_a_number": Condition({"torque_out_nm": math.nan}, ALWAYS, 1, R.QUICK_STOP),
     "sensor_not_a_number (in)": Condition({"torque_in_nm": math.inf}, ALWAYS, 1, R.QUICK_STOP),
-    "sensor_saturated": Condition({"sample_status": 2}, RUNNING, 3, R.QUICK_STOP),
-    "sample_not_ready": Condition({"sample_status": 4}, RUNNING, 6, R.QUICK_STOP),
+    "sensor_saturated": Condition({"sample_status": 2}, ALWAYS, 3, R.QUICK_STOP),
+    "sample_not_ready": Condition({"sample_status": 4}, ALWAYS, 6, R.QUICK_STOP),
     "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 11, R.QUICK_STOP),
     "brake_stays_closed": Condition({"brake_on": 1, "brake_current_a": 6.0}, (S.HOME,), 1, R.POWER_OFF),
 }
-"""Brake and drive conditions are asked for where what they contradict has been established in every case."""
+"""Brake and drive conditions are asked for where what they contradict has been established."""
+
+AGREEMENT_STATES = (*LOCKED, S.RELEASE, S.FAULT)
+"""Where two torque channels that contradict each other must be seen; a small ramp is too short for it."""
 
 ALLOWED: dict[State, tuple[State, ...]] = {
     S.IDLE: (S.HOME, S.STOPPED, S.FAULT),
@@ -192,11 +206,12 @@ def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Order
         found_closed = now != S.COMPLETE and was.brake_on and image.brake_on
         if orders.drive_command != DriveCommand.DISABLE_VOLTAGE or (orders.brake_on and not found_closed):
             broken(8, f"{now.name} with drive command {orders.drive_command}, brake order {orders.brake_on}")
+    if now == S.UNLOAD and orders.drive_command != DriveCommand.DISABLE_VOLTAGE and not monitor.lock_proven:
+        # by a stop during the proof the drive comes here enabled; nothing switches it on here before
+        if image.drive_state != DriveState.OPERATION_ENABLED:
+            broken(7, f"drive command {orders.drive_command} in UNLOAD before the lock is proven")
     monitor = _remember_lock(_remember(monitor, last, now, image, orders), last, now, image, orders)
     _check_lock(monitor, now, orders, closed=image.brake_on or was.brake_on)
-    enabled = image.drive_state == DriveState.OPERATION_ENABLED
-    if now == S.UNLOAD and orders.drive_command in TOWARDS_TORQUE and not enabled and not monitor.lock_proven:
-        broken(7, f"drive command {orders.drive_command} in UNLOAD before the lock is proven")
     low_scans = low_scans if now == S.RELEASE else 0
     return monitor if monitor.low_scans == low_scans else monitor._replace(low_scans=low_scans)
 

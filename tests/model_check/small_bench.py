@@ -216,3 +216,10 @@ def choices() -> tuple[Choice, ...]:
         "wild torque and brake link lost": {"shown": (*wild, *STRONG["brake_link_lost"].items())},
     }
     return (*found, *(Choice(name, **world) for name, world in single.items()))
+
+
+LEFT_CHOICES = (
+    Choice("left: samples late", torque_stays=True, shown=(("sample_age_scans", 6),)),
+    Choice("left: lock without its current", torque_stays=True, shown=(("brake_current_a", 1.0),)),
+)
+"""What else may happen to a unit that stays wound up, and must keep its lock from being taken for proven."""

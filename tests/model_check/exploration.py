@@ -65,8 +65,17 @@ WAYS_BACK: tuple[tuple[str, ...], ...] = (
     ("4.ACKNOWLEDGE", "4.RESET"),
     ("1.ACKNOWLEDGE", "4.NONE", "0.RESET"),
 )
-STUBBORN = ("0.NONE", "1.NONE", "2.NONE", "drive lags", "mode lags", "brake lags", "no homing", "samples late",
-            "left: samples late")
+STUBBORN = (
+    "0.NONE",
+    "1.NONE",
+    "2.NONE",
+    "drive lags",
+    "mode lags",
+    "brake lags",
+    "no homing",
+    "samples late",
+    "left: samples late",
+)
 
 
 class Node(NamedTuple):
@@ -178,10 +187,11 @@ class Explorer:
         _check_trips()
         queue: deque[tuple[int, Node]] = deque()
         _check_agreement(self.controller.program)
-        for number, node in enumerate(self.nominal()):
+        nominal = self.nominal()
+        for number, node in enumerate(nominal):
             self._take_in(node, queue, (number - 1, "nominal"))
-            if number % 3 == 0 and not self.left:
-                self._ways_back(node)
+        for node in () if self.left else nominal[::3]:
+            self._ways_back(node)
         while queue and len(self._ids) < most_states:
             number, node = queue.popleft()
             self._edges[number] = self._expand(number, node, queue)
@@ -206,9 +216,7 @@ class Explorer:
         self.found.steps += len(following)
         return tuple(following.values())
 
-    def _follow(
-        self, number: int, node: Node, choice: Choice, devices: Devices, queue: deque[tuple[int, Node]]
-    ) -> int:
+    def _follow(self, number: int, node: Node, choice: Choice, devices: Devices, queue: deque[tuple[int, Node]]) -> int:
         try:
             return self._take_in(self.step(node, choice, devices)[0], queue, (number, choice.name))
         except BrokenRuleError as error:
@@ -349,17 +357,14 @@ def _check_agreement(program: Program) -> None:
         require(10, f"torque_channels_disagree in {state.name}: {strongest}", holds=strongest >= Reaction.QUICK_STOP)
 
 
-NEIGHBOURHOODS: tuple[tuple[dict[str, bool], int], ...] = (
-    ({}, 600),
-    ({"by_speed": True}, 300),
-    ({"left": True}, 3000),
-)
+NEIGHBOURHOODS: tuple[tuple[dict[str, bool], int], ...] = (({}, 600), ({"by_speed": True}, 300))
+NEAR_THE_WAY_BACK: tuple[tuple[dict[str, bool], int], ...] = (({"left": True}, 3000),)
 """Walks that look for mutants, and how many states of each."""
 
 
 def check_mutant(mutant: Mutant) -> bool:
     """Return whether the check notices a mutant, by the undisturbed runs and what branches off near them."""
-    for walk, states in NEIGHBOURHOODS:
+    for walk, states in NEAR_THE_WAY_BACK if mutant.on_the_way_back else NEIGHBOURHOODS:
         try:
             with coarse_time(), mutant.applied():
                 Explorer(**walk).explore(states)

@@ -33,6 +33,7 @@ class Mutant(NamedTuple):
     thing: Any
     attribute: str
     value: Any
+    on_the_way_back: bool = False
 
     @contextmanager
     def applied(self) -> Iterator[None]:
@@ -205,15 +206,6 @@ def guards() -> list[Mutant]:
         Mutant("lock without end", small_bench, "small_program", _program_with(
             lambda program: replace(program, lock=replace(program.lock, limit_scans=10**9)))),
         Mutant("drive enabled from anywhere", preparation, "ENABLE_PATH", dict.fromkeys(DriveState, 3)),
-        # the way back on a lock that was found or left closed
-        Mutant("held lock proven by one scan", HeldLock, "HOLD_SCANS", 1),
-        Mutant("held lock without its current", HeldLock, "scan", _with_image(brake_on=1, brake_current_a=LOCK_A)),
-        Mutant("held lock with late samples", HeldLock, "scan", _with_image(sample_age_scans=1)),
-        Mutant("held lock without end", HeldLock, "PATIENCE", 10**9),
-        Mutant("way back on a lock that is not proven", Context, "lock_proven", _always(value=True)),
-        Mutant("lock that is found closed not kept", Context, "keep_lock", nothing),
-        Mutant("lock never taken for found", Context, "lock_found", _always(value=False)),
-        Mutant("lock taken for found for ever", Context, "lock_found", _always(value=True)),
         # the drive that does not follow, in each of the modes
         Mutant("following not asked for by torque", interlocks, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_VELOCITY,)),
         Mutant("following not asked for by speed", interlocks, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_TORQUE,)),
@@ -222,10 +214,26 @@ def guards() -> list[Mutant]:
     return found + [_endless(name) for name in budgets]
 
 
+def way_back() -> list[Mutant]:
+    """Each guard of a lock that was found or left closed missing."""
+    changes: list[tuple[str, type, str, Any]] = [
+        ("held lock proven by one scan", HeldLock, "HOLD_SCANS", 1),
+        ("held lock without its current", HeldLock, "scan", _with_image(brake_on=1, brake_current_a=LOCK_A)),
+        ("held lock with late samples", HeldLock, "scan", _with_image(sample_age_scans=1)),
+        ("held lock without end", HeldLock, "PATIENCE", 10**9),
+        ("way back on a lock that is not proven", Context, "lock_proven", _always(value=True)),
+        ("lock that is found closed not kept", Context, "keep_lock", _method(lambda *_: None)),
+        ("lock never taken for found", Context, "lock_found", _always(value=False)),
+        ("lock taken for found for ever", Context, "lock_found", _always(value=True)),
+    ]
+    return [Mutant(*change, on_the_way_back=True) for change in changes]
+
+
 ALL: dict[str, Callable[[], list[Mutant]]] = {
     "trip rows": trip_rows,
     "interlock rows": interlock_rows,
     "debounce": debounce_rows,
     "guards": guards,
+    "way back": way_back,
     "live states": live_states,
 }

@@ -83,7 +83,9 @@ CONDITIONS: dict[str, Condition] = {
     "remote_io_lost (link)": Condition({"links_lost": Link.REMOTE_IO}, ALWAYS, 1, R.QUICK_STOP),
     "drive_fault": Condition({"drive_state": DriveState.FAULT}, ALWAYS, 1, R.POWER_OFF),
     "drive_emergency": Condition({"drive_emcy_code": 0x8130}, ALWAYS, 1, R.QUICK_STOP),
-    "drive_dropped_out": Condition({"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF, (S.HOME, S.UNLOAD)),
+    "drive_dropped_out": Condition(
+        {"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF, (S.HOME, S.UNLOAD)
+    ),
     "drive_mode_refused": Condition({"drive_mode": -1}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,)),
     "drive_internal_limit": Condition({"drive_internal_limit": 1}, (S.LOCK, *LOADED), 2, R.UNLOAD, (S.HOME, S.UNLOAD)),
     "torque_out_trip": Condition({"torque_out_nm": -4.5}, ALWAYS, 1, R.QUICK_STOP),
@@ -206,10 +208,10 @@ def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Order
         found_closed = now != S.COMPLETE and was.brake_on and image.brake_on
         if orders.drive_command != DriveCommand.DISABLE_VOLTAGE or (orders.brake_on and not found_closed):
             broken(8, f"{now.name} with drive command {orders.drive_command}, brake order {orders.brake_on}")
-    if now == S.UNLOAD and orders.drive_command != DriveCommand.DISABLE_VOLTAGE and not monitor.lock_proven:
-        # by a stop during the proof the drive comes here enabled; nothing switches it on here before
-        if image.drive_state != DriveState.OPERATION_ENABLED:
-            broken(7, f"drive command {orders.drive_command} in UNLOAD before the lock is proven")
+    # by a stop during the proof the drive comes to UNLOAD enabled; nothing switches it on there before
+    off = image.drive_state != DriveState.OPERATION_ENABLED and not monitor.lock_proven
+    if now == S.UNLOAD and off and orders.drive_command != DriveCommand.DISABLE_VOLTAGE:
+        broken(7, f"drive command {orders.drive_command} in UNLOAD before the lock is proven")
     monitor = _remember_lock(_remember(monitor, last, now, image, orders), last, now, image, orders)
     _check_lock(monitor, now, orders, closed=image.brake_on or was.brake_on)
     low_scans = low_scans if now == S.RELEASE else 0

@@ -6,14 +6,24 @@ import pickle
 
 import pytest
 from exploration import ENDS, Explorer, check_mutant, coarse_time
-from mutants import NOT_ASKED_FOR, SEEN_OTHERWISE, asked_for, debounce_rows, guards, interlock_rows, live_states, trip_rows
+from mutants import (
+    NOT_ASKED_FOR,
+    SEEN_OTHERWISE,
+    asked_for,
+    debounce_rows,
+    guards,
+    interlock_rows,
+    live_states,
+    trip_rows,
+    way_back,
+)
 from safety_rules import ALLOWED, CONDITIONS, RULES, BrokenRuleError
 
 from controller.image import State
 from controller.interlocks import INTERLOCKS
 from controller.states import TRANSITIONS
 
-MUTANTS = {m.name: m for make in (trip_rows, interlock_rows, debounce_rows, guards) for m in make()}
+MUTANTS = {m.name: m for make in (trip_rows, interlock_rows, debounce_rows, guards, way_back) for m in make()}
 BLIND = live_states()
 
 

@@ -2,33 +2,57 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
+from unittest import mock
 
 import small_bench
 from bench_model import READY
 from mutants import Mutant
-from safety_rules import CONDITIONS, LOCKED, RULES, TOWARDS_TORQUE, BrokenRuleError, Monitor, check_step, require
-from small_bench import START, STRONG, WOUND_UP, ZERO_NM, BenchState, Choice, advance, choices
+from safety_rules import (
+    AGREEMENT_STATES,
+    CONDITIONS,
+    ESTABLISHED,
+    RULES,
+    BrokenRuleError,
+    Monitor,
+    check_step,
+    require,
+)
+from small_bench import (
+    LEFT_CHOICES,
+    START,
+    WOUND_UP,
+    ZERO_NM,
+    BenchState,
+    Choice,
+    Devices,
+    Shown,
+    advance,
+    choices,
+    look,
+)
 from snapshots import Freezer, Snapshot
 
 from controller.aftermath import FaultReaction, Release
 from controller.controller import Controller
 from controller.faults import FAULT_BY_ID
 from controller.held_lock import HeldLock, Left
-from controller.image import Command, Image, Orders, Reaction, State
-from controller.interlocks import Measured, Watch
+from controller.image import Command, DriveState, Image, Orders, Reaction, State
+from controller.interlocks import INTERLOCKS, Measured, Watch
 from controller.program import Program
 from controller.states import Sequence
 from controller.unloading import Unloading
 
 S = State
 ENDS = (S.IDLE, S.COMPLETE, S.STOPPED, S.FAULT)
-WATCHED_ALARMS = sum(1 << FAULT_BY_ID[name].number for name in STRONG)
+WATCHED_ALARMS = sum(1 << FAULT_BY_ID[row.fault].number for row in INTERLOCKS if S.FAULT in row.live_in)
+"""What can come up in a fault as another cause. Any other alarm stays in a fault what it was when the fault began."""
+
+AGREEMENT_NM = 3.5
 LONGEST_RUN = 400
 SETTLED_AFTER = 12
 WAYS_BACK: tuple[tuple[str, ...], ...] = (
@@ -41,7 +65,17 @@ WAYS_BACK: tuple[tuple[str, ...], ...] = (
     ("4.ACKNOWLEDGE", "4.RESET"),
     ("1.ACKNOWLEDGE", "4.NONE", "0.RESET"),
 )
-STUBBORN = ("0.NONE", "1.NONE", "2.NONE", "drive lags", "mode lags", "brake lags", "no homing", "samples late")
+STUBBORN = (
+    "0.NONE",
+    "1.NONE",
+    "2.NONE",
+    "drive lags",
+    "mode lags",
+    "brake lags",
+    "no homing",
+    "samples late",
+    "left: samples late",
+)
 
 
 class Node(NamedTuple):
@@ -57,61 +91,63 @@ class Explored:
     """What a walk has seen."""
 
     states: int = 0
+    choices: int = 0
     steps: int = 0
     places: int = 0
     probes: int = 0
     longest_scans: int = 0
     complete: bool = False
-    seconds: float = 0.0
     visited: set[State] = field(default_factory=set)
     probed: dict[str, set[State]] = field(default_factory=dict)
+
+
+COARSE: tuple[tuple[type, str, int], ...] = (
+    (Release, "PROVE_SCANS", 2),
+    (Unloading, "RELAX_SCANS", 1),
+    (Unloading, "STUCK_SCANS", 1),
+    (HeldLock, "HOLD_SCANS", 2),
+)
 
 
 @contextmanager
 def coarse_time() -> Iterator[None]:
     """Proofs of a few scans instead of fifty, so that the space stays small; the code that counts them is the same."""
-    before = (Release.PROVE_SCANS, Unloading.RELAX_SCANS, HeldLock.HOLD_SCANS)
-    Release.PROVE_SCANS, Unloading.RELAX_SCANS, HeldLock.HOLD_SCANS = 2, 1, 2
-    try:
+    with ExitStack() as shortened:
+        for thing, name, scans in COARSE:
+            shortened.enter_context(mock.patch.object(thing, name, scans))
         yield
-    finally:
-        Release.PROVE_SCANS, Unloading.RELAX_SCANS, HeldLock.HOLD_SCANS = before
 
 
 class Explorer:
     """Breadth-first search over one program; `left`: over the way back on a bench that was left wound up."""
 
-    def __init__(self, *, by_speed: bool = False, left: bool = False) -> None:
+    def __init__(self, *, by_speed: bool = False, loading_input: bool = True, left: bool = False) -> None:
         taken_up = Left(FAULT_BY_ID["operator_quick_stop"].number, 0.0, ZERO_NM) if left else None
         self.left = left
-        self.controller = Controller(small_bench.small_program(by_speed=by_speed), left=taken_up)
+        program = small_bench.small_program(by_speed=by_speed, loading_input=loading_input)
+        self.controller = Controller(program, left=taken_up)
+        self.conditions = {name: shown_on(program, condition.shown) for name, condition in CONDITIONS.items()}
         self.freezer = Freezer(self.controller, WATCHED_ALARMS)
-        self.choices = choices()
+        self.choices = (*choices(), *LEFT_CHOICES) if left else choices()
         self.by_name = {choice.name: choice for choice in self.choices}
         self.stubborn = [choice for choice in self.choices if choice.name in STUBBORN]
         self.found = Explored()
-        self._counter = 0
         self._places: set[Any] = set()
         self._ids: dict[Any, int] = {}
         self._edges: list[tuple[int, ...]] = []
         self._running: list[bool] = []
         self._came_from: list[tuple[int, str]] = []
 
-    def step(self, node: Node, choice: Choice) -> tuple[Node, Image, Orders]:
-        """One scan from a node; raises `BrokenRuleError`."""
+    def step(self, node: Node, choice: Choice, devices: Devices | None = None) -> tuple[Node, Image, Orders]:
+        """One scan from a node, with what the devices do in it if that is known; raises `BrokenRuleError`."""
         self.freezer.put_back(node.controller)
-        self._counter += 1
-        bench, image = advance(node.bench, choice, self._counter % 3 if "sample_counter" not in choice.shown else 7)
-        if choice.shown.get("sample_counter") is None:
-            image = image._replace(sample_counter=self.controller._last_counter % 3 + 1)
+        devices = devices or advance(node.bench, choice)
+        counter = self.controller._last_counter % 3 + 1
+        image = look(devices, choice.command, counter, choice.shown)
         orders = self._decide(image)
         monitor = check_step(node.bench, node.monitor, image, orders)
-        if self.left:
-            proven = self.controller._context.lock_proven
-            enabling = orders.drive_command in TOWARDS_TORQUE
-            require(7, f"drive command {orders.drive_command} before the lock has proven itself",
-                    holds=proven or not enabling)  # fmt: skip
-        return Node(self.freezer.take(), bench._replace(orders=orders), monitor), image, orders
+        bench = BenchState(devices.drive, devices.mode, devices.torque_out_nm, devices.brake_on, orders)
+        return Node(self.freezer.take(), bench, monitor), image, orders
 
     def _decide(self, image: Image) -> Orders:
         controller = self.controller
@@ -128,42 +164,61 @@ class Explorer:
 
     def first(self) -> Node:
         """The bench switched on."""
-        return Node(self.freezer.take(), WOUND_UP if self.left else START, Monitor())
+        return Node(self.freezer.take(), WOUND_UP if self.left else START, Monitor(left=self.left))
 
     def nominal(self) -> list[Node]:
-        """The nodes of an undisturbed run, from idle to complete."""
-        node, nodes = self.first(), []
-        for scan in range(LONGEST_RUN):
+        """The nodes of an undisturbed run, from idle to complete; with `left`, of the way back until it is stopped."""
+        node, nodes, orders = self.first(), [], None
+        for _ in range(LONGEST_RUN):
             nodes.append(node)
-            node, _, orders = self.step(node, Choice("start", command=Command.START) if not scan else Choice("nominal"))
-            if orders.state == S.COMPLETE:
+            command = Command.NONE if orders else Command.START
+            if self.left and orders and orders.phase == FaultReaction.SETTLED and orders.state == S.FAULT:
+                command = Command.RESET if node.monitor.acknowledged else Command.ACKNOWLEDGE
+            # a unit that was left wound up stays so until the drive unwinds it
+            held = self.left and node.bench.drive != DriveState.OPERATION_ENABLED
+            node, _, orders = self.step(node, self.by_name[f"{int(held)}.{command.name}"])
+            if orders.state == (S.STOPPED if self.left else S.COMPLETE):
                 return [*nodes, node]
         raise BrokenRuleError(RULES[11], "the undisturbed run does not end")
 
-    def explore(self, most_states: int, most_s: float = 1e9) -> Explored:
+    def explore(self, most_states: int = 1_000_000) -> Explored:
         """Visit every state that can be reached, or as many as allowed; `BrokenRuleError` at the first breach."""
-        begin = time.perf_counter()
         found = self.found
         _check_trips()
         queue: deque[tuple[int, Node]] = deque()
         _check_agreement(self.controller.program)
-        for number, node in enumerate([self.first()] if self.left else self.nominal()):
+        nominal = self.nominal()
+        for number, node in enumerate(nominal):
             self._take_in(node, queue, (number - 1, "nominal"))
-            if number % 3 == 0 and not self.left:
-                self._ways_back(node)
-        while queue and len(self._ids) < most_states and time.perf_counter() - begin < most_s:
+        for node in () if self.left else nominal[::3]:
+            self._ways_back(node)
+        while queue and len(self._ids) < most_states:
             number, node = queue.popleft()
-            self._edges[number] = tuple(self._follow(number, node, choice, queue) for choice in self.choices)
-            found.steps += len(self.choices)
+            self._edges[number] = self._expand(number, node, queue)
         found.complete = not queue
         found.states, found.places = len(self._ids), len(self._places)
         found.longest_scans = self._longest_way()
-        found.seconds = time.perf_counter() - begin
         return found
 
-    def _follow(self, number: int, node: Node, choice: Choice, queue: deque[tuple[int, Node]]) -> int:
+    def _expand(self, number: int, node: Node, queue: deque[tuple[int, Node]]) -> tuple[int, ...]:
+        """Let everything happen that may happen in one scan.
+
+        Choices that leave the devices alike and show the controller the same image, such as a drive that lags where it
+        has nothing to do, are one and the same step: the controller sees nothing else.
+        """
+        following: dict[tuple[Devices, int, Shown], int] = {}
+        for choice in self.choices:
+            devices = advance(node.bench, choice)
+            same = devices, choice.command, choice.shown
+            if same not in following:
+                following[same] = self._follow(number, node, choice, devices, queue)
+        self.found.choices += len(self.choices)
+        self.found.steps += len(following)
+        return tuple(following.values())
+
+    def _follow(self, number: int, node: Node, choice: Choice, devices: Devices, queue: deque[tuple[int, Node]]) -> int:
         try:
-            return self._take_in(self.step(node, choice)[0], queue, (number, choice.name))
+            return self._take_in(self.step(node, choice, devices)[0], queue, (number, choice.name))
         except BrokenRuleError as error:
             error.add_note("timeline: " + ", ".join(self._way_to(number, choice.name)))
             raise
@@ -226,23 +281,24 @@ class Explorer:
     def _probe(self, node: Node, state: State) -> None:
         """Put on every condition that must be seen here, and look for its reaction in time."""
         for name, condition in CONDITIONS.items():
-            if state not in condition.states:
+            established = node.bench.orders.phase in ESTABLISHED.get(state, ())
+            if state not in condition.states and not (established and state in condition.established_in):
                 continue
             self.found.probes += 1
             self.found.probed.setdefault(name, set()).add(state)
             self._probe_one(node, name)
 
     def _probe_one(self, node: Node, name: str) -> None:
-        condition, nominal = CONDITIONS[name], Choice(name, shown=CONDITIONS[name].shown)
+        condition, nominal = CONDITIONS[name], Choice(name, shown=self.conditions[name])
         began = State(node.bench.orders.state)
-        strongest = Reaction.NONE
+        strongest, asked_for = Reaction.NONE, (*condition.states, *condition.established_in)
         for _ in range(condition.within_scans):
             node, _, orders = self.step(node, nominal)
-            if orders.state in (S.FAULT, *condition.states):
+            if orders.state in (S.FAULT, *asked_for):
                 strongest = max(strongest, Reaction(orders.reaction))
-            if orders.state not in condition.states:
+            if orders.state not in asked_for:
                 break  # the run has gone on to where the condition means nothing
-        stays = orders.state in condition.states or orders.state == S.FAULT
+        stays = orders.state in asked_for or orders.state == S.FAULT
         holds = strongest >= condition.reaction or not stays
         require(10, f"{name} in {began.name}: reaction {strongest.name} in {condition.within_scans} scans", holds=holds)
 
@@ -269,6 +325,12 @@ class Explorer:
         return max(length)
 
 
+def shown_on(program: Program, shown: dict[str, float]) -> Shown:
+    """How a condition shows on the side that a program loads; `CONDITIONS` is written for a loaded input."""
+    other = {} if program.loading_input else {"angle_in_rad": "angle_out_rad", "angle_out_rad": "angle_in_rad"}
+    return tuple((other.get(name, name), value) for name, value in shown.items())
+
+
 def _check_trips() -> None:
     for state in State:
         if state == S.FAULT:
@@ -284,7 +346,8 @@ def _check_trips() -> None:
 
 def _check_agreement(program: Program) -> None:
     """The one interlock that a small ramp is too short for: the two torque channels contradict each other."""
-    for state in LOCKED:
+    program = replace(program, limits=replace(program.limits, torque_agreement_nm=AGREEMENT_NM))
+    for state in AGREEMENT_STATES:
         watch, measured = Watch(program), Measured()
         measured.agreement_live, measured.torque_out_nm = True, 2.0 * program.limits.torque_agreement_nm
         measured.torque_out_nm = min(measured.torque_out_nm, program.limits.torque_out_trip_nm)
@@ -294,12 +357,17 @@ def _check_agreement(program: Program) -> None:
         require(10, f"torque_channels_disagree in {state.name}: {strongest}", holds=strongest >= Reaction.QUICK_STOP)
 
 
+NEIGHBOURHOODS: tuple[tuple[dict[str, bool], int], ...] = (({}, 600), ({"by_speed": True}, 300))
+NEAR_THE_WAY_BACK: tuple[tuple[dict[str, bool], int], ...] = (({"left": True}, 3000),)
+"""Walks that look for mutants, and how many states of each."""
+
+
 def check_mutant(mutant: Mutant) -> bool:
     """Return whether the check notices a mutant, by the undisturbed runs and what branches off near them."""
-    for by_speed, states in ((False, 600), (True, 300)):
+    for walk, states in NEAR_THE_WAY_BACK if mutant.on_the_way_back else NEIGHBOURHOODS:
         try:
             with coarse_time(), mutant.applied():
-                Explorer(by_speed=by_speed).explore(states)
+                Explorer(**walk).explore(states)
         except BrokenRuleError:
             return True
     return False

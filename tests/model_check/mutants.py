@@ -10,13 +10,15 @@ from typing import Any, NamedTuple
 from unittest import mock
 
 import small_bench
-from safety_rules import CONDITIONS
+from safety_rules import AGREEMENT_STATES, CONDITIONS
+from small_bench import LOCK_A
 
 from controller import aftermath, interlocks, preparation, states
 from controller.aftermath import FaultReaction, Release
 from controller.context import Context, Outcome
 from controller.faults import FAULT_BY_ID
-from controller.image import DriveState, Reaction, State
+from controller.held_lock import HeldLock
+from controller.image import DriveMode, DriveState, Reaction, State
 from controller.interlocks import INTERLOCKS
 from controller.preparation import CloseLock, Home
 from controller.program import Program
@@ -31,6 +33,7 @@ class Mutant(NamedTuple):
     thing: Any
     attribute: str
     value: Any
+    on_the_way_back: bool = False
 
     @contextmanager
     def applied(self) -> Iterator[None]:
@@ -89,14 +92,35 @@ SEEN_OTHERWISE: dict[tuple[str, State], str] = {
 }
 """Rows that another one stands in for: their absence changes nothing that a rule could see."""
 
+NOT_ASKED_FOR: dict[tuple[str, State], str] = {
+    ("drive_mode_refused", State.HOME): "no mode is expected before HOME ends; its steps wait for the modes they need",
+    **{
+        (fault, State.RELEASE): "the torque is low, and RELEASE itself switches the drive off"
+        for fault in ("drive_dropped_out", "drive_mode_refused", "drive_internal_limit")
+    },
+    **{
+        (fault, State.FAULT): "its reaction is the weakest of a fault: in force already; it stands against a reset"
+        for fault in ("brake_current_lost", "housing_temperature")
+    },
+    ("drive_not_following", State.UNLOAD): "an unloading of the small programs is shorter than its debounce",
+}
+"""Where a row is live and no rule wants it, so that there is no mutant of it."""
+
+
+def asked_for(fault: str, state: State) -> bool:
+    """Whether the rules want a condition to be seen in a state."""
+    if fault == "torque_channels_disagree":
+        return state in AGREEMENT_STATES
+    asking = [c for name, c in CONDITIONS.items() if name.split(" ")[0] == fault]
+    return any(state in (*c.states, *c.established_in) for c in asking)
+
 
 def live_states() -> list[Mutant]:
     """Each interlock blind in one of the states where it must see."""
     found = []
     for row in INTERLOCKS:
         for state in State:
-            needed = any(n.split(" ")[0] == row.fault and state in c.states for n, c in CONDITIONS.items())
-            if state not in row.live_in or not needed or (row.fault, state) in SEEN_OTHERWISE:
+            if state not in row.live_in or not asked_for(row.fault, state) or (row.fault, state) in SEEN_OTHERWISE:
                 continue
             blind = row._replace(live_in=row.live_in - {state})
             rows = tuple(blind if r == row else r for r in INTERLOCKS)
@@ -144,6 +168,16 @@ def _lock_at_once(self: CloseLock, _image: Any, _elapsed: int) -> Outcome:
     return Outcome(trigger="closed")
 
 
+def _with_image(**shown: float) -> Callable[..., Any]:
+    """A step that takes something for granted that it should have seen."""
+    original = HeldLock.scan
+    return lambda self, image, elapsed: original(self, image._replace(**shown), elapsed)
+
+
+def _always(*, value: bool) -> property:
+    return property(lambda _self: value, lambda _self, _value: None)
+
+
 def _method(function: Callable[..., Any], *args: Any, **options: Any) -> Callable[..., Any]:
     return lambda self, *more: function(*args, self, *more, **options)
 
@@ -172,9 +206,27 @@ def guards() -> list[Mutant]:
         Mutant("lock without end", small_bench, "small_program", _program_with(
             lambda program: replace(program, lock=replace(program.lock, limit_scans=10**9)))),
         Mutant("drive enabled from anywhere", preparation, "ENABLE_PATH", dict.fromkeys(DriveState, 3)),
+        # the drive that does not follow, in each of the modes
+        Mutant("following not asked for by torque", interlocks, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_VELOCITY,)),
+        Mutant("following not asked for by speed", interlocks, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_TORQUE,)),
     ]  # fmt: skip
     budgets = ("enable_scans", "homing_scans", "mode_scans", "release_scans", "unload_limit_scans")
     return found + [_endless(name) for name in budgets]
+
+
+def way_back() -> list[Mutant]:
+    """Each guard of a lock that was found or left closed missing."""
+    changes: list[tuple[str, type, str, Any]] = [
+        ("held lock proven by one scan", HeldLock, "HOLD_SCANS", 1),
+        ("held lock without its current", HeldLock, "scan", _with_image(brake_on=1, brake_current_a=LOCK_A)),
+        ("held lock with late samples", HeldLock, "scan", _with_image(sample_age_scans=1)),
+        ("held lock without end", HeldLock, "PATIENCE", 10**9),
+        ("way back on a lock that is not proven", Context, "lock_proven", _always(value=True)),
+        ("lock that is found closed not kept", Context, "keep_lock", _method(lambda *_: None)),
+        ("lock never taken for found", Context, "lock_found", _always(value=False)),
+        ("lock taken for found for ever", Context, "lock_found", _always(value=True)),
+    ]
+    return [Mutant(*change, on_the_way_back=True) for change in changes]
 
 
 ALL: dict[str, Callable[[], list[Mutant]]] = {
@@ -182,5 +234,6 @@ ALL: dict[str, Callable[[], list[Mutant]]] = {
     "interlock rows": interlock_rows,
     "debounce": debounce_rows,
     "guards": guards,
+    "way back": way_back,
     "live states": live_states,
 }

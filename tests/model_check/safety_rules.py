@@ -7,9 +7,9 @@ react at least. `check_step` holds one step against the rules; a `Monitor` remem
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
-from small_bench import PROOF_NM, RELEASE_NM, SLEW_NM, TORQUE_LIMIT_NM, ZERO_NM, BenchState
+from small_bench import LOCK_A, LOCK_TOLERANCE_A, PROOF_NM, RELEASE_NM, SLEW_NM, TORQUE_LIMIT_NM, ZERO_NM, BenchState
 
 from controller.aftermath import FaultReaction
 from controller.image import (
@@ -25,11 +25,14 @@ from controller.image import (
     Reaction,
     State,
 )
+from controller.loading import Loading
+from controller.preparation import Home
 
 S, R = State, Reaction
 RUNNING = (S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE)
 ALWAYS = (*RUNNING, S.FAULT)
 LOCKED = (S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD)
+RESTING = (S.IDLE, S.COMPLETE, S.STOPPED)
 LOADED = (S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG)
 ENABLING = (DriveCommand.ENABLE_OPERATION, DriveCommand.START_HOMING)
 TOWARDS_TORQUE = (DriveCommand.SWITCH_ON, *ENABLING)
@@ -40,6 +43,7 @@ OFF = (
     DriveState.FAULT,
 )
 PROVE_SCANS = 2
+HOLD_SCANS = 2
 EPSILON = 1e-9
 
 
@@ -50,12 +54,21 @@ class Condition(NamedTuple):
     states: tuple[State, ...]
     within_scans: int
     reaction: Reaction
+    established_in: tuple[State, ...] = ()
+    """States in which it must be seen once they have established what it contradicts, see `ESTABLISHED`."""
 
+
+ESTABLISHED: dict[State, tuple[int, ...]] = {
+    S.HOME: (Home.HOMING, Home.TORQUE_MODE),
+    S.LOCK: (Loading.RUN,),
+    S.UNLOAD: (Loading.RUN,),
+}
+"""Phases of a state in which the drive has been enabled, and the lock, if the state wants one, closed."""
 
 CONDITIONS: dict[str, Condition] = {
     "estop": Condition({"estop_released": 0}, ALWAYS, 1, R.POWER_OFF),
     "guard_open": Condition({"guard_closed": 0}, ALWAYS, 1, R.QUICK_STOP),
-    "operator_quick_stop": Condition({"command": Command.QUICK_STOP}, RUNNING, 1, R.QUICK_STOP),
+    "operator_quick_stop": Condition({"command": Command.QUICK_STOP}, (S.IDLE, *ALWAYS), 1, R.QUICK_STOP),
     "can_lost": Condition({"links_lost": Link.CAN}, ALWAYS, 1, R.POWER_OFF),
     "drive_heartbeat_lost": Condition({"drive_heartbeat_age_scans": 101}, ALWAYS, 1, R.POWER_OFF),
     "drive_data_stale": Condition({"drive_age_scans": 11}, ALWAYS, 1, R.POWER_OFF),
@@ -70,27 +83,32 @@ CONDITIONS: dict[str, Condition] = {
     "remote_io_lost (link)": Condition({"links_lost": Link.REMOTE_IO}, ALWAYS, 1, R.QUICK_STOP),
     "drive_fault": Condition({"drive_state": DriveState.FAULT}, ALWAYS, 1, R.POWER_OFF),
     "drive_emergency": Condition({"drive_emcy_code": 0x8130}, ALWAYS, 1, R.QUICK_STOP),
-    "drive_dropped_out": Condition({"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF),
-    "drive_mode_refused": Condition({"drive_mode": -1}, (S.LOCK, *LOADED), 3, R.QUICK_STOP),
-    "drive_internal_limit": Condition({"drive_internal_limit": 1}, (S.LOCK, *LOADED), 2, R.UNLOAD),
+    "drive_dropped_out": Condition(
+        {"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF, (S.HOME, S.UNLOAD)
+    ),
+    "drive_mode_refused": Condition({"drive_mode": -1}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,)),
+    "drive_internal_limit": Condition({"drive_internal_limit": 1}, (S.LOCK, *LOADED), 2, R.UNLOAD, (S.HOME, S.UNLOAD)),
     "torque_out_trip": Condition({"torque_out_nm": -4.5}, ALWAYS, 1, R.QUICK_STOP),
     "torque_in_trip": Condition({"torque_in_nm": 4.5}, ALWAYS, 1, R.QUICK_STOP),
     "torque_out_alarm": Condition({"torque_out_nm": -3.5}, LOADED, 3, R.HOLD),
     "overspeed": Condition({"drive_velocity_rad_s": -1.6}, ALWAYS, 3, R.QUICK_STOP),
     "over_travel": Condition({"angle_in_rad": -1.1}, ALWAYS, 1, R.QUICK_STOP),
-    "lock_slip": Condition({"angle_out_rad": 0.3}, LOADED, 3, R.UNLOAD),
-    "brake_current_lost": Condition({"brake_current_a": 1.0}, LOADED, 3, R.UNLOAD),
-    "brake_current_lost (off)": Condition({"brake_on": 0}, LOADED, 3, R.UNLOAD),
+    "lock_slip": Condition({"angle_out_rad": 0.3}, LOADED, 3, R.UNLOAD, (S.LOCK, S.UNLOAD)),
+    "brake_current_lost": Condition({"brake_current_a": 1.0}, LOADED, 3, R.UNLOAD, (S.LOCK, S.UNLOAD)),
+    "brake_current_lost (off)": Condition({"brake_on": 0}, LOADED, 3, R.UNLOAD, (S.LOCK, S.UNLOAD)),
     "housing_temperature": Condition({"housing_temp_c": 61.0}, RUNNING, 11, R.UNLOAD),
     "missed_periods": Condition({"missed_periods": 3}, RUNNING, 1, R.UNLOAD),
     "sensor_not_a_number": Condition({"torque_out_nm": math.nan}, ALWAYS, 1, R.QUICK_STOP),
     "sensor_not_a_number (in)": Condition({"torque_in_nm": math.inf}, ALWAYS, 1, R.QUICK_STOP),
-    "sensor_saturated": Condition({"sample_status": 2}, RUNNING, 3, R.QUICK_STOP),
-    "sample_not_ready": Condition({"sample_status": 4}, RUNNING, 6, R.QUICK_STOP),
+    "sensor_saturated": Condition({"sample_status": 2}, ALWAYS, 3, R.QUICK_STOP),
+    "sample_not_ready": Condition({"sample_status": 4}, ALWAYS, 6, R.QUICK_STOP),
     "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 11, R.QUICK_STOP),
     "brake_stays_closed": Condition({"brake_on": 1, "brake_current_a": 6.0}, (S.HOME,), 1, R.POWER_OFF),
 }
-"""Brake and drive conditions are asked for where what they contradict has been established in every case."""
+"""Brake and drive conditions are asked for where what they contradict has been established."""
+
+AGREEMENT_STATES = (*LOCKED, S.RELEASE, S.FAULT)
+"""Where two torque channels that contradict each other must be seen; a small ramp is too short for it."""
 
 ALLOWED: dict[State, tuple[State, ...]] = {
     S.IDLE: (S.HOME, S.STOPPED, S.FAULT),
@@ -136,95 +154,122 @@ class Monitor(NamedTuple):
     proof_up: bool = False
     proof_down: bool = False
     low_scans: int = 0
+    left: bool = False  # a bench that an earlier run has left wound up: what holds that is proven for the way to zero
+    held_scans: int = 0
+    lock_proven: bool = False
 
 
 class BrokenRuleError(AssertionError):
     """A rule of `RULES` does not hold."""
 
     def __init__(self, rule: str, found: str) -> None:
-        super().__init__(f"{rule}: {found}")
+        super().__init__(rule, found)
         self.rule = rule
+
+    def __str__(self) -> str:
+        """The rule and what was found instead."""
+        return ": ".join(self.args)
+
+
+def broken(rule: int, found: str) -> NoReturn:
+    """Raise `BrokenRuleError` for rule number `rule`."""
+    raise BrokenRuleError(RULES[rule], found)
 
 
 def require(rule: int, found: str, *, holds: bool) -> None:
     """Raise `BrokenRuleError` for rule number `rule` unless it holds."""
     if not holds:
-        raise BrokenRuleError(RULES[rule], found)
+        broken(rule, found)
 
 
 def _cause_present(image: Image) -> bool:
     return not image.estop_released or not image.guard_closed or bool(image.links_lost)
 
 
+# The checks below are made for every step of every walk: the text of a breach is written only when there is one.
+
+
 def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Orders) -> Monitor:
     """Hold one step against the rules and return what is to be remembered; `before.orders` are the last scan's."""
     was, now, last = before.orders, State(orders.state), State(before.orders.state)
-    require(1, f"{last.name} -> {now.name}", holds=now == last or now in ALLOWED[last])
+    if now != last and now not in ALLOWED[last]:
+        broken(1, f"{last.name} -> {now.name}")
     _check_fault(image, orders)
     _check_set_points(was, image, orders)
-    low = abs(image.torque_out_nm - ZERO_NM) <= RELEASE_NM and image.sample_age_scans <= 5
-    low_scans = min(monitor.low_scans + 1, 2 * PROVE_SCANS) if low and last == S.RELEASE else 0
+    low_scans = 0
+    if last == S.RELEASE and abs(image.torque_out_nm - ZERO_NM) <= RELEASE_NM and image.sample_age_scans <= 5:
+        low_scans = min(monitor.low_scans + 1, PROVE_SCANS)
     if was.brake_on and not orders.brake_on and (last != S.IDLE or image.brake_on):
         off = image.drive_state in OFF
-        holds = last == S.RELEASE and off and low_scans >= PROVE_SCANS
-        require(4, f"in {last.name}, drive {image.drive_state}, low for {low_scans} scans", holds=holds)
-    resting = now in (S.IDLE, S.COMPLETE, S.STOPPED)
-    # a lock that is found closed before anything was started stays as it was found
-    found_closed = now in (S.IDLE, S.STOPPED) and was.brake_on and image.brake_on
-    idle = orders.drive_command == DriveCommand.DISABLE_VOLTAGE and (not orders.brake_on or found_closed)
-    require(8, f"{now.name} with drive command {orders.drive_command}", holds=idle or not resting)
-    monitor = _remember(monitor, last, now, image, orders)
+        if last != S.RELEASE or not off or low_scans < PROVE_SCANS:
+            broken(4, f"in {last.name}, drive {image.drive_state}, low for {low_scans} scans")
+    if now in RESTING:
+        # a lock that is found closed before anything was started stays as it was found
+        found_closed = now != S.COMPLETE and was.brake_on and image.brake_on
+        if orders.drive_command != DriveCommand.DISABLE_VOLTAGE or (orders.brake_on and not found_closed):
+            broken(8, f"{now.name} with drive command {orders.drive_command}, brake order {orders.brake_on}")
+    # by a stop during the proof the drive comes to UNLOAD enabled; nothing switches it on there before
+    off = image.drive_state != DriveState.OPERATION_ENABLED and not monitor.lock_proven
+    if now == S.UNLOAD and off and orders.drive_command != DriveCommand.DISABLE_VOLTAGE:
+        broken(7, f"drive command {orders.drive_command} in UNLOAD before the lock is proven")
+    monitor = _remember_lock(_remember(monitor, last, now, image, orders), last, now, image, orders)
     _check_lock(monitor, now, orders, closed=image.brake_on or was.brake_on)
-    return monitor._replace(low_scans=low_scans if now == S.RELEASE else 0)
+    low_scans = low_scans if now == S.RELEASE else 0
+    return monitor if monitor.low_scans == low_scans else monitor._replace(low_scans=low_scans)
 
 
 def _check_fault(image: Image, orders: Orders) -> None:
     if orders.state != S.FAULT:
-        require(1, "a fault number without a fault", holds=not orders.fault)
+        if orders.fault:
+            broken(1, "a fault number without a fault")
         return
     enabling = orders.drive_command in TOWARDS_TORQUE
-    unload = orders.reaction == R.UNLOAD and orders.phase == FaultReaction.UNLOADING
-    plain = orders.drive_command == DriveCommand.ENABLE_OPERATION
-    running = image.drive_state == DriveState.OPERATION_ENABLED
-    require(2, f"drive command {orders.drive_command} in phase {orders.phase}, drive state {image.drive_state}",
-            holds=not enabling or (unload and plain and running))  # fmt: skip
-    if orders.reaction >= R.QUICK_STOP:
-        still = not orders.drive_target_torque_nm and not orders.drive_target_velocity_rad_s
-        require(3, f"reaction {orders.reaction}: {orders}", holds=still and not enabling)
-    require(1, "a fault without its number", holds=bool(orders.fault))
+    if enabling:
+        unload = orders.reaction == R.UNLOAD and orders.phase == FaultReaction.UNLOADING
+        plain = orders.drive_command == DriveCommand.ENABLE_OPERATION
+        if not (unload and plain and image.drive_state == DriveState.OPERATION_ENABLED):
+            broken(2, f"drive command {orders.drive_command} in phase {orders.phase}, drive state {image.drive_state}")
+    if orders.reaction >= R.QUICK_STOP and (
+        orders.drive_target_torque_nm or orders.drive_target_velocity_rad_s or enabling
+    ):
+        broken(3, f"reaction {orders.reaction}: {orders}")
+    if not orders.fault:
+        broken(1, "a fault without its number")
 
 
 def _check_set_points(was: Orders, image: Image, orders: Orders) -> None:
     torque_nm, speed = orders.drive_target_torque_nm, orders.drive_target_velocity_rad_s
-    within = abs(torque_nm) <= TORQUE_LIMIT_NM and abs(speed) <= 1.0
-    require(5, f"torque {torque_nm} N·m, speed {speed} rad/s", holds=within)
+    if not (abs(torque_nm) <= TORQUE_LIMIT_NM and abs(speed) <= 1.0):
+        broken(5, f"torque {torque_nm} N·m, speed {speed} rad/s")
     acts = orders.drive_command in ENABLING and was.drive_command in ENABLING
     if not acts or image.drive_state != DriveState.OPERATION_ENABLED:
         return
     if orders.drive_mode == was.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE:
         step_nm = abs(torque_nm - was.drive_target_torque_nm)
-        require(6, f"torque steps by {step_nm} N·m", holds=step_nm <= SLEW_NM + EPSILON)
+        if not step_nm <= SLEW_NM + EPSILON:
+            broken(6, f"torque steps by {step_nm} N·m")
     if orders.drive_mode == was.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
         step = abs(speed - was.drive_target_velocity_rad_s)
         # a dwell stops the shaft at once: from what was left at the turning point
-        require(6, f"speed steps by {step} rad/s", holds=step <= 1.0 + EPSILON)
+        if not step <= 1.0 + EPSILON:
+            broken(6, f"speed steps by {step} rad/s")
 
 
 def _check_lock(monitor: Monitor, now: State, orders: Orders, *, closed: int) -> None:
+    if now in LOADED and not (monitor.proof_up and monitor.proof_down):
+        broken(7, f"{now.name} without the proof of the lock")
+    if now in LOCKED and monitor.tared and orders.torque_out_tare_nm != ZERO_NM:
+        broken(7, f"{now.name} with a zero of {orders.torque_out_tare_nm} N·m")
     moving = orders.drive_target_torque_nm or orders.drive_target_velocity_rad_s
-    if now in LOADED:
-        require(7, f"{now.name} without the proof of the lock", holds=monitor.proof_up and monitor.proof_down)
-    if now in LOCKED and monitor.tared:
-        require(
-            7, f"{now.name} with a zero of {orders.torque_out_tare_nm} N·m", holds=orders.torque_out_tare_nm == ZERO_NM
-        )
-    if moving and orders.drive_command in ENABLING:
-        state = f"{orders.drive_target_torque_nm} N·m in {now.name}, brake order {orders.brake_on}"
-        require(7, state, holds=bool(orders.brake_on))
-    if now == S.LOCK and moving:
-        require(7, "the lock has not been seen closed", holds=bool(closed))
-        require(7, f"{orders.drive_target_torque_nm} N·m before the proof",
-                holds=abs(orders.drive_target_torque_nm) <= TORQUE_LIMIT_NM)  # fmt: skip
+    if not moving:
+        return
+    if orders.drive_command in ENABLING and not orders.brake_on:
+        broken(7, f"{orders.drive_target_torque_nm} N·m in {now.name}, brake order {orders.brake_on}")
+    if now == S.LOCK:
+        if not closed:
+            broken(7, "the lock has not been seen closed")
+        if not abs(orders.drive_target_torque_nm) <= TORQUE_LIMIT_NM:
+            broken(7, f"{orders.drive_target_torque_nm} N·m before the proof")
 
 
 def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:
@@ -234,7 +279,7 @@ def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: O
         monitor = monitor._replace(started=False)
     if now == S.HOME and last == S.IDLE:
         require(8, "home without a start", holds=monitor.started)
-        monitor = Monitor()
+        monitor = Monitor(left=monitor.left)
     if now == S.LOCK and last == S.HOME:
         monitor = monitor._replace(tared=True)
     if last == S.LOCK and image.brake_on:
@@ -242,12 +287,33 @@ def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: O
             proof_up=monitor.proof_up or image.torque_out_nm >= 0.75 * PROOF_NM,
             proof_down=monitor.proof_down or image.torque_out_nm <= -0.75 * PROOF_NM,
         )
+    if now not in LOADED and now != S.LOCK and (monitor.proof_up or monitor.proof_down):
+        # the next load wants its own proof
+        monitor = monitor._replace(proof_up=False, proof_down=False)
+    if now not in LOCKED and monitor.tared:
+        monitor = monitor._replace(tared=False)
     return _remember_fault(monitor, last, now, image, orders)
+
+
+def _remember_lock(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:
+    """A lock is proven by its proof, and by what it holds where a run has left it loaded, until it is opened."""
+    held_scans, proven = 0, monitor.lock_proven
+    if monitor.left and not proven and last == now == S.UNLOAD:
+        closed = image.brake_on and image.brake_current_a >= LOCK_A - LOCK_TOLERANCE_A
+        held_scans = monitor.held_scans + 1 if closed and image.sample_age_scans <= 5 else 0
+    if held_scans >= HOLD_SCANS or (now in LOADED and monitor.proof_up and monitor.proof_down):
+        held_scans, proven = 0, True
+    if not orders.brake_on:
+        proven = False
+    if (held_scans, proven) == (monitor.held_scans, monitor.lock_proven):
+        return monitor
+    return monitor._replace(held_scans=held_scans, lock_proven=proven)
 
 
 def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:
     if last != S.FAULT:
-        return Monitor(alarms=orders.alarms) if now == S.FAULT else monitor
+        fault = Monitor(alarms=orders.alarms, left=monitor.left, lock_proven=monitor.lock_proven)
+        return fault if now == S.FAULT else monitor
     if now == S.FAULT and orders.alarms & ~monitor.alarms:
         # another fault on top wants its own acknowledgement
         monitor = monitor._replace(acknowledged=False, reset_asked=False, alarms=orders.alarms)
@@ -256,8 +322,11 @@ def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, ord
     if image.command == Command.RESET and monitor.acknowledged:
         monitor = monitor._replace(reset_asked=True)
     if now == S.FAULT:
+        if monitor.reset_asked and orders.phase != FaultReaction.DRIVE_RESET:
+            # refused, or over: the next way back wants its own
+            monitor = monitor._replace(reset_asked=False)
         return monitor
     require(9, "no acknowledgement", holds=monitor.acknowledged)
     require(9, "no reset asked for", holds=monitor.reset_asked)
     require(9, "the cause is still present", holds=not _cause_present(image))
-    return Monitor()
+    return Monitor(left=monitor.left, lock_proven=monitor.lock_proven)

@@ -6,7 +6,8 @@ so that set-points take a handful of values and the whole space of states can be
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 from bench_model import READY
@@ -15,8 +16,13 @@ from controller.image import Command, DriveCommand, DriveMode, DriveState, Image
 from controller.program import Limits, Lock, Program, Segment, Tare, TorqueControl
 
 S, D, C = State, DriveState, DriveCommand
-PROOF_NM, PEAK_NM, TORQUE_LIMIT_NM, SLEW_NM, RELEASE_NM, WILD_NM = 1.0, 2.0, 2.0, 1.0, 0.5, 50.0
-LOCK_A = 6.0
+PROOF_NM, PEAK_NM, TORQUE_LIMIT_NM, SLEW_NM, RELEASE_NM, WILD_NM = 1.0, 2.0, 2.0, 1.0, 1.0, 50.0
+"""Whole numbers, so that torques stay whole; 1 N·m is low enough to open the lock, but not yet a small rest."""
+
+OFFSET_NM = 0.4
+"""Friction by the loading line: an unloading may lead the drive 2.5 times that past zero, which is 1 N·m."""
+
+LOCK_A, LOCK_TOLERANCE_A = 6.0, 0.3
 ZERO_NM = 0.125
 """What the output torque sensor shows at rest; a tare takes it away without rounding."""
 
@@ -40,11 +46,12 @@ LIMITS = Limits(
     torque_out_alarm_nm=3.2, torque_out_trip_nm=4.2, torque_in_trip_nm=4.2, speed_rad_s=1.5, travel_rad=1.0,
     lock_slip_rad=0.2, lock_proof_motion_rad=0.1, housing_temperature_c=60.0, sample_late_scans=5,
     sample_stale_scans=10, drive_stale_scans=10, heartbeat_scans=100, io_stale_scans=100, brake_stale_scans=100,
-    missed_in_a_row=2, internal_limit_scans=1, torque_agreement_nm=3.5, torque_agreement_ratio=1.7,
+    missed_in_a_row=2, internal_limit_scans=1, torque_agreement_nm=WILD_NM, torque_agreement_ratio=1.7,
 )  # fmt: skip
+"""The two torque channels never disagree in the walks: twenty scans of debounce would be twenty copies of the space."""
 
 
-def small_program(*, by_speed: bool = False) -> Program:
+def small_program(*, by_speed: bool = False, loading_input: bool = True) -> Program:
     """A whole run in about fifty scans; `by_speed` makes the cycle's ramps run at constant speed."""
     segments = []
     for index, (state, role, direction, start, target, dwell) in enumerate(ROWS):
@@ -57,11 +64,11 @@ def small_program(*, by_speed: bool = False) -> Program:
             ),
         )  # fmt: skip
     return Program(
-        name="small", period_s=1.0, loading_input=True, ratio=1.0, has_torque_in=True, has_torque_out=True,
+        name="small", period_s=1.0, loading_input=loading_input, ratio=1.0, has_torque_in=True, has_torque_out=True,
         segments=tuple(segments), unload_segment=len(segments) - 1, limits=LIMITS,
-        tare=Tare(1, 0.4, 0.4, 0.4, 0.4), lock=Lock(LOCK_A, 0.3, 1, 2),
+        tare=Tare(1, 0.4, 0.4, 0.4, 0.4), lock=Lock(LOCK_A, LOCK_TOLERANCE_A, 1, 2),
         control=TorqueControl(
-            controlled_from_input=False, measure_ratio=False, slope=1.0, offset_nm=0.0, gain_per_s=1.0,
+            controlled_from_input=False, measure_ratio=False, slope=1.0, offset_nm=OFFSET_NM, gain_per_s=1.0,
             window_nm=1000.0, tolerance_nm=0.25, rate_acceleration_s=1.0, slew_nm_s=SLEW_NM,
             torque_limit_nm=TORQUE_LIMIT_NM, stiffness_nm_per_rad=1.0,
         ),
@@ -80,6 +87,10 @@ NEXT_STATE = {
 }
 
 
+Shown = tuple[tuple[str, float], ...]
+"""What an image shows beside what the devices do: fields and their values."""
+
+
 @dataclass(frozen=True)
 class Choice:
     """What happens in one scan: what each device does, what the image shows beside, and what the operator wants."""
@@ -91,7 +102,7 @@ class Choice:
     torque_stays: bool = False  # friction, or a stored rest
     brake_lags: bool = False
     homing: bool = True
-    shown: dict[str, float] = field(default_factory=dict)
+    shown: Shown = ()
 
 
 class BenchState(NamedTuple):
@@ -107,14 +118,25 @@ class BenchState(NamedTuple):
 START = BenchState(D.SWITCH_ON_DISABLED, 0, 0.0, 0, Orders(*[0] * len(Orders._fields)))
 
 
-def advance(bench: BenchState, choice: Choice, counter: int) -> tuple[BenchState, Image]:
-    """Let one scan's time pass as `choice` says; the bench then and what the controller sees of it."""
+class Devices(NamedTuple):
+    """What the devices are once a scan's time has passed, and all of it that they show."""
+
+    drive: int
+    mode: int
+    torque_out_nm: float
+    brake_on: int
+    motor_nm: float
+    homing_attained: int
+
+
+def advance(bench: BenchState, choice: Choice) -> Devices:
+    """Let one scan's time pass as `choice` says."""
     orders = bench.orders
     drive = bench.drive
     if choice.drive == "obeys":
         if orders.drive_command == C.DISABLE_VOLTAGE and drive != D.FAULT:
             drive = D.SWITCH_ON_DISABLED
-        drive = NEXT_STATE.get((DriveState(drive), DriveCommand(orders.drive_command)), drive)
+        drive = NEXT_STATE.get((drive, orders.drive_command), drive)
     elif choice.drive == "drops":
         drive = D.SWITCH_ON_DISABLED if drive != D.FAULT else drive
     elif choice.drive == "faults":
@@ -133,14 +155,20 @@ def advance(bench: BenchState, choice: Choice, counter: int) -> tuple[BenchState
             torque_nm = motor_nm
     if mode == DriveMode.CYCLIC_SYNC_VELOCITY:
         motor_nm = torque_nm
-    shown: dict[str, Any] = {
-        "command": choice.command, "drive_state": drive, "drive_mode": mode, "drive_torque_nm": motor_nm,
-        "drive_homing_attained": int(choice.homing and enabled and orders.drive_command == C.START_HOMING),
-        "torque_in_nm": motor_nm, "torque_out_nm": torque_nm + ZERO_NM, "sample_counter": counter, "brake_on": brake_on,
-        "brake_current_a": LOCK_A * brake_on,
+    homing = int(choice.homing and enabled and orders.drive_command == C.START_HOMING)
+    return Devices(drive, mode, torque_nm, brake_on, motor_nm, homing)
+
+
+@cache
+def look(devices: Devices, command: int, counter: int, shown: Shown) -> Image:
+    """The image that a controller gets of the devices; there are few, so each is made once."""
+    values: dict[str, Any] = {
+        "command": command, "drive_state": devices.drive, "drive_mode": devices.mode,
+        "drive_torque_nm": devices.motor_nm, "drive_homing_attained": devices.homing_attained,
+        "torque_in_nm": devices.motor_nm, "torque_out_nm": devices.torque_out_nm + ZERO_NM, "sample_counter": counter,
+        "brake_on": devices.brake_on, "brake_current_a": LOCK_A * devices.brake_on,
     }  # fmt: skip
-    image = READY._replace(**{**shown, **choice.shown})
-    return BenchState(drive, mode, torque_nm, brake_on, orders), image
+    return READY._replace(**{**values, **dict(shown)})
 
 
 WOUND_UP = START._replace(
@@ -165,14 +193,15 @@ def choices() -> tuple[Choice, ...]:
         {},
         {"torque_stays": True},
         dict(SILENT),
-        {"shown": STRONG["estop"]},
-        {"shown": STRONG["brake_link_lost"]},
+        {"shown": tuple(STRONG["estop"].items())},
+        {"shown": tuple(STRONG["brake_link_lost"].items())},
     ]
     found = [
         Choice(f"{index}.{command.name}", command=command, **world)
         for index, world in enumerate(worlds)
         for command in Command
     ]
+    wild = (("drive_torque_nm", WILD_NM),)
     single: dict[str, dict[str, Any]] = {
         "drive lags": {"drive": "lags"},
         "drive drops": {"drive": "drops"},
@@ -181,9 +210,16 @@ def choices() -> tuple[Choice, ...]:
         "mode lags": {"mode_lags": True},
         "brake lags": {"brake_lags": True},
         "no homing": {"homing": False},
-        "guard opens": {"shown": STRONG["guard_open"]},
-        "samples late": {"shown": {"sample_age_scans": 6}},
-        "drive reports a wild torque": {"shown": {"drive_torque_nm": WILD_NM}},
-        "wild torque and brake link lost": {"shown": {"drive_torque_nm": WILD_NM, **STRONG["brake_link_lost"]}},
+        "guard opens": {"shown": tuple(STRONG["guard_open"].items())},
+        "samples late": {"shown": (("sample_age_scans", 6),)},
+        "drive reports a wild torque": {"shown": wild},
+        "wild torque and brake link lost": {"shown": (*wild, *STRONG["brake_link_lost"].items())},
     }
     return (*found, *(Choice(name, **world) for name, world in single.items()))
+
+
+LEFT_CHOICES = (
+    Choice("left: samples late", torque_stays=True, shown=(("sample_age_scans", 6),)),
+    Choice("left: lock without its current", torque_stays=True, shown=(("brake_current_a", 1.0),)),
+)
+"""What else may happen to a unit that stays wound up, and must keep its lock from being taken for proven."""

@@ -7,22 +7,26 @@ out what cannot act any more, by the tables below, each row with its reason; eve
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
+from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
 
 from controller.aftermath import FaultReaction
 from controller.controller import Controller
 from controller.faults import FAULT_BY_ID, FAULTS
 from controller.image import State
+from controller.unloading import Unloading
 
 S = State
 CAP = 20
-"""Counters of scans stop here in a snapshot; every limit of the small programs is below."""
+"""Counters of scans stop here in a key; every limit of the small programs is below."""
 
 NEVER_ACTS: dict[str, str] = {
     "events": "taken out by the caller",
     "first_out": "reported only; that it is set is a property of its own",
     "_last_scan": "only its difference to the next scan counts, and that is one",
     "_in_state": "only tells the caller that the run is over",
+    "_waits_for_person": "same",
     "_logged": "equal to `latched` after every step",
     "_last_counter": "the counter of the small bench says the same",
     "_home._counter": "the counter of the small bench says the same",
@@ -57,6 +61,8 @@ ACTS_IN: tuple[tuple[str, frozenset[State]], ...] = (
     ("_loading._unloading.", frozenset({S.UNLOAD})),
     ("_loading.", LOADING),
     ("_context.segment", LOADING),
+    # the walks turn no shaft, so that no limit above zero tells; a probe does, where every way in has set the limit
+    ("_context.measured.lock_motion_limit_rad", LOADING),
 )
 UNLOADING_ONLY = ("_fault._torque.", "_fault._unloading.")
 """Begun anew with each controlled unload."""
@@ -64,35 +70,52 @@ UNLOADING_ONLY = ("_fault._torque.", "_fault._unloading.")
 PLAIN = (int, float, str, tuple, type(None))
 
 
-class Snapshot(NamedTuple):
-    """The state of a controller: values in the order of the freezer's leaves."""
+Parts = tuple[tuple[Any, ...], ...]
 
-    values: tuple[Any, ...]
+
+class Snapshot(NamedTuple):
+    """The state of a controller: one tuple of values per object that keeps state, then one per list."""
+
+    parts: Parts
 
 
 class Freezer:
-    """Knows where a controller keeps its state."""
+    """Knows where a controller keeps its state.
+
+    A scan changes few of the controller's objects. So what they hold is remembered, and only those that differ are
+    written when a snapshot is put back. Numbers that are equal count as the same there, as they do in the keys.
+    """
 
     def __init__(self, controller: Controller, watched_alarms: int) -> None:
         self._controller = controller
         self._watched_alarms = watched_alarms
-        self._leaves: list[tuple[Any, str]] = []
+        self._things: list[tuple[Any, tuple[str, ...], Callable[[Any], tuple[Any, ...]]]] = []
         self._lists: list[tuple[Any, str]] = []
+        self._holds: Parts | None = None
         self.paths: list[str] = []
         list_paths: list[str] = []
         self._walk(controller, "", set(), list_paths)
         self.paths += list_paths
         unknown = set(NEVER_ACTS) - set(self.paths) - {"events", "_context.notes"}
         assert not unknown, f"no such state in the controller any more: {unknown}"
+        self._at = {path: i for i, path in enumerate(self.paths)}
         self._selected = {
             (state, unloading): self._selection(state, unloading=unloading)
             for state in State
             for unloading in (True, False)
         }
-        self._capped = [i for i, path in enumerate(self.paths) if path.endswith(("._waited", "._in_state"))]
-        self._capped_lists = [i for i, path in enumerate(self.paths) if path.endswith("._counts")]
-        self._at = {path: i for i, path in enumerate(self.paths)}
+        caps = {"_waited": CAP, "_at_bound": Unloading.STUCK_SCANS + 1}
+        self._caps = {
+            which: [
+                (position, caps[name])
+                for position, i in enumerate(selected)
+                if (name := self.paths[i].rpartition(".")[2]) in caps
+            ]
+            for which, selected in self._selected.items()
+        }
+        self._select = {which: itemgetter(*selected) for which, selected in self._selected.items()}
         self._waited_in_fault = self._selected[S.FAULT, False].index(self._at["_fault._waited"])
+        self._pulsed_in_fault = self._selected[S.FAULT, False].index(self._at["_fault._pulsed"])
         # a condition that has counted beyond its debounce is the same as one that has counted longer
         self._enough = [0] * 64
         for fault in FAULTS:
@@ -104,25 +127,31 @@ class Freezer:
         names = list(getattr(thing, "__dict__", ())) + [
             n for c in type(thing).__mro__ for n in vars(c).get("__slots__", ())
         ]
+        plain, inner = [], []
         for name in names:
             value = getattr(thing, name)
-            here = f"{path}{name}"
             if name in {"events", "notes", "program", "_program", "_limits", "_control"} or isinstance(
                 value, Callable | dict
             ):
                 continue
             if isinstance(value, PLAIN) or type(value).__name__ == "Segment":
-                self._leaves.append((thing, name))
-                self.paths.append(here)
+                plain.append(name)
             elif isinstance(value, list):
                 self._lists.append((thing, name))
-                list_paths.append(here)
+                list_paths.append(f"{path}{name}")
             elif type(value).__module__.startswith("controller.") and id(value) not in seen:
-                self._walk(value, f"{here}.", seen, list_paths)
+                inner.append((value, f"{path}{name}."))
+        if plain:
+            # the name that is there twice makes `attrgetter` answer a tuple for a single one, too
+            self._things.append((thing, tuple(plain), attrgetter(*plain, plain[0])))
+            self.paths += [f"{path}{name}" for name in (*plain, plain[0])]
+        for value, here in inner:
+            if id(value) not in seen:
+                self._walk(value, here, seen, list_paths)
 
     def _selection(self, state: State, *, unloading: bool) -> list[int]:
         chosen = []
-        for index, path in enumerate(self.paths):
+        for path in dict.fromkeys(self.paths):
             if path in NEVER_ACTS:
                 continue
             if any(path.startswith(prefix) and state not in states for prefix, states in ACTS_IN):
@@ -131,42 +160,60 @@ class Freezer:
                 continue
             if state == S.FAULT and path == "_context.stopping":
                 continue  # set when the fault is left
-            chosen.append(index)
+            chosen.append(self._at[path])
         return chosen
 
     def take(self) -> Snapshot:
-        """The state as it is now, counters of scans capped."""
-        controller = self._controller
-        controller.events.clear()
-        values = [getattr(thing, name) for thing, name in self._leaves]
-        values += [tuple(getattr(thing, name)) for thing, name in self._lists]
-        for index in self._capped:
-            values[index] = min(values[index], CAP)
-        for index in self._capped_lists:
-            if any(values[index]):
-                values[index] = tuple(map(min, values[index], self._enough))
-        return Snapshot(tuple(values))
+        """The state as it is now."""
+        self._controller.events.clear()
+        parts = [read(thing) for thing, _, read in self._things]
+        parts += [tuple(getattr(thing, name)) for thing, name in self._lists]
+        self._holds = tuple(parts)
+        return Snapshot(self._holds)
 
     def put_back(self, snapshot: Snapshot) -> None:
         """Make the controller what it was."""
-        for (thing, name), value in zip(self._leaves, snapshot.values, strict=False):
-            setattr(thing, name, value)
-        for (thing, name), values in zip(self._lists, snapshot.values[len(self._leaves) :], strict=True):
-            setattr(thing, name, list(values))
+        parts = snapshot.parts
+        now = self._holds or ((),) * len(parts)
+        self._holds = None  # until it is looked at again: a step may follow
+        plain = len(self._things)
+        for index, (part, held) in enumerate(zip(parts, now, strict=True)):
+            if part == held:
+                continue
+            if index < plain:
+                thing, names, _ = self._things[index]
+                for name, value in zip(names, part, strict=False):
+                    setattr(thing, name, value)
+            else:
+                thing, name = self._lists[index - plain]
+                setattr(thing, name, list(part))
 
     def value(self, snapshot: Snapshot, path: str) -> Any:
         """One value of a snapshot."""
-        return snapshot.values[self._at[path]]
+        return self._flat(snapshot)[self._at[path]]
+
+    def _flat(self, snapshot: Snapshot) -> list[Any]:
+        plain = len(self._things)
+        return [*chain.from_iterable(snapshot.parts[:plain]), *snapshot.parts[plain:]]
 
     def key(self, snapshot: Snapshot) -> tuple[Any, ...]:
-        """What makes two snapshots behave alike."""
-        values = snapshot.values
-        state = values[self._at["_sequence.state"]]
+        """What makes two snapshots behave alike; counters of scans stop where no limit is beyond."""
+        values, at = self._flat(snapshot), self._at
+        state = values[at["_sequence.state"]]
         fault = state == S.FAULT
-        unloading = fault and values[self._at["_context.phase"]] == FaultReaction.UNLOADING
-        alarms = values[self._at["_watch.latched"]] & self._watched_alarms if fault else 0
-        settled = fault and values[self._at["_context.phase"]] == FaultReaction.SETTLED
-        chosen = [values[i] for i in self._selected[state, unloading]]
-        if settled:
-            chosen[self._waited_in_fault] = 0  # begins anew with the way back
+        phase = values[at["_context.phase"]] if fault else 0
+        which = state, fault and phase == FaultReaction.UNLOADING
+        values[at["_context.segment"]] = values[at["_context.segment"]].index
+        counts = values[at["_watch._counts"]]
+        if any(counts):
+            values[at["_watch._counts"]] = tuple(map(min, counts, self._enough))
+        alarms = values[at["_watch.latched"]] & self._watched_alarms if fault else 0
+        chosen = list(self._select[which](values))
+        for position, cap in self._caps[which]:
+            chosen[position] = min(chosen[position], cap)
+        # both begin anew with the way back
+        if fault and phase == FaultReaction.SETTLED:
+            chosen[self._waited_in_fault] = 0
+        if fault and phase not in (FaultReaction.UNLOADING, FaultReaction.DRIVE_RESET):
+            chosen[self._pulsed_in_fault] = False
         return (alarms, *chosen)

@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.alignment import windup_speed
 from analysis.branches import Blocks
+from analysis.closure import closure_gaps_arcmin
 from analysis.measured import Evidence, Measured
 from analysis.samples import BranchSamples
 from analysis.standing_angle import angle_stands, windup_stands
@@ -114,18 +115,9 @@ def loop_closure(evidence: Evidence) -> Reading | str:
     found = evidence.measured
     if found is None:
         return NOT_EVALUATED
-    gaps = []
-    for number, pair in enumerate(found.pairs):
-        blocks = found.blocks[2 * number : 2 * number + 2]
-        order = (0, 1) if pair[0].run.pieces[0].start < pair[1].run.pieces[0].start else (1, 0)
-        if pair[order[0]].masked:
-            return "the torque after a reversal is masked: the cycle has no start to compare"
-        leaving, arriving = blocks[order[0]], blocks[order[1]]
-        reach = max(1, arriving.torque_nm.size // 50)
-        way = float(arriving.torque_nm[-1] - arriving.torque_nm[-1 - reach])
-        slope = float(arriving.angle_arcmin[-1] - arriving.angle_arcmin[-1 - reach]) / way if way else 0.0
-        between = slope * float(leaving.torque_nm[0] - arriving.torque_nm[-1])
-        gaps.append(abs(float(leaving.angle_arcmin[0] - arriving.angle_arcmin[-1]) - between))
+    gaps = closure_gaps_arcmin(found.pairs, found.blocks)
+    if gaps is None:
+        return "the torque after a reversal is masked: the cycle has no start to compare"
     return Reading(100.0 * max(gaps) / _span(found))
 
 

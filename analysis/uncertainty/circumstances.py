@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from analysis.branches import Branch
+from analysis.closure import closure_gaps_arcmin
 from analysis.measured import Measured
 from analysis.method import Method
 from analysis.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
@@ -55,7 +56,11 @@ class Points(NamedTuple):
 
 @dataclass(frozen=True)
 class Circumstances:
-    """Method, branches in time of the first cycle, encoders in the wind-up, and whether the fixture was corrected."""
+    """Method, branches in time of the first cycle, encoders in the wind-up, and whether the fixture was corrected.
+
+    unseen_drift_arcmin_per_min: largest drift that the gap of the loop allows where no second cycle shows it; 0 where
+    one does, or where there is no gap to read.
+    """
 
     method: Method
     peak_nm: float
@@ -65,6 +70,7 @@ class Circumstances:
     fixture_corrected: bool
     converted: bool
     quadrants: Quadrants | None
+    unseen_drift_arcmin_per_min: float = 0.0
 
     @property
     def lines_of_this_run(self) -> bool:
@@ -139,7 +145,18 @@ def circumstances_of(found: Measured) -> Circumstances:
         fixture_corrected=corrects and method.fixture == "correct",
         converted=converts(trace, method) and isinstance(found.quadrants, Quadrants),
         quadrants=found.quadrants if isinstance(found.quadrants, Quadrants) else None,
+        unseen_drift_arcmin_per_min=_unseen_drift(found),
     )
+
+
+def _unseen_drift(found: Measured) -> float:
+    """Gap of the loop over the time of the cycle: a single cycle cannot tell drift from creep at its turns."""
+    times = [one.t_s for one in found.pairs[0] if one.t_s is not None]
+    if found.drift.per_cycle_arcmin is not None or len(times) < len(found.pairs[0]):
+        return 0.0
+    gaps = closure_gaps_arcmin(found.pairs, found.blocks)
+    minutes = (max(float(one[-1]) for one in times) - min(float(one[0]) for one in times)) / 60.0
+    return max(gaps) / minutes if gaps and minutes > 0.0 else 0.0
 
 
 def _stretch(samples: BranchSamples) -> Stretch:

@@ -194,6 +194,10 @@ SOURCES: tuple[ErrorSource, ...] = (
         lambda figures, circumstances: figures.drift_arcmin_per_min if _timed(circumstances) else None, (_drift,),
     ),
     ErrorSource(
+        "drift_unseen", "drift that a single cycle does not show: gap of the loop", "arcmin/min", "rectangular",
+        lambda _, circumstances: circumstances.unseen_drift_arcmin_per_min or None, (_drift,),
+    ),
+    ErrorSource(
         "fixture", "stiffness of the fixture that the wind-up is corrected by", "1", "rectangular",
         lambda figures, circumstances: figures.fixture_fraction if circumstances.fixture_corrected else None,
         (_fixture,),

@@ -23,6 +23,7 @@ from analysis import (
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.repeatability import enlarged, student_factor
 from analysis.uncertainty.sources import SOURCES
+from analysis.units import ARCMIN_PER_RAD
 
 RATIO = 121.0
 METHOD = Method(ratio=RATIO, rated_torque_nm=412.0, fixture_stiffness_nm_per_arcmin=1e4)
@@ -276,3 +277,19 @@ def test_draws_have_the_standard_uncertainty_of_their_distribution(name: str) ->
 def test_figures_that_make_no_sense_are_refused(wrong: object) -> None:
     with pytest.raises(AnalysisError, match="found"):
         wrong()
+
+
+@pytest.mark.parametrize("arcmin_per_min", [0.1, 0.3])
+def test_a_drift_that_one_cycle_cannot_show_is_in_the_uncertainty(arcmin_per_min: float) -> None:
+    """Found by an adversary: the loop reads narrow, no gate fires below its limit, and U knew nothing of it."""
+    trace = bench_trace(UNIT, 453.2, cycles=1)
+    true = metric("backlash_width_3pct", FIGURES, trace=trace).headline.value
+    creep = trace.t_s * (arcmin_per_min / 60.0 / ARCMIN_PER_RAD)
+    drifted = dataclasses.replace(trace, angle_in_rad=trace.angle_in_rad + creep * RATIO)
+    found = metric("backlash_width_3pct", FIGURES, trace=drifted)
+    assert abs(found.headline.value - true) < found.headline.uncertainty
+    assert contributions(found)["drift_unseen"] > contributions(found)["drift"]
+
+
+def test_two_cycles_show_their_drift_themselves() -> None:
+    assert "drift_unseen" not in contributions(metric("backlash_width_3pct", FIGURES, trace=TRACE))

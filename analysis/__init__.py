@@ -9,7 +9,7 @@ from analysis.errors import AnalysisError
 from analysis.evaluate import COVERAGE_FACTOR, MetricResult, SideValue
 from analysis.fixture import blank_curve
 from analysis.fixture_curve import FixtureCurve, reducer_stiffness, series_stiffness
-from analysis.gates import GATES, GateResult, gate_reasons, judge_gates
+from analysis.gates import GATES, GateResult, gate_reasons, is_loose, judge_gates
 from analysis.measured import Evidence, RunFacts
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import METRIC_UNITS, METRICS, Definition
@@ -64,6 +64,7 @@ __all__ = [
     "fit_quadrants",
     "fit_torque_ratio",
     "gate_reasons",
+    "is_loose",
     "judge_gates",
     "measure",
     "read_trace",

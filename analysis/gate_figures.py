@@ -13,6 +13,7 @@ from analysis.alignment import windup_speed
 from analysis.branches import Blocks
 from analysis.measured import Evidence, Measured
 from analysis.samples import BranchSamples
+from analysis.standing_angle import angle_stands, windup_stands
 from analysis.units import BoolArray, FloatArray
 
 NOT_EVALUATED = "the trace could not be evaluated"
@@ -76,10 +77,14 @@ def not_ready(evidence: Evidence) -> Reading | str:
 
 
 def clipping(evidence: Evidence) -> Reading | str:
-    """Share of the wind-up in which the torque stands exactly at its end, %."""
+    """Share of the wind-up in which the torque stands exactly at its end, or of the torque in which the angle does, %.
+
+    An angle that stands makes a unit stiffer than it is, a torque that stands makes it softer.
+    """
     found = evidence.measured
     if found is None:
         return NOT_EVALUATED
+    stands = max(angle_stands(found), windup_stands(found))
     shares = []
     for one in _sides(found):
         span = float(np.ptp(one.windup_arcmin))
@@ -87,7 +92,11 @@ def clipping(evidence: Evidence) -> Reading | str:
             at_end = np.flatnonzero(one.torque_nm == end)
             moved = abs(float(one.windup_arcmin[at_end[-1]] - one.windup_arcmin[at_end[0]]))
             shares.append(moved / span if span > 0 else 0.0)
-    return Reading(100.0 * max(shares))
+    words = (
+        "the angle of the loaded shaft stands while its torque rises: its encoder is saturated or has stopped, or a "
+        "wrong fixture is taken from it"
+    )
+    return Reading(100.0 * max(*shares, stands), words if stands > max(shares) else "")
 
 
 def wrong_way(evidence: Evidence) -> Reading | str:

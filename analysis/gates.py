@@ -75,8 +75,9 @@ GATES: dict[str, Gate] = {
         configurable=False,
     ),
     "clipping": _row(
-        "wind-up in which the torque stands exactly at its largest value, of the whole wind-up", "%", 1.0,
-        figures.clipping,
+        "wind-up in which the torque stands exactly at its largest value, of the whole wind-up, or torque in which the "
+        "angle of the loaded shaft stands, of the whole torque",
+        "%", 1.0, figures.clipping,
         "the torque stands at its largest value while the unit is still turned: its channel is saturated",
         "choose a sensor or a range that reaches further than the cycles",
     ),
@@ -192,11 +193,19 @@ def _judged(name: str, gate: Gate, evidence: Evidence, limit: float) -> GateResu
     passed = figure >= limit if gate.least else figure <= limit
     said = _with_unit(figure, gate.unit)
     allowed = f"allowed is {_with_unit(limit, gate.unit)} {'at least' if gate.least else 'at most'}"
+    if is_loose(name, limit):
+        allowed += f" by the recipe, where {_with_unit(gate.limit, gate.unit)} is usual"
     if passed:
         text = f"{gate.what}: {said}, {allowed}"
     else:
         text = f"{reading.words or gate.failed}: {said}, {allowed}; {gate.action}"
     return GateResult(name, figure if math.isfinite(figure) else None, limit, gate.unit, passed, text)
+
+
+def is_loose(name: str, limit: float) -> bool:
+    """Say whether a limit lets more pass than that of the table does."""
+    gate = GATES[name]
+    return limit < gate.limit if gate.least else limit > gate.limit
 
 
 def _with_unit(value: float, unit: str) -> str:

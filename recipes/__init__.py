@@ -7,7 +7,7 @@ problems = check(recipe, bench)                     # empty when this bench can 
 
 from recipes.bench_schema import Bench
 from recipes.calibration_schema import Calibration
-from recipes.cross_check import check
+from recipes.cross_check import check, check_side, out_of_date
 from recipes.loader import load_document, parse_document
 from recipes.metric_presets import PRESETS
 from recipes.metric_units import METRIC_UNITS
@@ -37,12 +37,14 @@ __all__ = [
     "Recipe",
     "RecipeError",
     "check",
+    "check_side",
     "default_bench",
     "find_bench",
     "find_recipe",
     "load_bench",
     "load_document",
     "load_recipe",
+    "out_of_date",
     "parse_bench",
     "parse_document",
     "parse_recipe",

@@ -15,6 +15,8 @@ from recipes.sequence_schema import Calibrate, SpeedCycles, StepCycles, TorqueCy
 
 MEASURED = (TorqueCycles, SpeedCycles, StepCycles)
 ROUNDING = 1.0 + 1e-9
+BEYOND_BLANK_TEST = 1.05
+"""Torque up to which a fixture's curve may be continued straight, of its end."""
 
 
 def check_sensors(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
@@ -75,8 +77,8 @@ def check_stored_calibration(recipe: Recipe, bench: Bench, today: date) -> Itera
         yield Finding(option, found, "a calibration that was made", "Correct the date or the clock.")
 
 
-def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding]:  # noqa: ARG001
-    """The blank test of the fixture, where there is one, is in date."""
+def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding]:
+    """The blank test of the fixture, where there is one, is in date and reaches as far as the cycles."""
     curve, name, option = bench.fixture.curve, bench.bench.name, ("measurement",)
     if curve is None:
         return
@@ -93,6 +95,12 @@ def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding
             f"the fixture's blank test '{curve.id}' of bench '{name}' is from {curve.made.isoformat()}, a day to come"
         )
         yield Finding(option, found, allowed, "Correct the date or the clock.")
+    peak_nm = max((step.peak_torque_nm for step in recipe.sequence if isinstance(step, MEASURED)), default=0.0)
+    low_nm, high_nm = curve.points[0].torque_nm, curve.points[-1].torque_nm
+    if min(-low_nm, high_nm) * BEYOND_BLANK_TEST < peak_nm:
+        found = f"{test}, which goes from {show(low_nm, TORQUE)} to {show(high_nm, TORQUE)}"
+        needed = f"one that reaches ±{show(peak_nm, TORQUE)}, where the cycles turn"
+        yield Finding(option, found, needed, "Repeat the blank test with the peak torque of this recipe.")
 
 
 def check_metrics(recipe: Recipe, bench: Bench) -> Iterator[Finding]:

@@ -82,6 +82,17 @@ def check(recipe: Recipe, bench: Bench, path: str | Path | None = None, today: d
     return sorted(problems, key=place)
 
 
+def check_side(recipe: Recipe, bench: Bench) -> list[Problem]:
+    """Return why a trace of this recipe cannot be from this bench: it loads the other shaft, or another model."""
+    return [recipe.problem(*finding) for finding in _other_side(recipe, bench)]
+
+
+def out_of_date(recipe: Recipe, bench: Bench, day: date) -> list[str]:
+    """Return in words what of the bench, that this recipe measures by, was not in date on a day."""
+    findings = (finding for row in DATED_CHECKS for finding in row(recipe, bench, day))
+    return [f"{finding.found}; needed is {finding.allowed}" for finding in findings]
+
+
 def _other_side(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     header = bench.bench
     if recipe.loading != header.loading:

@@ -141,13 +141,19 @@ def analyze(
         typer.Option("--bench", metavar="FILE", help="Bench the trace comes from: its fixture and calibrations."),
     ] = None,
     preset: PresetOption = None,
+    monte_carlo: Annotated[
+        int,
+        typer.Option("--monte-carlo", metavar="N", min=0, max=100_000, help="Draws beside the budget, into the JSON."),
+    ] = 0,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
     """Compute metrics and verdict of a trace. Exit code as run."""
     from station import command_analyze
 
-    raise typer.Exit(command_analyze.analyze(trace, recipe, bench, data, preset=preset, as_json=as_json))
+    raise typer.Exit(
+        command_analyze.analyze(trace, recipe, bench, data, preset=preset, as_json=as_json, draws=monte_carlo)
+    )
 
 
 @app.command()

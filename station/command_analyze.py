@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from datetime import UTC, date, datetime
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -27,14 +28,23 @@ from station.request import recipe_path
 from station.result_view import result_console, show_result
 from station.run_analysis import evaluate_run
 from station.seal import alterations
+from station.trace_origin import check_recipe_fits, objections_to_bench
 
 
 def analyze(
-    trace: str, recipe: str | None, bench: str | None, data: Path, *, as_json: bool, preset: str | None = None
+    trace: str,
+    recipe: str | None,
+    bench: str | None,
+    data: Path,
+    *,
+    as_json: bool,
+    preset: str | None = None,
+    draws: int = 0,
 ) -> int:
     """Analyse a trace and print its result; return the exit code of its verdict.
 
     preset: report the metrics of this preset instead of the recipe's; the recipe's limits for them hold.
+    draws: of Monte Carlo beside the uncertainty budget.
 
     Raises:
         StationError, RecipeError, AnalysisError: what cannot be read, or what the method needs and the trace lacks.
@@ -46,14 +56,14 @@ def analyze(
     if path.is_file():
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the trace is evaluated")
-        result = elsewhere(path, recipe, bench, preset)
+        result = elsewhere(path, recipe, bench, preset, draws=draws)
     elif path.suffix in (".csv", ".parquet"):
         raise StationError(f"{trace}: there is no such file")
     else:
         run = Store(data).find(trace)
         if run.state() != "complete" and not alterations(run):
             return _incomplete(run, as_json=as_json)
-        result = reevaluate(run, recipe, bench, preset)
+        result = reevaluate(run, recipe, bench, preset, draws=draws)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
         return _code(result)
@@ -127,21 +137,36 @@ def _judged_by_preset(plain: dict[str, Any], recipe: Recipe, preset: str | None)
     return plain | {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
 
 
-def elsewhere(path: Path, recipe_name: str, bench_name: str | None, preset: str | None) -> dict[str, Any]:
+def _judged_without_bench(plain: dict[str, Any], bench: Bench | None) -> dict[str, Any]:
+    """Return a result; by a guard band nothing passes while nobody knows the errors of the sensors."""
+    if bench is not None or plain["verdict"] != "PASS" or plain["decision"]["rule"] != "guard_band":
+        return plain
+    said = (
+        "the guard band is of U, and without a bench U holds the scatter of the cycles alone; name the bench (--bench)"
+    )
+    return plain | {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
+
+
+def elsewhere(
+    path: Path, recipe_name: str, bench_name: str | None, preset: str | None, *, draws: int = 0
+) -> dict[str, Any]:
     """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset."""
     recipe_file = recipe_path(recipe_name)
     recipe = load_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
     method, wanted = method_without_run(recipe, bench), wanted_of(recipe, preset)
     figures = None if bench is None else figures_for(recipe, bench)
-    found = analyse(read_trace(path), method, wanted, decision_of(recipe), figures=figures)
+    # A file does not say when it was measured: what is out of date today may have been so then.
+    today = datetime.now(tz=UTC).date()
+    objections = [] if bench is None else objections_to_bench(recipe, bench, today)
+    found = analyse(read_trace(path), method, wanted, decision_of(recipe), objections, figures=figures, draws=draws)
     return {
         "run": None,
         "serial": None,
         "recipe": _head(recipe, recipe_file),
         "state": "analyzed",
         "preset": preset,
-        **_judged_by_preset(found.to_dict(), recipe, preset),
+        **_judged_without_bench(_judged_by_preset(found.to_dict(), recipe, preset), bench),
         "timing": None,
         "alarms": [],
         "record": str(path),
@@ -156,7 +181,7 @@ def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
 
 
 def reevaluate(
-    run: RunRecord, recipe_name: str | None, bench_name: str | None, preset: str | None = None
+    run: RunRecord, recipe_name: str | None, bench_name: str | None, preset: str | None = None, *, draws: int = 0
 ) -> dict[str, Any]:
     """Evaluate a complete run anew, by its own recipe, another one or a preset; the record itself is not touched.
 
@@ -174,10 +199,12 @@ def reevaluate(
     recipe_file = own_recipe if recipe_name is None else recipe_path(recipe_name)
     bench_file = own_bench if bench_name is None else find_bench(bench_name)
     recipe, bench = load_recipe(recipe_file), load_bench(bench_file)
-    _check_fits(recipe, recipe_file, load_recipe(own_recipe), run)
+    check_recipe_fits(recipe, recipe_file, load_recipe(own_recipe), run)
     other_bench = bench_file.read_bytes() != own_bench.read_bytes()
     reevaluated = preset is not None or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
-    _, found = evaluate_run(run, recipe, bench, preset)
+    day = date.fromisoformat(manifest["started"][:10])
+    objections = objections_to_bench(recipe, bench, day) if reevaluated else []
+    _, found = evaluate_run(run, recipe, bench, preset, objections, draws=draws)
     plain = _judged_by_preset(found.to_dict(), recipe, preset)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:
@@ -202,18 +229,3 @@ def reevaluate(
 
 def _software(manifest: dict[str, Any]) -> str:
     return f"it was made by lostmotion {manifest['software']['version']}. Compare the versions, then measure again"
-
-
-def _check_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: RunRecord) -> None:
-    """Refuse a recipe that cannot say anything about the unit of a run."""
-    asked, was = recipe.unit_under_test.model, own.unit_under_test.model
-    if asked != was:
-        raise StationError(
-            f"{recipe_file}: unit_under_test.model: found {asked}; run {run.id} measured a {was}. "
-            "Choose a recipe for that model",
-        )
-    if recipe.loading != own.loading:
-        raise StationError(
-            f"{recipe_file}: loading: found {recipe.loading}; run {run.id} was loaded at its {own.loading}. "
-            f"Choose a recipe with loading: {own.loading}",
-        )

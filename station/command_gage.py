@@ -26,6 +26,8 @@ from station.stored_values import Ask, StoredValue, StoredValues, stored_values
 BY = ("day", "bench")
 """What can stand for the operator where an automatic bench has none."""
 
+NO_SPREAD = "The gage is not judged: every repeat of a part reads the same. Rows were copied, or rounded too much"
+
 SPREADS = {
     "sd_repeatability": "repeatability (EV)",
     "sd_reproducibility": "reproducibility (AV)",
@@ -163,10 +165,11 @@ def _blocks(design: GageDesign, anova: GageStudy, ranges: AverageRange, unit: st
     words = "good" if share < GOOD_PCT else "fit for some uses" if share <= FAIR_PCT else "not fit"
     few = "" if anova.ndc >= LEAST_NDC else f", and tells {anova.ndc} groups of parts apart; {LEAST_NDC} are needed"
     interval = f"{level:.0%} interval"
+    spread = bool((design.values.max(axis=2) > design.values.min(axis=2)).any())
     return [
         f"{parts} parts × {operators} operators × {trials} trials",
         Grid(("source", "sum of squares", "freedom", "mean square"), sources, right=(1, 2, 3)),
         f"interaction: p = {anova.p_interaction:.3g}, {pooled}",
         Grid(("", "by variance", interval, "by range", interval), rows, right=(1, 3)),
-        f"The gage is {words} by AIAG: {share:.3g} % of the total spread{few}",
+        f"The gage is {words} by AIAG: {share:.3g} % of the total spread{few}" if spread else NO_SPREAD,
     ]

@@ -132,6 +132,7 @@ def described(found: Identified) -> dict[str, Any]:
         "correlation": {"of": list(found.free), "matrix": found.correlation.tolist()},
         "refused": [refusal._asdict() for refusal in found.refused],
         "at_bound": list(found.at_bound),
+        "friction_at_turns": list(found.friction_at_turns),
         "exportable": row is None or not found.refused,
     }
 
@@ -185,6 +186,11 @@ def _blocks(source: Source, kind: str, found: Identified) -> list[str | Grid]:
         Grid(("parameter", "value", "standard u", "unit", ""), rows, right=(1,)),
         f"residual {found.residual_pct:.3f} % of the peak torque (rms), {found.worst_pct:.2f} % at most",
     ]
+    if found.friction_at_turns and not found.refused:
+        falling, rising = found.friction_at_turns
+        blocks.append(
+            f"friction left at the turns: {falling:.0%} where falling begins, {rising:.0%} where rising begins"
+        )
     for refusal in found.refused:
         where = "merged " if kind == "maxwell-slip" else "NOT DETERMINED "
         blocks.append(f"{where}{refusal.parameter}: {refusal.reason}")

@@ -179,14 +179,17 @@ def evaluate_trace(  # noqa: PLR0917 - what was measured, by what, on what, and 
     objections: list[str],
     facts: RunFacts | None = None,
     preset: str | None = None,
+    *,
+    draws: int = 0,
 ) -> Result:
     """Evaluate and judge; `objections` speak against the record as a whole, `facts` say how it was recorded.
 
-    preset: report its metrics instead of the recipe's.
+    preset: report its metrics instead of the recipe's. draws: of Monte Carlo beside the uncertainty budget.
     """
     method, wanted = method_of(recipe, bench), wanted_of(recipe, preset)
     figures = figures_for(recipe, bench)
-    return analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts, figures=figures)
+    rule = decision_of(recipe)
+    return analyse(trace, method, wanted, rule, objections, facts=facts, figures=figures, draws=draws)
 
 
 def figures_for(recipe: Recipe, bench: Bench) -> SensorFigures:

@@ -28,11 +28,12 @@ def _row(table: Table, index: Any, kind: str) -> dict[str, Any]:
 
 
 def _transitions(table: Table) -> list[dict[str, Any]]:
-    states = table["orders"]["state"]
+    # Every controller begins in idle: a stop in the very first scan is a transition too.
+    states = np.concatenate(([State.IDLE], table["orders"]["state"])).astype(np.int16)
     found = []
-    for index in np.flatnonzero(np.diff(states.astype(np.int16))) + 1:
+    for index in np.flatnonzero(np.diff(states)):
         event = _row(table, index, "transition")
-        found.append(event | {"state": state_name(states[index - 1]), "to": state_name(states[index])})
+        found.append(event | {"state": state_name(states[index]), "to": state_name(states[index + 1])})
     return found
 
 

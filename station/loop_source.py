@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis import Result, Trace, analyse, commanded_runs, read_trace
+from analysis import Result, SensorFigures, Trace, analyse, commanded_runs, read_trace
 from analysis.method import Method
 from analysis.models import LoopSamples, loop_samples, samples_of_branches
 from analysis.units import ARCMIN_PER_RAD, FloatArray
@@ -14,6 +15,7 @@ from recipes import find_bench, load_bench, load_recipe
 from station.command_analyze import method_without_run
 from station.errors import StationError
 from station.evaluation import decision_of, method_of, wanted_of
+from station.figures import figures_of
 from station.record_store import RunRecord, Store
 from station.request import recipe_path
 from station.run_analysis import complete_run
@@ -25,7 +27,8 @@ TRACE_ENDINGS = (".csv", ".parquet", ".tdms")
 class Source:
     """A trace and how it is read: `method` None takes output torque and angle as they stand there.
 
-    result: the evaluation with its branches, None where there was nothing to evaluate by.
+    result: the evaluation with its branches, None where there was nothing to evaluate by. figures: what the bench
+    declares of its sensors, None where it is not known.
     """
 
     name: str
@@ -34,6 +37,7 @@ class Source:
     virtual: bool = False
     method: Method | None = None
     result: Result | None = None
+    figures: SensorFigures | None = None
 
 
 def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = None) -> Source:
@@ -53,10 +57,9 @@ def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = 
     trace = read_trace(path)
     if recipe is None:
         return Source(str(path), trace)
-    method = method_without_run(
-        load_recipe(recipe_path(recipe)), None if bench is None else load_bench(find_bench(bench))
-    )
-    return Source(str(path), trace, method=method)
+    stand = None if bench is None else load_bench(find_bench(bench))
+    method = method_without_run(load_recipe(recipe_path(recipe)), stand)
+    return Source(str(path), trace, method=method, figures=None if stand is None else figures_of(stand))
 
 
 def loop_source(name: str, recipe: str | None, bench: str | None, data: Path) -> Source:
@@ -73,7 +76,9 @@ def _of_run(run: RunRecord) -> Source:
     manifest = run.manifest()
     virtual = manifest.get("clock") == "virtual" or bool((manifest.get("unit") or {}).get("virtual"))
     method = method_of(found.job.recipe, found.job.bench)
-    return Source(run.id, found.trace, str(manifest["serial"]), virtual, method, found.result)
+    return Source(
+        run.id, found.trace, str(manifest["serial"]), virtual, method, found.result, figures_of(found.job.bench)
+    )
 
 
 def loop_of(source: Source) -> LoopSamples:
@@ -81,19 +86,41 @@ def loop_of(source: Source) -> LoopSamples:
 
     Raises:
         AnalysisError: a column is missing, or there is no loop in the trace.
+        StationError: both angles are there and no recipe says what they are.
 
     """
     if source.result is not None:
         curves = source.result.curves
-        return samples_of_branches(curves.forward, curves.backward)
+        return samples_of_branches(curves.forward, curves.backward, angle_noise_arcmin=angle_noise_arcmin(source))
     angle, torque = channels_of(source)
     return loop_samples(angle, torque, commanded_runs(source.trace) or None)
+
+
+def angle_noise_arcmin(source: Source) -> float:
+    """Return the noise of the wind-up [arcmin, rms] that the steps of the encoders stand for; 0 where none is known."""
+    if source.figures is None or source.method is None:
+        return 0.0
+    shafts = (
+        ("angle_in_rad", source.figures.angle_in, source.method.ratio),
+        ("angle_out_rad", source.figures.angle_out, 1.0),
+    )
+    steps = [
+        one.step_rad * ARCMIN_PER_RAD / ratio
+        for channel, one, ratio in shafts
+        if one is not None and getattr(source.trace, channel) is not None
+    ]
+    return math.hypot(*steps) / math.sqrt(12.0)
 
 
 def channels_of(source: Source) -> tuple[FloatArray, FloatArray]:
     """Return wind-up [arcmin] and output torque [N·m] sample by sample; AnalysisError naming a missing column."""
     torque = source.trace.channel("torque_out_nm", "the torque, where there is no recipe to convert another one by")
     if source.method is None:
+        if source.trace.angle_in_rad is not None and source.trace.angle_out_rad is not None:
+            raise StationError(
+                f"{source.name}: both shafts' angles are in it, and which of them is locked is not said; the output's "
+                "alone may be that of the lock. Name the recipe (--recipe), which has ratio and loaded side",
+            )
         what = "the wind-up, where there is no recipe to make it by"
         return source.trace.channel("angle_out_rad", what) * ARCMIN_PER_RAD, torque
     windup = measured_windup(source.trace, source.method)

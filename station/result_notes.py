@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from analysis import GATES, is_loose
 from station.report_content import figure_text, uncertainty_kind
 
 CORRECTIONS = ("time alignment", "drift", "fixture")
@@ -25,9 +26,20 @@ def note_lines(result: Mapping[str, Any]) -> list[str]:
     if not stages:
         notes = [note for note in notes if note.startswith(RECIPE_NOTE)]
     applied = [stage for stage in stages if stage.get("applied")]
+    notes = loose_limits(result) + notes
     notes += [str(stage["text"]) for stage in applied if stage.get("stage", stage.get("name")) in CORRECTIONS]
     left = len(notes) - MOST_NOTES
     return notes if left <= 0 else [*notes[:MOST_NOTES], f"and {left} more, in the report"]
+
+
+def loose_limits(result: Mapping[str, Any]) -> list[str]:
+    """Return one note on the validity limits that let more pass than the usual ones; none where none does."""
+    said = [
+        f"{name} {figure_text(gate['limit'], gate['unit'])} ({figure_text(GATES[name].limit, gate['unit'])})"
+        for gate in result.get("gates") or ()
+        if (name := gate.get("id")) in GATES and is_loose(name, gate["limit"])
+    ]
+    return [f"validity limits of the recipe wider than usual (in brackets): {', '.join(said)}"] if said else []
 
 
 def gate_lines(result: Mapping[str, Any]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from analysis import Result, Trace
@@ -24,8 +25,18 @@ class RunAnalysis:
     result: Result
 
 
-def evaluate_run(run: RunRecord, recipe: Recipe, bench: Bench, preset: str | None = None) -> tuple[Trace, Result]:
+def evaluate_run(
+    run: RunRecord,
+    recipe: Recipe,
+    bench: Bench,
+    preset: str | None = None,
+    objections: Sequence[str] = (),
+    *,
+    draws: int = 0,
+) -> tuple[Trace, Result]:
     """Evaluate the samples of a complete run by a recipe and a bench; `preset` reports the metrics of that instead.
+
+    objections: what speaks against the measurement besides what the record itself shows.
 
     Raises:
         RecordError, AnalysisError: what cannot be read or evaluated.
@@ -38,7 +49,7 @@ def evaluate_run(run: RunRecord, recipe: Recipe, bench: Bench, preset: str | Non
     facts = run_facts(table, timing, recipe.sampling)
     segments = run.read_json("program.json")["segments"]
     trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return trace, evaluate_trace(trace, recipe, bench, broken, facts, preset)
+    return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, preset, draws=draws)
 
 
 def complete_run(run: RunRecord) -> RunAnalysis:

@@ -121,7 +121,7 @@ def _virtual_bench(
 
     unit = choose_unit(None, job.recipe.unit_under_test.model)
     bench = str(job.bench_source.path)
-    spec = {"bench": bench, "profiles": profiles, "unit": unit, "scenario": None, "embedded": True}
+    spec = {"bench": bench, "profiles": profiles, "unit": unit, "scenario": None, "truth": None, "embedded": True}
     path = folder / "virtual-bench-spec.json"
     path.write_text(json.dumps(spec), encoding="utf-8")
     process, ready = children.start_virtual_bench(path, folder / "virtual-bench.jsonl", life_line)

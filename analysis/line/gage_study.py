@@ -81,10 +81,16 @@ def analyse_gage_study(
 ) -> GageStudy:
     """Analyse a gage study; pool_above 1 never pools the interaction, 0 always.
 
-    Raises AnalysisError for a level of confidence outside 0.5…1. Variances that come out negative count as zero.
+    Raises AnalysisError for a level of confidence outside 0.5…1 and for readings that all are the same. Variances
+    that come out negative count as zero.
     """
     checked_level(level)
     part, operator, interaction, repeatability = sums_of_squares(design.values)
+    if not np.ptp(design.values) > 0.0:
+        raise AnalysisError(
+            f"gage study: every reading is {float(design.values.flat[0]):g}; needed are parts that differ and a "
+            "gage that shows it; enter what was read"
+        )
     ratio = interaction.mean_square / repeatability.mean_square if repeatability.sum_of_squares > 0.0 else math.inf
     p = float(stats.f.sf(ratio, interaction.freedom, repeatability.freedom))
     pooled = p > pool_above

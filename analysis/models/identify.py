@@ -1,10 +1,16 @@
-"""Parameters of a model from a measured loop: least squares, covariance, and a word on what the loop cannot tell."""
+"""Parameters of a model from a measured loop: robust least squares, covariance, and what the loop cannot tell.
+
+A branch is followed from its turn with a hysteresis state of its own. What the friction is when the wind-up turns
+cannot be had from the path before: while a torque is held, a drive that hums by less than an encoder's step makes
+friction creep, and it turns from less than all of it. For the same reason a part of a branch may disobey the law
+of the model; Cauchy's loss lets what obeys it decide.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import optimize
@@ -13,37 +19,44 @@ from analysis.errors import AnalysisError
 from analysis.models.path import PathState
 from analysis.models.samples import LoopSamples, loop_shape
 from analysis.models.table import Model, checked_values, model_named
+from analysis.models.trust import MOST_CORRELATION, Refusal, RobustFit, trust
 from analysis.units import FloatArray
 
-MOST_CORRELATION = 0.95
-"""Parameters whose estimates hang together by more than this cannot be told apart."""
+__all__ = ["MOST_CORRELATION", "Identified", "Refusal", "identify", "torque_on_branches"]
 
 FIRST_EVALUATIONS = 12
 """Steps from each start; the best one is then followed to its end."""
 
 MOST_EVALUATIONS = 200
 
-NO_INFLUENCE = 1e-9
-"""A parameter whose column of the Jacobian is this small beside the largest one does not move the torque."""
+ROUNDS = (1e-4, 1e-5, 1e-8)
+"""Fits with the scale of Cauchy's loss from the residuals of the fit before: relative change of the loss at the end."""
 
+ROUGH = 1e-3
+"""The same for the fit by least squares before them."""
 
-class Refusal(NamedTuple):
-    """A parameter that the loop does not determine: the one it cannot be told from ("" for none), and why."""
+CAUCHY = 2.385 * 1.4826
+"""Scale of the loss over the median of the residuals' size: 95 % efficient where they are normal."""
 
-    parameter: str
-    other: str
-    correlation: float
-    reason: str
+LEAST_SCALE = 1e-9
+"""Scale of the loss over the peak torque at least: a loop without noise leaves rounding."""
+
+TURNS = 2
+"""Kinds of turn: from rising to falling, and back."""
+
+FIRST_SHARE = 0.9
+"""Where the search starts for the share of the friction that is there at a turn."""
 
 
 @dataclass(frozen=True)
 class Identified:
     """A model with its parameters, and how far they can be trusted.
 
-    values by name; u standard uncertainty by name (0: fixed; NaN: at its bound or without influence). The covariance
-    takes the residuals as independent: where the model does not fit, they are not, and u is too small. correlation:
-    of the parameters in `free`. residual_pct and worst_pct: rms and largest residual as % of the peak torque.
-    at_bound: parameters that ended at the limit of their range.
+    values by name; u standard uncertainty by name (0: fixed; NaN: at its bound or without influence), from residuals
+    that hang together along the path. correlation: of the parameters in `free`. residual_pct and worst_pct: rms and
+    largest residual as % of the peak torque, from turn to turn. at_bound: parameters that ended at the limit of their
+    range. friction_at_turns: share of the friction, 0…1, that was left when the wind-up turned to fall and to rise;
+    1 where nothing had crept; none for a model that has no memory or keeps it over the turn.
     """
 
     model: str
@@ -58,6 +71,7 @@ class Identified:
     peak_nm: float
     angle_range_arcmin: tuple[float, float]
     samples: int
+    friction_at_turns: tuple[float, ...] = ()
 
 
 def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = None) -> Identified:
@@ -75,33 +89,42 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
     if not free:
         raise AnalysisError(f"model {model}: every parameter is fixed; leave at least one free")
     ratio = np.array([row.parameters[name].by_ratio for name in free])
-    least = _searched(np.array([row.parameters[name].least for name in free]), ratio)
-    most = _searched(np.array([row.parameters[name].most for name in free]), ratio)
+    turns = 0 if row.friction_state is None else TURNS
+    least = np.append(_searched(np.array([row.parameters[name].least for name in free]), ratio), [0.0] * turns)
+    most = np.append(_searched(np.array([row.parameters[name].most for name in free]), ratio), [1.0] * turns)
 
     def values(x: FloatArray) -> dict[str, float]:
-        natural = _natural(x, ratio)
+        natural = _natural(x[: len(free)], ratio)
         return {**known, **dict(zip(free, natural.tolist(), strict=True))}
 
     def residual(x: FloatArray) -> FloatArray:
-        return torque_on_closed_path(row, values(x), loop) - loop.torque_nm
+        return torque_on_branches(row, values(x), x[len(free) :], loop) - loop.torque_nm
 
-    def search(begin: FloatArray, evaluations: int) -> Any:
-        return optimize.least_squares(residual, begin, bounds=(least, most), x_scale="jac", max_nfev=evaluations)
+    def search(begin: FloatArray, evaluations: int, **how: Any) -> Any:
+        return optimize.least_squares(residual, begin, bounds=(least, most), x_scale="jac", max_nfev=evaluations, **how)
 
     try:
         with np.errstate(all="ignore"):
-            begins = [_searched(np.array([start[name] for name in free]), ratio) for start in starts]
+            natural = [np.array([start[name] for name in free]) for start in starts]
+            begins = [np.append(_searched(begin, ratio), [FIRST_SHARE] * turns) for begin in natural]
             first = min((search(begin, FIRST_EVALUATIONS) for begin in begins), key=lambda fit: float(fit.cost))
-            found = search(first.x, MOST_EVALUATIONS)
+            found = search(first.x, MOST_EVALUATIONS, ftol=ROUGH)
+            for enough in ROUNDS:
+                scale_nm = _scale_nm(found.fun, loop)
+                found = search(found.x, MOST_EVALUATIONS, loss="cauchy", f_scale=scale_nm, ftol=enough)
     except (ValueError, np.linalg.LinAlgError) as error:
         raise AnalysisError(f"model {model}: the fit fails on this loop: {error}; look at the loop") from error
     if found.status <= 0:
         raise AnalysisError(
             f"model {model}: no fit after {MOST_EVALUATIONS} evaluations; look at the loop, or fix a parameter"
         )
-    at_bound = np.flatnonzero(found.active_mask).tolist()
+    at_bound = np.flatnonzero(found.active_mask[: len(free)]).tolist()
     inside = [index for index in range(len(free)) if index not in at_bound]
-    u, correlation, refused = _trust(found.jac[:, inside], found.fun, [free[index] for index in inside])
+    beside = [len(free) + index for index in np.flatnonzero(found.active_mask[len(free) :] == 0).tolist()]
+    slope = _slope(row, values(found.x), found.x[len(free) :], loop)
+    jacobian = _jacobian(residual, found.x, least, most)[:, inside + beside]
+    fit = RobustFit(jacobian, found.fun, scale_nm, slope * loop.angle_noise_arcmin)
+    u, correlation, refused = trust(fit, _place(loop), [free[index] for index in inside])
     final = values(found.x)
     spread = {**dict.fromkeys(given, 0.0), **dict.fromkeys(free, float("nan"))}
     for index, name in zip(inside, u, strict=True):
@@ -119,40 +142,62 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
         peak_nm=loop.peak_nm,
         angle_range_arcmin=loop.angle_range_arcmin,
         samples=loop.torque_nm.size,
+        friction_at_turns=tuple(found.x[len(free) :].tolist()),
     )
 
 
-def torque_on_closed_path(row: Model, values: Mapping[str, float], loop: LoopSamples) -> FloatArray:
-    """Torque [N·m] along a loop that starts in the state in which it ends."""
-    _, last = row.play(values, loop.angle_arcmin, PathState())
-    torque, _ = row.play(values, loop.angle_arcmin, last)
+def torque_on_branches(
+    row: Model, values: Mapping[str, float], at_turns: Sequence[float] | FloatArray, loop: LoopSamples
+) -> FloatArray:
+    """Torque [N·m] along the branches of a loop, each from its turn; at_turns as `Identified.friction_at_turns`.
+
+    The turn is where the branch begins, or where the one before it ended when that is further out: samples after a
+    reversal may be missing.
+    """
+    torque = np.empty_like(loop.torque_nm)
+    before = float(loop.angle_arcmin[-1])
+    for branch in loop.branches:
+        rising = loop.direction[branch.start] > 0.0
+        state = PathState((min if rising else max)(before, float(loop.angle_arcmin[branch.start])))
+        if row.friction_state is not None:
+            share = float(at_turns[int(rising)]) * (-1.0 if rising else 1.0)
+            state = replace(state, hysteresis=np.array([share * row.friction_state(values)]))
+        torque[branch], _ = row.play(values, loop.angle_arcmin[branch], state)
+        before = float(loop.angle_arcmin[branch.stop - 1])
     return torque
 
 
-def _trust(
-    jacobian: FloatArray, residual: FloatArray, names: list[str]
-) -> tuple[FloatArray, FloatArray, tuple[Refusal, ...]]:
-    """Standard uncertainties of the searched parameters, their correlation, and those that are not determined."""
-    size = np.sqrt(np.square(jacobian).sum(axis=0))
-    dead = size <= NO_INFLUENCE * size.max(initial=0.0)
-    refused = [Refusal(names[index], "", 0.0, "does not move the torque") for index in np.flatnonzero(dead)]
-    alive = np.flatnonzero(~dead)
-    u, correlation = np.full(len(names), np.nan), np.full((len(names), len(names)), np.nan)
-    scaled = jacobian[:, alive] / size[alive]
-    variance = float(np.square(residual).sum()) / max(1, residual.size - alive.size)
-    covariance = np.linalg.pinv(scaled.T @ scaled, hermitian=True)
-    root = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    u[alive] = np.sqrt(variance) * root / size[alive]
-    correlation[np.ix_(alive, alive)] = np.clip(covariance / np.outer(root, root), -1.0, 1.0)
-    for first, left in enumerate(alive):
-        for right in alive[first + 1 :]:
-            together = float(correlation[left, right])
-            if abs(together) > MOST_CORRELATION:
-                # the one that the loop moves less for the same step is the one to give up
-                weak, strong = (left, right) if u[left] >= u[right] else (right, left)
-                reason = f"cannot be told from {names[strong]}: correlation {together:+.3f}"
-                refused.append(Refusal(names[weak], names[strong], together, reason))
-    return u, correlation, tuple(refused)
+def _slope(row: Model, values: Mapping[str, float], at_turns: FloatArray, loop: LoopSamples) -> FloatArray:
+    """Slope dT/dφ [N·m/arcmin] along the branches; the turns stay where they are."""
+    step = 1e-6 * (loop.angle_range_arcmin[1] - loop.angle_range_arcmin[0])
+    moved = loop.angle_arcmin + step * loop.direction
+    moved[[branch.start for branch in loop.branches]] -= step * loop.direction[[one.start for one in loop.branches]]
+    there = torque_on_branches(row, values, at_turns, replace(loop, angle_arcmin=moved))
+    return (there - torque_on_branches(row, values, at_turns, loop)) / (step * loop.direction)
+
+
+def _scale_nm(residual_nm: FloatArray, loop: LoopSamples) -> float:
+    return max(CAUCHY * float(np.median(np.abs(residual_nm))), LEAST_SCALE * loop.peak_nm)
+
+
+def _jacobian(
+    residual: Callable[[FloatArray], FloatArray], x: FloatArray, least: FloatArray, most: FloatArray
+) -> FloatArray:
+    """Jacobian of the residuals by central differences, one-sided at a bound; what the search returns is weighted."""
+    columns = []
+    for index in range(x.size):
+        low, high = x.copy(), x.copy()
+        step = 1e-6 * max(1.0, abs(float(x[index])))
+        low[index], high[index] = max(x[index] - step, least[index]), min(x[index] + step, most[index])
+        columns.append((residual(high) - residual(low)) / (high[index] - low[index]))
+    return np.array(columns).T
+
+
+def _place(loop: LoopSamples) -> FloatArray:
+    """Where each sample lies: the number of its branch, plus the share of the branch that is behind it."""
+    return np.concatenate(
+        [number + np.arange(one.stop - one.start) / (one.stop - one.start) for number, one in enumerate(loop.branches)]
+    )
 
 
 def _inside(row: Model, values: Mapping[str, float]) -> dict[str, float]:

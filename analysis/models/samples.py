@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import optimize
 
 from analysis.branches import Branch
 from analysis.errors import AnalysisError
@@ -25,12 +28,21 @@ UNUSED_ROLES = ("calibrate", "fatigue", "dwell", "unload", "other", "virgin")
 class LoopSamples:
     """Wind-up [arcmin] and output torque [N·m] in order of time, with the direction (+1, −1) of each sample's branch.
 
-    The first sample continues the last one: whole cycles, from one reversal to the same one.
+    Every branch runs from its turn to its end without turning back. The first sample continues the last one: whole
+    cycles, from one reversal to the same one. angle_noise_arcmin: rms that the wind-up is uncertain by from sample to
+    sample: what was taken from it to make it monotone, or the steps of the encoders, if those are known to be larger.
     """
 
     angle_arcmin: FloatArray
     torque_nm: FloatArray
     direction: FloatArray
+    angle_noise_arcmin: float = 0.0
+
+    @property
+    def branches(self) -> tuple[slice, ...]:
+        """Stretches between two turns."""
+        borders = np.flatnonzero(np.diff(self.direction)) + 1
+        return tuple(slice(*ends) for ends in itertools.pairwise([0, *borders.tolist(), self.direction.size]))
 
     @property
     def peak_nm(self) -> float:
@@ -86,52 +98,67 @@ def loop_samples(
         )
     if len(measured) % 2:
         measured = measured[:-1]
-    total = sum(piece.stop - piece.start for run in measured for piece in run.pieces)
-    stride = max(1, -(-total // most_points))
-    rows = np.concatenate([np.arange(piece.start, piece.stop, stride) for run in measured for piece in run.pieces])
-    directions = np.concatenate(
-        [
-            np.full(len(range(piece.start, piece.stop, stride)), run.direction)
-            for run in measured
-            for piece in run.pieces
-        ]
-    )
-    if rows.size < LEAST_POINTS:
-        raise AnalysisError(f"model: {rows.size} samples in the branches; needed are {LEAST_POINTS} or more")
-    samples = LoopSamples(angle[rows], torque[rows], directions.astype(np.float64))
+    samples = _joined([(run.take(angle), run.take(torque), run.direction) for run in measured], most_points)
     if np.ptp(samples.angle_arcmin) <= 0.0 or np.ptp(samples.torque_nm) <= 0.0:
         raise AnalysisError("model: angle or torque does not move; needed is a loop; check the channels")
     return samples
 
 
 def samples_of_branches(
-    forward: Sequence[Branch], backward: Sequence[Branch], most_points: int = MOST_POINTS
+    forward: Sequence[Branch],
+    backward: Sequence[Branch],
+    most_points: int = MOST_POINTS,
+    *,
+    angle_noise_arcmin: float = 0.0,
 ) -> LoopSamples:
     """Join the branches of the cycles, as they were evaluated, to a path: falling, then rising, cycle after cycle.
 
-    Their torque is at the output, and fixture and reversal were taken care of. Raises AnalysisError for branches that
-    are no pairs, or hold fewer than 40 points.
+    Their torque is at the output, and fixture and reversal were taken care of. angle_noise_arcmin: rms that is known of
+    the wind-up, as the steps of encoders; where the branches show more, that counts. Raises AnalysisError for
+    branches that are no pairs, or hold fewer than 40 points.
     """
     if not forward or len(forward) != len(backward):
         raise AnalysisError(f"model: {len(forward)} rising and {len(backward)} falling branches; needed are pairs")
     path = [
         piece
         for rising, falling in zip(forward, backward, strict=True)
-        for piece in ((falling.angle_arcmin[::-1], falling.torque_nm[::-1], -1.0), (*_arrays(rising), 1.0))
+        for piece in (
+            (falling.angle_arcmin[::-1], falling.torque_nm[::-1], -1),
+            (rising.angle_arcmin, rising.torque_nm, 1),
+        )
     ]
-    total = sum(angle.size for angle, _, _ in path)
+    joined = _joined(path, most_points)
+    return replace(joined, angle_noise_arcmin=max(joined.angle_noise_arcmin, angle_noise_arcmin))
+
+
+def _joined(path: Sequence[tuple[FloatArray, FloatArray, int]], most_points: int) -> LoopSamples:
+    """Thin the branches of a path and join them; AnalysisError when too little is left."""
+    turned = [(*_from_turn(angle, torque, direction), direction) for angle, torque, direction in path]
+    total = sum(angle.size for angle, _, _ in turned)
+    taken = sum(
+        float(np.square(angle[-ahead.size :] - ahead).sum())
+        for (angle, _, _), (ahead, _, _) in zip(path, turned, strict=True)
+    )
     if total < LEAST_POINTS:
         raise AnalysisError(f"model: {total} points in the branches; needed are {LEAST_POINTS} or more")
     stride = max(1, -(-total // most_points))
     return LoopSamples(
-        np.concatenate([angle[::stride] for angle, _, _ in path]),
-        np.concatenate([torque[::stride] for _, torque, _ in path]),
-        np.concatenate([np.full(angle[::stride].size, direction) for angle, _, direction in path]),
+        np.concatenate([angle[::stride] for angle, _, _ in turned]),
+        np.concatenate([torque[::stride] for _, torque, _ in turned]),
+        np.concatenate([np.full(angle[::stride].size, float(direction)) for angle, _, direction in turned]),
+        math.sqrt(taken / total),
     )
 
 
-def _arrays(branch: Branch) -> tuple[FloatArray, FloatArray]:
-    return branch.angle_arcmin, branch.torque_nm
+def _from_turn(angle: FloatArray, torque: FloatArray, direction: int) -> tuple[FloatArray, FloatArray]:
+    """Return a branch from where its wind-up turns, the wind-up made monotone.
+
+    While the torque begins to go back, friction may still creep on: that is no part of the branch. The steps of an
+    encoder at one shaft are no turns of the reducer: followed as such, each would cost a model part of its friction.
+    """
+    start = int(np.argmin(direction * angle))
+    ahead = optimize.isotonic_regression(direction * angle[start:]).x
+    return direction * ahead, torque[start:]
 
 
 def loop_shape(loop: LoopSamples) -> LoopShape:

@@ -38,6 +38,9 @@ class Model(NamedTuple):
     starts: Callable[[LoopSamples, LoopShape], tuple[Values, ...]]
     """Start values; several where a search can end in a side valley."""
 
+    friction_state: Callable[[Values], float] | None = None
+    """Hysteresis state of a unit that was run one way until nothing changes; None: the model has no memory."""
+
 
 STIFFNESS, ANGLE, TORQUE = "N·m/arcmin", "arcmin", "N·m"
 
@@ -139,6 +142,7 @@ MODELS: dict[str, Model] = {
         },
         _play_gap_dahl,
         _starts_gap_dahl,
+        lambda values: values["friction_nm"],
     ),
     "bouc_wen": Model(
         "T = a₁ θ + a₃ θ³ + F z, θ = φ − φ₀; z' = φ'/δ · (1 − |z|ⁿ (β sgn(φ' z) + 1 − β))",
@@ -152,6 +156,7 @@ MODELS: dict[str, Model] = {
         },
         _play_bouc_wen,
         _starts_bouc_wen,
+        lambda _: 1.0,
     ),
 }  # fmt: skip
 """Models that are identified by least squares; "maxwell_slip" has its own method."""

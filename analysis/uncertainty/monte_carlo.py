@@ -31,7 +31,10 @@ class Drawn(NamedTuple):
 
 
 class MonteCarlo(NamedTuple):
-    """Standard deviation, mean shift, and the 95.45 % interval of a metric's value."""
+    """Standard deviation, mean shift, and the 95.45 % interval of a metric's value.
+
+    In u the scatter of the cycles counts plainly: Student's t of one or two degrees of freedom has no deviation.
+    """
 
     draws: int
     u: float
@@ -77,12 +80,11 @@ def monte_carlo(
     random = np.random.default_rng(SEED)
     errors = np.array([estimate(loop) for loop in loops]) - estimate(base)
     errors += noise * random.standard_normal(errors.size)
+    u, shift = math.hypot(float(errors.std(ddof=1)), scatter), float(errors.mean())
     if scatter > 0.0 and freedom > 0:
         errors += scatter * random.standard_t(freedom, errors.size)
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = np.percentile(errors, [tail, 100.0 - tail])
     if not math.isfinite(float(errors.sum())):
         raise ArithmeticError("Monte Carlo: a draw has no value")
-    return MonteCarlo(
-        errors.size, float(errors.std(ddof=1)), float(errors.mean()), value + float(low), value + float(high)
-    )
+    return MonteCarlo(errors.size, u, shift, value + float(low), value + float(high))

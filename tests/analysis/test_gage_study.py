@@ -125,6 +125,12 @@ def test_a_gage_without_spread() -> None:
     assert (study.grr_pct.value, study.ndc) == (0.0, 1000)
 
 
+def test_readings_that_all_are_the_same_are_no_study() -> None:
+    """A dead gage: nothing differs, so nothing says that the gage is good."""
+    with pytest.raises(AnalysisError, match=r"every reading is 0\.94"):
+        analyse_gage_study(GageDesign(np.full((3, 2, 2), 0.94), ("1", "2", "3"), ("A", "B")))
+
+
 def test_rows_in_any_order() -> None:
     design = published()
     rows = [

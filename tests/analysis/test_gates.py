@@ -217,6 +217,54 @@ def test_limits_can_be_set_where_they_can() -> None:
             judged(method=dataclasses.replace(KNOWN, gate_limits={name: 1.0}))
 
 
+@pytest.mark.parametrize("torque_nm", [50.0, 350.0])
+def test_an_angle_that_stands_while_its_shaft_is_loaded_is_told(torque_nm: float) -> None:
+    """A saturated encoder: the unit reads stiffer than it is, up to no compliance at all."""
+    most = float(np.abs(GOOD.angle_in_rad[np.abs(GOOD.torque_out_nm) < torque_nm]).max())
+    stands = np.clip(GOOD.angle_in_rad, -most, most)
+    result = judged(trace=dataclasses.replace(GOOD, angle_in_rad=stands))
+    assert result.verdict is Verdict.NOT_DECIDABLE
+    assert "the angle of the loaded shaft stands" in of(result, "clipping").text
+
+
+def test_a_saturated_angle_with_noise_is_told() -> None:
+    """One unsteady count at the end of the range must not hide it."""
+    flicker = np.random.default_rng(3).integers(0, 2, GOOD.samples) * 1e-6
+    most = 0.8 * float(np.abs(GOOD.angle_in_rad).max())
+    stands = np.clip(GOOD.angle_in_rad, -most, most) + flicker
+    result = judged(trace=dataclasses.replace(GOOD, angle_in_rad=stands))
+    assert "the angle of the loaded shaft stands" in of(result, "clipping").text
+    assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_a_fixture_that_takes_the_whole_windup_is_told() -> None:
+    """As soft as unit and fixture together: nothing is left for the unit, which then reads stiffer than anything."""
+    soft = FixtureCurve((-500.0, 500.0), (-5.4, 5.4), "both")
+    result = judged(method=dataclasses.replace(KNOWN, fixture_curve=soft))
+    assert of(result, "clipping").passed is False
+
+
+def test_an_angle_without_any_change_is_no_measurement() -> None:
+    result = judged(trace=dataclasses.replace(GOOD, angle_in_rad=np.zeros(GOOD.samples)))
+    assert of(result, "clipping").figure > 40.0
+
+
+@pytest.mark.parametrize("counts", [1.0, 8.0])
+def test_a_coarse_encoder_is_not_a_saturated_one(counts: float) -> None:
+    """A count of an eighth arcmin at the output is poor, which the uncertainty says; nothing stands still."""
+    count = counts * ARC * RATIO / 64.0
+    coarse = np.round(GOOD.angle_in_rad / count) * count
+    assert of(judged(trace=dataclasses.replace(GOOD, angle_in_rad=coarse)), "clipping").passed
+
+
+def test_a_limit_wider_than_usual_is_told_in_the_gate() -> None:
+    loose = dataclasses.replace(KNOWN, gate_limits={"drift": 100.0, "points_per_bin": 1.0, "repeat": 1.0})
+    texts = {gate.id: gate.text for gate in judged(method=loose).gates}
+    assert "at most by the recipe, where 1 % is usual" in texts["drift"]
+    assert "at least by the recipe, where 3 samples is usual" in texts["points_per_bin"]
+    assert not any("usual" in text for name, text in texts.items() if name not in ("drift", "points_per_bin"))
+
+
 def test_the_recipe_has_an_option_for_every_limit_with_the_same_default() -> None:
     written = {
         option_name(name): value * 100.0 if name.endswith("_fraction") else value

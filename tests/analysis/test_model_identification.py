@@ -9,6 +9,7 @@ from reference_unit import ARC, RATIO, ReferenceUnit, bench_trace, quantised
 
 from analysis import AnalysisError, commanded_runs
 from analysis.models import MODELS, Identified, LoopSamples, ReducerModel, identify, identify_maxwell_slip, loop_samples
+from analysis.models.identify import torque_on_branches
 from analysis.models.samples import loop_shape
 
 PEAK_NM = 453.0
@@ -82,6 +83,56 @@ def test_from_a_whole_bench_run() -> None:
     trace = bench_trace(unit, PEAK_NM, cycles=2)
     windup = (trace.angle_in_rad / RATIO - trace.angle_out_rad) / ARC
     found = identify(loop_samples(windup, trace.torque_out_nm, commanded_runs(trace)), "gap_dahl")
+    assert found.values["friction_nm"] == pytest.approx(unit.f_c, rel=0.01)
+    assert found.values["stiffness_nm_per_arcmin"] == pytest.approx(unit.k_inf, rel=0.01)
+    assert found.residual_pct < 0.3
+
+
+def crept(at_turns: tuple[float, float], noise: float = 0.2, together: int = 1) -> LoopSamples:
+    """The reference loop whose friction crept while the torque was held: at a turn, a share of it is left.
+
+    together: samples over which the noise hangs together.
+    """
+    loop = loop_samples(*noisy(ReferenceUnit(), noise=0.0), most_points=2000)
+    unit = ReferenceUnit()
+    values = {name: getattr(unit, field) for name, field in NAMES.items()} | {"angle_offset_arcmin": 0.0}
+    torque = torque_on_branches(MODELS["gap_dahl"], values, at_turns, loop)
+    white = np.random.default_rng(7).normal(0.0, noise, torque.size + together)
+    return replace(loop, torque_nm=torque + np.convolve(white, np.full(together, together**-0.5), "valid")[1:])
+
+
+def test_friction_that_crept_at_the_turns_is_found() -> None:
+    found = identify(crept((0.7, 0.5)), "gap_dahl")
+    unit = ReferenceUnit()
+    assert found.friction_at_turns == pytest.approx((0.7, 0.5), abs=0.03)
+    assert found.values["friction_nm"] == pytest.approx(unit.f_c, rel=0.002)
+    assert found.values["presliding_nm_per_arcmin"] == pytest.approx(unit.sigma, rel=0.02)
+    assert found.residual_pct == pytest.approx(100 * 0.2 / PEAK_NM, rel=0.05)
+
+
+def test_residuals_that_hang_together_make_the_uncertainty_larger() -> None:
+    alone = identify(crept((1.0, 1.0), noise=0.5), "gap_dahl")
+    found = identify(crept((1.0, 1.0), noise=0.5, together=50), "gap_dahl")
+    assert found.residual_pct == pytest.approx(alone.residual_pct, rel=0.3)
+    assert found.u["stiffness_nm_per_arcmin"] > 2.0 * alone.u["stiffness_nm_per_arcmin"]
+    unit = ReferenceUnit()
+    for name, field in NAMES.items():
+        assert abs(found.values[name] - getattr(unit, field)) < 3.0 * found.u[name], name
+
+
+def test_steps_of_an_encoder_are_no_turns() -> None:
+    unit = ReferenceUnit()
+    angle, torque = noisy(unit)
+    # the output creeps with the lock and its encoder sees it in steps of 23 bits: the wind-up is a saw
+    output = torque / 1e4
+    saw = angle + output - quantised(output * ARC, 23) / ARC
+    assert (np.diff(saw[: saw.size // 2]) < 0.0).sum() > 20
+    loop = loop_samples(saw, torque)
+    for branch in loop.branches:
+        assert (
+            loop.direction[branch] * np.diff(loop.angle_arcmin[branch], prepend=loop.angle_arcmin[branch.start]) >= 0
+        ).all()
+    found = identify(loop, "gap_dahl")
     assert found.values["friction_nm"] == pytest.approx(unit.f_c, rel=0.01)
     assert found.values["stiffness_nm_per_arcmin"] == pytest.approx(unit.k_inf, rel=0.01)
     assert found.residual_pct < 0.3

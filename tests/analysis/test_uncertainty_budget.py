@@ -218,6 +218,32 @@ def test_noise_is_as_large_as_the_scatter_of_many_runs() -> None:
         assert 0.6 < seen / expected < 1.6, name  # both are known to 13 % at best: three of it and a margin
 
 
+@pytest.mark.parametrize("method", [METHOD, CALIBRATED], ids=["reaction", "calibrated"])
+def test_monte_carlo_agrees_with_the_budget_where_the_metric_is_straight(method: Method) -> None:
+    names = ["backlash_width_3pct", "stiffness_lsq", "stiffness_50_100", "spring_constant", "windup"]
+    result = analyse(TRACE, method, [MetricWanted(name) for name in names], figures=FIGURES, draws=600)
+    for found in result.metrics:
+        side = found.headline
+        drawn = side.budget.monte_carlo
+        calm = math.hypot(*(row.contribution for row in side.budget.rows if row.quantity != "repeatability"))
+        # 600 draws know a standard deviation to 3 %, an interval's end to about 6 %
+        assert drawn.low < side.value < drawn.high
+        if contributions(found).get("repeatability", 0.0) < 0.1 * calm:
+            assert drawn.u == pytest.approx(calm, rel=0.1), found.wanted.id
+            assert drawn.high - drawn.low == pytest.approx(4 * calm, rel=0.2), found.wanted.id
+        assert found.to_dict()["monte_carlo"]["draws"] == 600
+    again = analyse(TRACE, method, [MetricWanted(names[0])], figures=FIGURES, draws=600)
+    assert again.metrics[0].headline.budget.monte_carlo == result.metrics[0].headline.budget.monte_carlo
+
+
+def test_magnitude_near_zero_has_an_uncertainty() -> None:
+    """Its slope is nothing there, and errors of either sign move it the same way."""
+    trace = exact_trace(UNIT, 480.0, points=3001)
+    found = metric("asymmetry_at_rated", FIGURES, trace=trace)
+    assert found.headline.value < found.headline.uncertainty
+    assert contributions(found)["torque_out_zero"] > 0.0
+
+
 def test_tables_are_complete() -> None:
     ids = [source.id for source in SOURCES]
     assert len(ids) == len(set(ids))

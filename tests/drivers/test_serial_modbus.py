@@ -14,6 +14,8 @@ from drivers.errors import ModbusError
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
 
+pytestmark = pytest.mark.wires
+
 TIMEOUT, DRAIN = 80, 200
 """In scans of a millisecond."""
 

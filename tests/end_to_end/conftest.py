@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -82,6 +83,23 @@ def lostmotion(tmp_path: Path) -> Callable[..., Ran]:
         return Ran(done.returncode, done.stdout, done.stderr)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def golden_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of the short recipe of the golden runs in virtual time, made once; not to be written to."""
+    data = tmp_path_factory.mktemp("golden")
+    args = ("run", str(ROOT / "tests" / "golden" / "golden.yaml"), "--virtual-time", "--json", "--serial", "R")
+    done = subprocess.run(
+        [*COMMAND, *args, "--data", str(data)], cwd=ROOT, text=True, capture_output=True, timeout=150.0, check=False
+    )
+    return Path(json.loads(done.stdout)["record"])
+
+
+@pytest.fixture
+def stored(golden_run: Path, tmp_path: Path) -> Path:
+    """A copy of that run, with its index, in a folder of the test's own."""
+    return Path(shutil.copytree(golden_run.parent, tmp_path / "runs")) / golden_run.name
 
 
 @pytest.fixture

@@ -34,5 +34,6 @@ def test_a_new_desk_takes_over_a_run_that_goes_on(tmp_path):
 def test_a_scan_that_nobody_can_start_any_more_ends(tmp_path):
     left = kill("desk", 0.0, tmp_path, since="opening")
     assert left.problems() == []
-    assert left.state == "interrupted"
+    # Stopped where the scan could still say so, before anything was enabled.
+    assert left.state in ("interrupted", "stopped")
     assert left.verdict == "NOT DECIDABLE"

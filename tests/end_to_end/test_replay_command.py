@@ -5,17 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
 from station.scan_record import RECORD_BYTES
 
 GOLDEN_RECIPE = Path(__file__).parents[1] / "golden" / "golden.yaml"
-
-
-@pytest.fixture
-def stored(lostmotion):
-    """Run the short recipe of the golden runs and return its folder."""
-    return lostmotion("run", str(GOLDEN_RECIPE), "--virtual-time", "--json", "--serial", "R").record
 
 
 def as_if_cut_off(stored: Path) -> None:

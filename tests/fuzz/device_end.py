@@ -70,7 +70,7 @@ class DeviceEnd:
         if not request:
             return
         self.requests += 1
-        reply = self._answer(request, values)
+        reply = self._answer(request, {**values, "life_counter": self.requests & 0xFFFF})
         try:
             for chunk in self.bend(reply, self):
                 self.theirs.send(chunk)

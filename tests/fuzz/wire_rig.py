@@ -20,9 +20,9 @@ from device_end import BendReply, DeviceEnd
 from orders_watch import OrdersWatch
 
 from controller.controller import Controller
-from controller.image import Command, Image, Orders, State
+from controller.image import AGE_NEVER, Command, DriveCommand, Image, Orders, State
 from drivers.can_bus import CanLink
-from drivers.can_drive import CanDrive
+from drivers.can_drive import SILENT_AFTER_SCANS, CanDrive
 from drivers.data_types import LETTERS, SIZES, to_integer
 from drivers.pdo import EMCY_BASE, HEARTBEAT_BASE, rpdo_cob_id, tpdo_cob_id
 from drivers.virtual.inprocess import VirtualTimeBench
@@ -147,7 +147,7 @@ class WireRig:
         self.controller.events.clear()
         self.bus.sent.clear()
         self.bench.write(orders, self.scan)
-        self._look_at_the_wire(orders)
+        self._look_at_the_wire(image, orders)
         # what is not fit for the record ends a real scan process
         BODY_STRUCT.pack_into(self.buffer, 0, self.scan, self.scan, 0, 0, *image, *orders)
         self.watch.look(image, orders)
@@ -196,10 +196,17 @@ class WireRig:
         for end in self.ends.values():
             end.serve(values)
 
-    def _look_at_the_wire(self, orders: Orders) -> None:
-        """The set-point frame says what was ordered, to the nearest count, and nothing beyond the limit."""
+    def _look_at_the_wire(self, image: Image, orders: Orders) -> None:
+        """The set-point frame says what was ordered, to the nearest count, and nothing beyond the limit.
+
+        There is one in every scan, but for a drive that is to be off and has been silent: that one gets none.
+        """
         frames = [data for cob_id, data in self.bus.sent if cob_id == self._rpdo_id]
-        assert len(frames) == 1, f"{len(frames)} set-point frames in one scan"
+        unseen = SILENT_AFTER_SCANS <= image.drive_age_scans < AGE_NEVER
+        silent = unseen and orders.drive_command == DriveCommand.DISABLE_VOLTAGE
+        assert len(frames) == (0 if silent else 1), f"{len(frames)} set-point frames in one scan"
+        if silent:
+            return
         at, torque = 0, None
         for item in self._rpdo.objects:
             size = SIZES[item.type]

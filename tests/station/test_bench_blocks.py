@@ -86,6 +86,18 @@ def test_a_blank_test_that_is_due_is_refused(dummy: Path) -> None:
     assert "a day to come" in problem.found
 
 
+def test_a_blank_test_that_ends_below_the_peak_of_the_recipe_is_refused(dummy: Path) -> None:
+    """A curve continued straight from 50 to 453 N·m says nothing of the fixture there."""
+    block = command("blank", str(dummy), "--recipe", str(RECIPE), "--id", "short", "--due", "2999-01-01")
+    short = re.sub(r"(?m)^.*torque: -?(?:[1-4]\d\d|9\d|6\d)(?:\.\d+)? N·m.*\n", "", block)
+    bench = parse_bench(bench_with(short, "fixture").encode(), "b.yaml")
+    assert bench.fixture.curve is not None
+    assert bench.fixture.curve.points[-1].torque_nm < 100.0
+    (problem,) = check(load_recipe(RECIPE), bench)
+    assert "blank test 'short'" in problem.found
+    assert "where the cycles turn" in problem.allowed
+
+
 @pytest.mark.parametrize(
     ("edit", "told"),
     [

@@ -124,6 +124,14 @@ def test_the_published_gage_study(capsys: pytest.CaptureFixture[str]) -> None:
     assert (found["anova"]["ndc"], found["average_range"]["ndc"]) == (4, 5)
 
 
+def test_repeats_that_all_read_the_same_make_no_good_gage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f"{who},{part},{part}.5" for who in "AB" for part in (1, 2, 3) for _ in range(2)]
+    command_gage.gage(
+        csv(tmp_path, "\n".join(["operator,part,value", *rows])), None, DATA, "day", (None, 0.95), as_json=False
+    )
+    assert "The gage is not judged: every repeat of a part reads the same" in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_gage_study_of_stored_runs_by_day_and_by_a_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows, data = ["operator,part,run"], tmp_path / "data"
     for day in (0, 1):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from recipes import RecipeError
 from station.command_analyze import reevaluate, reevaluation_heading
 from station.durable import as_json
 from station.errors import StationError
@@ -96,6 +97,33 @@ def test_a_recipe_for_another_model_is_refused(failed: RunRecord, tmp_path: Path
     assert done.returncode == 2
     assert "found RV-20E-121" in done.stderr
     assert "measured a RV-40E-121" in done.stderr
+
+
+def test_a_recipe_with_another_ratio_is_refused(failed: RunRecord, tmp_path: Path) -> None:
+    """A larger ratio makes the play of the same unit smaller: 1.17 arcmin by 121 are 0.94 by 151."""
+    with pytest.raises(StationError, match=r"found 151; run .* of 121\. One model has one ratio"):
+        reevaluate(failed, changed_recipe(tmp_path, ("ratio: 121", "ratio: 151")), None)
+
+
+CURVE = """  curve:
+    {id: old, made: 2019-01-01, due: 2020-01-01, angles: both,
+     points: [{torque: -500 N·m, deflection: -4 arcmin}, {torque: 500 N·m, deflection: 4 arcmin}]}
+"""
+
+
+def test_a_blank_test_out_of_date_on_the_day_of_the_run_decides_nothing(failed: RunRecord, tmp_path: Path) -> None:
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(
+        (failed.folder / "bench.yaml").read_text("utf-8").replace("calibrations:", CURVE + "calibrations:")
+    )
+    result = reevaluate(failed, None, str(bench))
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "blank test 'old' of bench 'virtual', which was due on 2020-01-01" in result["reasons"][0]
+
+
+def test_a_bench_that_loads_the_other_side_is_refused(failed: RunRecord) -> None:
+    with pytest.raises(RecipeError, match="drives the output shaft"):
+        reevaluate(failed, None, "virtual-output")
 
 
 def test_a_recipe_that_loads_the_other_side_is_refused(failed: RunRecord) -> None:

@@ -15,6 +15,7 @@ import pytest
 
 from analysis import AnalysisError
 from analysis.models import model_from_json
+from drivers.virtual.units import P1
 from station import command_analyze, command_model, command_report
 from station.command_model import Asked, fixed_values
 from station.errors import StationError
@@ -158,10 +159,25 @@ def test_a_model_of_the_run_is_identified_exported_and_played(
     command_model.model(Asked("R1", "dahl", [], None, None, data, out), as_json=True)
     found = json.loads(capsys.readouterr().out)
     values = {one["name"]: one["value"] for one in found["parameters"]}
-    # unit P1: half the height of its loop is 23.5 N·m, its stiffness at high torque 110.9 N·m/arcmin
-    assert values["friction_nm"] == pytest.approx(23.475, rel=0.05)
-    assert values["stiffness_nm_per_arcmin"] == pytest.approx(110.87, rel=0.05)
-    assert found["residual_pct_of_peak"] < 1.0
+    # Unit P1 as it is. The drive hums below the step of its torque command, and friction creeps while it turns: a model
+    # that takes the friction at a turn from the path before is off by several percent.
+    assert values["friction_nm"] == pytest.approx(P1.hysteresis_nm, rel=0.01)
+    assert values["stiffness_nm_per_arcmin"] == pytest.approx(P1.stiffness_positive_nm_per_arcmin, rel=0.01)
+    assert found["residual_pct_of_peak"] < 0.3
+    truth = {
+        "stiffness_nm_per_arcmin": P1.stiffness_positive_nm_per_arcmin,
+        "soft_zone_arcmin": P1.soft_arcmin,
+        "soft_zone_nm": P1.soft_torque_nm,
+        "gap_arcmin": P1.gap_arcmin,
+        "gap_torque_nm": P1.gap_torque_nm,
+        "friction_nm": P1.hysteresis_nm,
+        "presliding_nm_per_arcmin": P1.hysteresis_stiffness_nm_per_arcmin,
+    }
+    for one in found["parameters"]:
+        if one["name"] in truth:
+            assert abs(one["value"] - truth[one["name"]]) < 3.0 * one["standard_uncertainty"], one["name"]
+            assert one["standard_uncertainty"] < 0.2 * one["value"], one["name"]
+    assert all(0.0 <= share < 0.95 for share in found["friction_at_turns"])
     assert (found["virtual"], found["refused"]) == (True, [])
     angles = tmp_path / "angles.csv"
     angles.write_text("angle_arcmin\n0\n1.5\n-1\n")
@@ -179,6 +195,15 @@ def test_a_file_without_recipe_is_compared_with_every_model(tmp_path: Path, caps
     text = capsys.readouterr().out
     for kind in command_model.KINDS:
         assert f"\n{kind} " in text
+
+
+def test_no_model_is_made_of_the_locks_own_deflection(tmp_path: Path) -> None:
+    """With the load at the input the output's angle is what lock and couplings give, not the unit."""
+    head, *rows = (ROOT / "tests" / "data" / "loop_published_curve.csv").read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "both.csv"
+    path.write_text("\n".join([f"{head},angle_in_rad", *(f"{row},0.1" for row in rows)]))
+    with pytest.raises(StationError, match=r"which of them is locked is not said.*--recipe"):
+        command_model.model(Asked(str(path), "cubic", [], None, None, ROOT, None), as_json=False)
 
 
 @pytest.mark.parametrize(

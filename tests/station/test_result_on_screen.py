@@ -87,3 +87,17 @@ def test_bad_input_of_a_statistic_is_json_for_a_program(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "row 2, column value: found 'x'" in done.stderr
     assert "row 2, column value" in json.loads(done.stdout)["errors"][0]["found"]
+
+
+def test_wider_validity_limits_stand_above_the_other_notes() -> None:
+    gates = [
+        {"id": "drift", "figure": 0.1, "limit": 100.0, "unit": "%", "passed": True, "text": "drift"},
+        {"id": "repeat", "figure": 0.1, "limit": 2.0, "unit": "%", "passed": True, "text": "repeat"},
+        {"id": "points_per_bin", "figure": 9.0, "limit": 1.0, "unit": "samples", "passed": True, "text": "points"},
+    ]
+    first, *_ = note_lines({"gates": gates, "stages": [{"name": "a", "text": "b"}], "notes": ["other"]})
+    assert first == (
+        "validity limits of the recipe wider than usual (in brackets): drift 100 % (1 %), "
+        "points_per_bin 1 samples (3 samples)"
+    )
+    assert note_lines({"gates": gates[1:2]}) == []

@@ -1,0 +1,48 @@
+"""What a bench file declares reaches the uncertainty: runs, and traces from elsewhere with and without a bench."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pytest
+
+from analysis import SegmentInfo, segment_name
+from analysis.studies.simulated_run import SimulatedBench, course_of, measured_trace
+from analysis.studies.simulated_unit import SimulatedUnit
+from recipes import load_bench, shipped_benches
+from station.command_analyze import elsewhere
+from station.figures import figures_of
+
+
+@pytest.mark.parametrize("name", list(shipped_benches()))
+def test_every_shipped_bench_declares_what_a_budget_needs(name: str) -> None:
+    bench = load_bench(name)
+    found = figures_of(bench, bench.calibrations[0] if bench.calibrations else None)
+    assert found.torque_out is not None
+    assert found.angle_in is not None
+    assert found.torque_out.gain_fraction == bench.sensors.torque_out.accuracy_fraction
+    assert found.angle_in.step_rad == 2 * math.pi / 2**bench.sensors.angle_in.resolution_bits
+    assert found.lock_width_arcmin == pytest.approx(0.002)
+    assert all(line.u_slope > 0 and line.u_offset_nm > 0 for line in found.calibration.values())
+    assert len(found.calibration) == (4 if bench.calibrations else 0)
+
+
+def test_trace_from_elsewhere_has_a_budget_only_with_its_bench(tmp_path: Path) -> None:
+    bench = SimulatedBench(rate_nm_s=240.0, cycles=2)
+    figures = figures_of(load_bench("virtual"))
+    trace = measured_trace(course_of(SimulatedUnit(), bench), bench, figures, np.random.default_rng(3))
+    channels = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
+    columns = {name: getattr(trace, name) for name in channels}
+    names = {key: segment_name(SegmentInfo(*info)) for key, info in trace.segments.items()}
+    columns["segment"] = [names[int(key)] for key in trace.segment]
+    file = tmp_path / "trace.csv"
+    pa_csv.write_csv(pa.table(columns), file)
+    alone = elsewhere(file, "rv-40e-121-quick", None, None)
+    known = elsewhere(file, "rv-40e-121-quick", "virtual", None, draws=20)
+    assert {metric["uncertainty_kind"] for metric in alone["metrics"]} == {"repeatability"}
+    assert any("repeatability only" in note for note in alone["notes"])
+    assert {metric["uncertainty_kind"] for metric in known["metrics"]} == {"budget"}
+    assert all(metric["budget"] and metric["uncertainty"] > 0 for metric in known["metrics"])
+    assert known["metrics"][0]["monte_carlo"]["draws"] == 20

@@ -389,7 +389,9 @@ def main() -> None:
 
     never_crash()
     try:
-        sys.exit(app(standalone_mode=False))
+        ended = app(standalone_mode=False)
+        sys.stdout.flush()  # a reader that is gone is told here, not when the interpreter ends with a code of its own
+        sys.exit(ended)
     except BenchFaultError as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(EXIT_BENCH)

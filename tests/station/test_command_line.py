@@ -96,12 +96,14 @@ def test_a_crash_is_no_verdict(tmp_path: Path) -> None:
     assert "Traceback" in told.read_text()
 
 
-def test_a_reader_that_goes_away_is_no_pass(tmp_path: Path) -> None:
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_goes_away_is_no_pass(unbuffered: str, tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(
         [sys.executable, "-m", "station", "check", RECIPE, "--json"],
         cwd=ROOT,
+        env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
         stdout=writer,
         stderr=subprocess.PIPE,
         check=False,

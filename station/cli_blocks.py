@@ -4,17 +4,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from station.cli_options import DEFAULT_DATA, DataOption, JsonOption, RunArgument
+
 DueOption = Annotated[
     str | None, typer.Option("--due", metavar="DATE", help="Day to repeat it. Default: a year after it was made.")
 ]
-DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
-DEFAULT_DATA = Path("runs")
 
 
 def blank(
@@ -38,7 +36,7 @@ def blank(
 
 
 def calibration(
-    run: Annotated[str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")],
+    run: RunArgument,
     due: DueOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,  # noqa: FBT002

@@ -16,6 +16,7 @@ import typer
 from station import cli_blocks, cli_quality
 from station.cli_faults import faults_app
 from station.cli_help import GroupedHelp
+from station.cli_options import DEFAULT_DATA, DataOption, JsonOption
 from station.cli_studies import study_app
 from station.errors import BenchFaultError, StationError
 
@@ -27,7 +28,6 @@ EXIT_PROGRAM_ERROR = 70
 EXIT_NOBODY_READS = 141
 """As of a process that SIGPIPE ended: the reader of standard output went away, and no code may be taken for a PASS."""
 
-DEFAULT_DATA = Path("runs")
 
 app = typer.Typer(
     name="lostmotion",
@@ -49,8 +49,6 @@ BenchOption = Annotated[
     str | None,
     typer.Option("--bench", metavar="FILE", help="Bench file or shipped bench. Default: the embedded virtual bench."),
 ]
-DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
 UnitOption = Annotated[
     str | None,
     typer.Option("--unit", metavar="NAME[:SEED]", help="Unit on the virtual bench: P1, worn, soft, tight, cracked ..."),

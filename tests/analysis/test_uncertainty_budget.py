@@ -24,9 +24,11 @@ from analysis import (
 from analysis.evaluate import SideValue, evaluate
 from analysis.pipeline import measure
 from analysis.uncertainty.budget import STUDENT
+from analysis.uncertainty.circumstances import circumstances_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.repeatability import CONFIDENCE, enlarged, student_factor
 from analysis.uncertainty.sources import SOURCES
+from analysis.uncertainty.transfer import transfer_moves
 from analysis.units import ARCMIN_PER_RAD
 
 RATIO = 121.0
@@ -328,6 +330,26 @@ def test_monte_carlo_draws_a_certificate_as_it_draws_its_budget() -> None:
         budget = analyse(trace, METHOD, wanted, figures=figures, draws=2000).metrics[0].headline.budget
         half = (budget.monte_carlo.high - budget.monte_carlo.low) / 2
         assert half == pytest.approx(ends * budget.u, rel=0.05), stated_by
+
+
+def test_what_a_calibration_leaves_over_is_as_large_between_its_bins_as_in_them() -> None:
+    """Zero torque lies between two bins: errors of unlike sign were averaged there, and U of the loop at zero small."""
+    found = measure(TRACE, CALIBRATED)
+    circumstances, loop = circumstances_of(found), found.loops[0]
+    _, moves = transfer_moves(loop, circumstances)
+    for side, branch, direction in ((0, loop.forward, 1), (1, loop.backward, -1)):
+        left = found.quadrants.left[direction]
+        over = left.fine_error_nm - np.interp(left.fine_torque_nm, left.torque_nm, left.error_nm)
+        fine, own = (
+            np.abs(torque[:, None] - left.torque_nm).argmin(axis=1)
+            for torque in (left.fine_torque_nm, branch.torque_nm)
+        )
+        u = np.sqrt(sum(np.square(move[side][0]) for move in moves))
+        about_zero = np.flatnonzero(np.abs(branch.torque_nm) < 10.0)
+        assert about_zero.size > 2
+        for point in about_zero:
+            expected = np.sqrt(np.mean(np.square(over[fine == own[point]])))
+            assert u[point] == pytest.approx(expected)
 
 
 def test_tables_are_complete() -> None:

@@ -33,6 +33,7 @@ from recipes.bench_schema import (
 )
 from recipes.calibration_schema import Calibration, Fixture, FixtureCurve, QuadrantLine
 from recipes.metric_presets import PRESETS, PresetMetric
+from recipes.metric_schema import MetricWanted
 from recipes.quantity import show
 from recipes.recipe_schema import (
     Decision,
@@ -40,7 +41,6 @@ from recipes.recipe_schema import (
     Interlocks,
     LoadingTorqueRatio,
     Measurement,
-    MetricWanted,
     Sampling,
     UnitUnderTest,
     Validity,

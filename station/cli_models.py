@@ -52,6 +52,6 @@ def play_model(
     as_json: JsonOption = False,
 ) -> None:
     """Play an exported model: wind-ups in, torques out, as a simulator would."""
-    from station import command_model
+    from station import command_play_model
 
-    raise typer.Exit(command_model.play_model(file, angles, out, as_json=as_json))
+    raise typer.Exit(command_play_model.play_model(file, angles, out, as_json=as_json))

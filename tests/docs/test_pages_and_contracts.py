@@ -1,6 +1,5 @@
 """The reference pages say what the tables of the code say."""
 
-import importlib.util
 import re
 import tomllib
 from collections import Counter
@@ -9,12 +8,10 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
+from docs import generate
 from station.cli import COMMANDS, app
 
 ROOT = Path(__file__).parents[2]
-SPEC = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
-generate = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(generate)
 
 
 @pytest.mark.parametrize("page", sorted(generate.PAGES))

@@ -1,6 +1,7 @@
 """Distributions of errors: standard uncertainty from a declared figure, and draws of the error's components.
 
-A cyclic error has two components (sine and cosine of the shaft's angle), for nobody knows its phase.
+A cyclic error has two components (sine and cosine of the shaft's angle), for nobody knows its phase; the staircase of
+an encoder's counts has two for each of its harmonics.
 """
 
 from __future__ import annotations
@@ -41,8 +42,12 @@ def _cyclic(random: np.random.Generator, limit: float, draws: int, components: i
     return _phased(random, random.uniform(0.0, limit, draws))
 
 
-def _quantised(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:  # noqa: ARG001
-    return _phased(random, np.full(draws, limit * math.sqrt(2.0 / 3.0)))
+def _quantised(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:
+    # One phase: sine and cosine parts of sin(k (x - phase)), whose sum is the staircase moved by the phase.
+    phase = random.uniform(0.0, 2.0 * math.pi, draws)
+    waves = np.arange(1, components // 2 + 1)[:, np.newaxis] * phase
+    parts = np.stack([np.cos(waves), -np.sin(waves)], axis=1).reshape(components, draws)
+    return limit * math.sqrt(2.0 / 3.0) * parts.T
 
 
 def _phased(random: np.random.Generator, amplitude: FloatArray) -> FloatArray:

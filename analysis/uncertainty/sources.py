@@ -19,6 +19,13 @@ from analysis.units import RAD_PER_ARCMIN, FloatArray
 
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
+STAIRCASE = (math.sqrt(6.0) / math.pi, math.sqrt(6.0) / (2.0 * math.pi), math.sqrt(1.0 - 7.5 / math.pi**2))
+"""Harmonics of the error of rounding, as parts of its standard deviation; the last stands for all that are higher.
+
+The sawtooth sum of sin(k x) / k has 6 / (k π)² of its variance in harmonic k. One sine alone would cancel between two
+places that are a whole number of counts apart, and the staircase does not.
+"""
+
 TorqueName = Literal["torque_in", "torque_out"]
 
 
@@ -132,6 +139,10 @@ def _cyclic(
     return shape
 
 
+def _harmonic(wave: np.ufunc, harmonic: int, part: float) -> Callable[[FloatArray], FloatArray]:
+    return lambda phase: np.asarray(part * wave(harmonic * phase))
+
+
 def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
     """Gain, zero and reversibility of one torque sensor."""
 
@@ -192,6 +203,11 @@ def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
     def both(period_rad: Callable[[AngleFigures], float]) -> tuple[Shape, ...]:
         return tuple(_cyclic(name, period_rad, wave) for wave in (np.sin, np.cos))
 
+    staircase = tuple(
+        _cyclic(name, lambda encoder: encoder.step_rad, wave)
+        for harmonic, part in enumerate(STAIRCASE, start=1)
+        for wave in (_harmonic(np.sin, harmonic, part), _harmonic(np.cos, harmonic, part))
+    )
     return [
         ErrorSource(
             f"{name}_turn", f"error of the {words} encoder over a turn", "arcsec", cyclic,
@@ -203,7 +219,7 @@ def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
         ),
         ErrorSource(
             f"{name}_step", f"counts of the {words} encoder (rounding)", "arcsec", lambda _: "quantised",
-            limit(lambda encoder: encoder.step_rad / 2.0), both(lambda encoder: encoder.step_rad),
+            limit(lambda encoder: encoder.step_rad / 2.0), staircase,
         ),
     ]  # fmt: skip
 

@@ -27,7 +27,7 @@ from analysis.uncertainty.budget import STUDENT
 from analysis.uncertainty.circumstances import circumstances_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.repeatability import CONFIDENCE, enlarged, student_factor
-from analysis.uncertainty.sources import SOURCES
+from analysis.uncertainty.sources import SOURCES, STAIRCASE
 from analysis.uncertainty.transfer import transfer_moves
 from analysis.units import ARCMIN_PER_RAD
 
@@ -365,10 +365,22 @@ def test_tables_are_complete() -> None:
 @pytest.mark.parametrize("name", list(DISTRIBUTIONS))
 def test_draws_have_the_standard_uncertainty_of_their_distribution(name: str) -> None:
     row = DISTRIBUTIONS[name]
-    components = 2 if name in ("cyclic", "quantised") else 1
+    components = {"cyclic": 2, "quantised": 2 * len(STAIRCASE)}.get(name, 1)
     drawn = row.draw(np.random.default_rng(5), 3.0, 200_000, components)
     assert drawn.shape == (200_000, components)
     assert drawn.std(axis=0) == pytest.approx(3.0 / row.divisor, rel=0.01)
+
+
+@pytest.mark.parametrize("counts", [0.1, 0.3, 0.5, 0.8])
+def test_two_readings_of_an_encoder_differ_by_its_staircase(counts: float) -> None:
+    """Two places so many counts apart, anywhere on the scale: rounding makes d or d - 1 of a distance of d counts."""
+    amounts = DISTRIBUTIONS["quantised"].draw(np.random.default_rng(7), 0.5, 100_000, 2 * len(STAIRCASE))
+    shapes = [
+        part * (wave(2.0 * np.pi * harmonic * counts) - wave(0.0))
+        for harmonic, part in enumerate(STAIRCASE, start=1)
+        for wave in (np.sin, np.cos)
+    ]
+    assert (amounts @ np.array(shapes)).std() == pytest.approx(math.sqrt(counts * (1.0 - counts)), rel=0.12)
 
 
 @pytest.mark.parametrize(

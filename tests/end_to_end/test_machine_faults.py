@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ROOT
-from kills import short_recipe
+from kills import ROOT, short_recipe
 
 from station import command_faults
 from station.command_replay import replay_run

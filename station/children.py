@@ -106,6 +106,11 @@ def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:
     return line
 
 
+def start_faulty_desk(spec: Path) -> subprocess.Popen[bytes]:
+    """Start a desk for a run with faults of the machine; it says on its standard output where its record is."""
+    return _run_module("station.fault_desk_process", spec, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+
+
 def start_scan(spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
     """Start the scan process; its standard error goes to `log`. It holds the virtual bench's life line too."""
     return _start_scanning("station.scan_process", spec, log, life_line)

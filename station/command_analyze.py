@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from datetime import UTC, date, datetime
+from datetime import date
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from station.result_view import result_console, show_result
 from station.run_analysis import evaluate_run
 from station.seal import alterations
 from station.trace_origin import check_recipe_fits, objections_to_bench
+from station.wall_clock import WALL_CLOCK
 
 
 def analyze(
@@ -155,7 +156,7 @@ def elsewhere(
     method, wanted = method_without_run(recipe, bench), wanted_of(recipe, preset)
     figures = None if bench is None else figures_for(recipe, bench)
     # A file does not say when it was measured: what is out of date today may have been so then.
-    today = datetime.now(tz=UTC).date()
+    today = WALL_CLOCK.now().date()
     objections = [] if bench is None else objections_to_bench(recipe, bench, today)
     found = analyse(read_trace(path), method, wanted, decision_of(recipe), objections, figures=figures, draws=draws)
     return {

@@ -13,7 +13,7 @@ from math import isfinite
 from pathlib import Path
 
 from drivers.virtual.fault_vocabulary import FAULTS, ONLY_IN_VIRTUAL_TIME, ONLY_OVER_WIRES, on_the_wire
-from drivers.virtual.scenario import Scenario
+from drivers.virtual.scenario import OF_THE_RECORD, Scenario
 from recipes import Problem, RecipeError, find_bench, load_bench
 from station.assemble_virtual import check_clock, choose_unit, load_scenario
 from station.errors import StationError
@@ -134,12 +134,18 @@ def _check_targets(path: Path, scenario: Scenario, *, wires: bool) -> None:
         text = "nothing is injected and the operator does nothing: give faults or operator"
         raise RecipeError([Problem(str(path), 1, 1, "faults", "none", text)])
     check_clock(path, scenario, wires=wires)
+    asked = [(place, kind) for place, one in enumerate(scenario.expect) for kind in OF_THE_RECORD if getattr(one, kind)]
+    if asked and not wires:
+        allowed = "what a run in virtual time has: it keeps no record of its own"
+        where = [Problem(str(path), 0, 0, f"expect.{at}", kind, allowed, "run it over wires") for at, kind in asked]
+        raise RecipeError(where)
 
 
 def _say(
     scenario: Scenario, job: Job, found: FaultRun, wrong: list[str], record: Path | None, *, as_json: bool
 ) -> None:
     acted, alarm = first_action(found), first_alarm(found)
+    found_first = acted is not None and alarm is not None and alarm < acted  # by something else than the fault
     rated_nm = job.recipe.unit_under_test.rated_torque_nm
     low = None if alarm is None else low_from(found, alarm, LOW_SHARE_OF_RATED * rated_nm)
     figures = {
@@ -149,7 +155,7 @@ def _say(
         "states": found.states,
         "acted": [{"fault": name, "scan": found.scans[place]} for name, place in found.acted],
         "alarms": [{"id": event.text, "scan": event.scan, "state": event.state} for event in found.alarms()],
-        "detect_scans": None if alarm is None or acted is None else found.waited(acted, alarm),
+        "detect_scans": None if alarm is None or acted is None or found_first else found.waited(acted, alarm),
         "torque_low_s": None if low is None else round(low * found.period_s, 6),
         "refused": found.refused,
         "record": None if record is None else str(record),

@@ -51,6 +51,8 @@ class Ending:
     counters: dict[str, int] = field(default_factory=dict)
     times: dict[str, Any] = field(default_factory=dict)
     started_ns: int = 0
+    clock_jumped_s: float = 0.0
+    """By how much the computer's wall clock was set in the middle."""
     stopped_because: str = ""
     """Subject of the sentence that tells who stopped the run and why; empty for the operator."""
     disk: dict[str, float] = field(default_factory=dict)
@@ -75,6 +77,8 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     timing = timing_block(table, period_ns, run["clock"], ending.realtime) | {"wires": ending.counters}
     if ending.disk:
         timing |= {"disk": ending.disk}
+    if ending.clock_jumped_s:
+        timing |= {"wall_clock_jumped_s": ending.clock_jumped_s}
     proof = timing | ending.times
     events = events_of(table, period_ns, ending.notes)
     state = "fault" if ending.refused else _end_state(table)
@@ -110,7 +114,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
         "metrics": judged["metrics"],
         "gates": judged["gates"],
-        "notes": [*run.get("notes", []), *judged["notes"]],
+        "notes": [*run.get("notes", []), *_clock_notes(ending.clock_jumped_s), *judged["notes"]],
         "stages": judged["stages"],
         "timing": timing,
         "alarms": alarms_in(events),
@@ -133,6 +137,16 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
 
 def _end_state(table: Table) -> str:
     return END_STATES.get(State(int(table["orders"]["state"][-1])), INTERRUPTED) if len(table) else INTERRUPTED
+
+
+def _clock_notes(jumped_s: float) -> list[str]:
+    if not jumped_s:
+        return []
+    note = (
+        f"the computer's wall clock was set by {jumped_s:+.1f} s during the run: its times of day do not give its "
+        "duration. Scans and all their times are on another clock, which is never set"
+    )
+    return [note]
 
 
 def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> list[str]:

@@ -30,6 +30,7 @@ from station.record_writer import RecordsWaitError, RecordWriter
 from station.request import Job
 from station.ring import RingReader, ScanState, StopCause, create
 from station.scan_record import unpack
+from station.wall_clock import JumpWatch
 
 BENCH_LOG = "virtual-bench.jsonl"
 """What the virtual bench or the gateway said."""
@@ -113,6 +114,7 @@ class Desk:
         self._sent = 0
         self._disk_refused = ""
         self._seen: SimpleQueue[bytes] = SimpleQueue()
+        self._wall_clock = JumpWatch()
 
     def run(self, unit: str | None, scenario: Path | None) -> Ending:
         """Run to the end; `unit` and `scenario` are for the embedded virtual bench.
@@ -247,8 +249,11 @@ class Desk:
 
     def _look(self) -> None:
         """Show the companion the records since the last look; in this thread, which alone sends commands."""
-        while self._companion is not None and not self._seen.empty():
+        if self._companion is None:
+            return
+        while not self._seen.empty():
             self._companion.look(self._seen.get())
+        self._companion.tick()
 
     def _stop_for_the_disk(
         self, trouble: str, ring: RingReader, process: subprocess.Popen[bytes], *, armed: bool
@@ -319,7 +324,8 @@ class Desk:
             trouble=trouble,
             counters=said.get("counters", {}),
             times=said.get("times", {}),
-            started_ns=int(said.get("started_ns", 0)),
+            started_ns=ring.started_ns,
+            clock_jumped_s=self._wall_clock.jumped_s(),
             stopped_because=ring.stopped_because,
             disk=writer.times.as_json(),
         )

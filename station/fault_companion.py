@@ -1,7 +1,8 @@
 """What runs beside the desk in a run with faults over wires.
 
-It tells the bench where the controller is, plays the operator of the scenario, and does to the scan process what a
-machine in trouble would do to it. It looks at records that were written, twice 20 ms after they were made at most:
+It tells the bench where the controller is, plays the operator of the scenario, and does to the station's own processes
+what a machine in trouble would do to them (`machine_faults`); the bench's log names that too, because it outlives them
+all. It looks at records that were written, twice 20 ms after they were made at most:
 moments that wait for a state come up to that much late. When a fault acted is known all the same, from whoever
 injected it, on the monotonic clock.
 """
@@ -9,16 +10,13 @@ injected it, on the monotonic clock.
 from __future__ import annotations
 
 import json
-import os
-import signal
 import time
 from collections.abc import Callable
 from typing import NamedTuple
 
 from controller.image import Command, State
-from drivers.virtual.fault_schedule import never_due
-from drivers.virtual.fault_vocabulary import BY_STATION
-from drivers.virtual.scenario import Operator, Scenario, When
+from drivers.virtual.scenario import Fault, Operator, Scenario, When
+from station.machine_faults import DEEDS, deed_of
 from station.scan_record import RECORD_BYTES, unpack
 
 AFTER_END_SCANS = 300
@@ -48,9 +46,8 @@ class Companion:
         """Follow a scenario; one that is not judged only has its faults injected."""
         self.after_end_scans = after_end_scans(scenario) if judged else 0
         self._waiting: list[Operator] = list(scenario.operator) if judged else []
-        self._faults = [fault for fault in scenario.faults if (fault.target, fault.verb) in BY_STATION]
-        self.acted: list[tuple[str, int]] = []
-        """Faults that were brought about here: "target verb" and the monotonic time [ns]."""
+        self._faults = [fault for fault in scenario.faults if deed_of(fault) is not None]
+        self._ends_ns: dict[Fault, int] = {}
         self._reach: Reach | None = None
         self._state = ""
         self._entered = 0
@@ -71,6 +68,13 @@ class Companion:
         if self._reach is not None and self._scan >= 0:
             self._act(self._reach)
 
+    def tick(self) -> None:
+        """Take back what has lasted long enough; called at every look of the desk, with records or without."""
+        now_ns = time.monotonic_ns()
+        for fault in [fault for fault, end_ns in self._ends_ns.items() if now_ns >= end_ns]:
+            del self._ends_ns[fault]
+            DEEDS[fault.target, fault.verb].end(fault.value or 0.0)
+
     def _act(self, reach: Reach) -> None:
         if reach.tell is not None:
             line = {"state": self._state, "scan": self._scan, "entered": self._entered}
@@ -82,14 +86,13 @@ class Companion:
 
         for fault in [fault for fault in self._faults if self.is_due(fault.when)]:
             self._faults.remove(fault)
-            self.acted.append((f"{fault.target} {fault.verb}", time.monotonic_ns()))
-            os.kill(reach.scan_pid, signal.SIGSTOP)
-            time.sleep((fault.value or 0.0) * 1e-3)
-            os.kill(reach.scan_pid, signal.SIGCONT)
-
-    def why_unseen(self) -> list[str]:
-        """Say of each fault that was to be brought about here why it was not, one sentence each."""
-        return [never_due(fault) for fault in self._faults]
+            now_ns = time.monotonic_ns()
+            if reach.tell is not None:  # before it is done: the desk may not live to tell
+                done = {"acted": f"{fault.target} {fault.verb}", "value": fault.value, "monotonic_ns": now_ns}
+                reach.tell(json.dumps(done).encode() + b"\n")
+            if fault.for_ms is not None:
+                self._ends_ns[fault] = now_ns + round(fault.for_ms * 1e6)
+            DEEDS[fault.target, fault.verb].begin(reach.scan_pid, fault.value or 0.0)
 
     def is_due(self, when: When) -> bool:
         """Tell whether a moment that the controller's state or scan gives has come."""

@@ -9,6 +9,9 @@ from controller.image import DriveCommand, State
 from drivers.virtual.scenario import Expect, Never, Scenario
 from station.fault_run import FaultRun
 
+INTERRUPTED = "interrupted"
+NO_RECORD = "a run in virtual time has no record to look at; run it over wires"
+
 
 def judge(run: FaultRun, scenario: Scenario) -> list[str]:
     """Return what went wrong, in the order of the file; an empty list when the scenario holds."""
@@ -20,7 +23,7 @@ def judge(run: FaultRun, scenario: Scenario) -> list[str]:
         return wrong + [
             f"expected refused {text}: it says {run.refused}" for text in refusals if text not in run.refused
         ]
-    if not run.finished:
+    if not run.finished and all(expect.found_as != INTERRUPTED for expect in scenario.expect):
         wrong.append("the run did not end")
     for expect in scenario.expect:
         kind = next(name for name in _EXPECT if getattr(expect, name) is not None)
@@ -85,11 +88,11 @@ def _order(run: FaultRun, expect: Expect) -> str:
 
 
 def _torque_below(run: FaultRun, expect: Expect) -> str:
-    alarm = first_alarm(run)
-    if alarm is None:
-        return "there was no alarm"
+    begin = first_action(run) if expect.since == "fault" else first_alarm(run)
+    if begin is None:
+        return "no fault has acted" if expect.since == "fault" else "there was no alarm"
     limit_nm = expect.torque_below_nm or 0.0
-    scans = low_from(run, alarm, limit_nm)
+    scans = low_from(run, begin, limit_nm)
     if scans is None:
         return f"{abs(run.torque_nm[-1]):.1f} N·m at the end"
     return "" if scans * run.period_s <= (expect.within_s or 0.0) else f"took {scans * run.period_s:.3f} s"
@@ -134,6 +137,22 @@ def _refused(_run: FaultRun, _expect: Expect) -> str:
     return "the bench was opened"
 
 
+def _found_as(run: FaultRun, expect: Expect) -> str:
+    if run.kept is None:
+        return NO_RECORD
+    return "" if run.kept.state == expect.found_as else f"was found as {run.kept.state}"
+
+
+def _record(run: FaultRun, _expect: Expect) -> str:
+    return NO_RECORD if run.kept is None else "; ".join(run.kept.problems)
+
+
+def _verdict(run: FaultRun, expect: Expect) -> str:
+    if run.kept is None:
+        return NO_RECORD
+    return "" if run.kept.verdict == expect.verdict else f"was {run.kept.verdict}"
+
+
 _EXPECT: dict[str, Callable[[FaultRun, Expect], str]] = {
     "event": _event,
     "order": _order,
@@ -141,6 +160,9 @@ _EXPECT: dict[str, Callable[[FaultRun, Expect], str]] = {
     "final_state": _final_state,
     "latched": _latched,
     "refused": _refused,
+    "found_as": _found_as,
+    "record": _record,
+    "verdict": _verdict,
 }
 _NEVER: dict[str, Callable[[FaultRun, Never], str]] = {
     "state": _never_state,

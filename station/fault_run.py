@@ -21,6 +21,15 @@ from station.scan_loop import START_AT
 LONGEST_RUN_S = 300.0
 
 
+@dataclass(frozen=True)
+class Kept:
+    """What the record of a run says afterwards: state, verdict, and what is wrong with its samples."""
+
+    state: str
+    verdict: str | None
+    problems: tuple[str, ...]
+
+
 @dataclass
 class FaultRun:
     """A finished run: one entry per scan in `scans`, `images` and `orders`, and the faults with their first scan."""
@@ -35,6 +44,7 @@ class FaultRun:
     unseen: list[str] = field(default_factory=list)  # a sentence for each fault that has had no effect
     finished: bool = False
     refused: str = ""  # why the bench was not opened: nothing has moved
+    kept: Kept | None = None  # over wires
 
     @property
     def states(self) -> list[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import json
 from bisect import bisect_left
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
@@ -18,18 +18,17 @@ from typing import Any
 import numpy as np
 
 from controller.context import Event
-from drivers.virtual.fault_schedule import never_met
-from drivers.virtual.process_lines import NOT_SEEN
+from drivers.virtual.fault_schedule import never_due, never_met
+from drivers.virtual.process_lines import ACTED, NOT_SEEN
+from drivers.virtual.scenario import Fault
 from station.assemble_virtual import load_scenario
-from station.command_run import refused
-from station.conclusion import Ending, conclude
-from station.desk import BENCH_LOG, TRUTH, Desk
-from station.errors import BenchFaultError
+from station.desk import BENCH_LOG, TRUTH
 from station.event_log import alarms_in
-from station.fault_companion import Companion
-from station.fault_record import create_record
-from station.fault_run import FaultRun
-from station.record_store import RunRecord
+from station.fault_desk import Left, needs_desk_of_its_own, run_apart, run_here
+from station.fault_run import FaultRun, Kept
+from station.machine_faults import deed_of
+from station.record_check import check_bytes
+from station.record_store import RESULT, RunRecord
 from station.request import Job
 from station.scan_record import RECORD_BYTES, unpack
 
@@ -56,43 +55,42 @@ class WireRun:
 def run_over_wires(job: Job, unit: str | None, scenario_path: Path, data: Path, say: Say) -> WireRun:
     """Run a scenario over wires; its record is kept below `data`.
 
-    Without a unit the bench is one on a cable, and a gateway on the way to it brings the faults about.
+    Without a unit the bench is one on a cable, and a gateway on the way to it brings the faults about. Faults of the
+    machine reach a desk in a process of its own.
 
     Raises:
         StationError: the record cannot be written.
 
     """
     scenario = load_scenario(scenario_path)
-    record = create_record(job, unit, scenario_path, scenario, data, wires=True)
-    companion = Companion(scenario, judged=True)
-    desk = Desk(job, record, _nothing, say, companion, gateway=unit is None)
-    why_refused = ""
-    try:
-        ending = desk.run(unit, record.folder / "scenario.yaml")
-    except BenchFaultError as error:
-        why_refused = str(error)
-        record.samples.touch()
-        ending = refused(record, error)
-    conclude(record, job, ending)
-    found = read_run(record, ending, companion.acted)
-    found.run.unseen += companion.why_unseen()
-    if not found.run.acted and not found.run.unseen and not why_refused:
+    if needs_desk_of_its_own(scenario):
+        left = run_apart(job, unit, scenario_path, data)
+    else:
+        left = run_here(job, unit, scenario_path, data, say)
+    found = read_run(left)
+    named = {name for name, _ in found.run.acted}
+    unproven = [why for fault in scenario.faults if (why := _unproven(fault, left, named))]
+    found.run.unseen += unproven
+    if not found.run.acted and not found.run.unseen and not left.refused:
         found.run.unseen = [f"{never_met(fault)}: the bench's log does not name it" for fault in scenario.faults]
-    found.run.refused = why_refused
     return found
 
 
-def _nothing(_record: bytes) -> None:
-    """Show nothing: nobody watches."""
+def _unproven(fault: Fault, left: Left, named: set[str]) -> str:
+    """Say of a fault of the machine that it was not done, or that the run shows nothing of it."""
+    deed = deed_of(fault)
+    if deed is None:
+        return ""
+    if f"{fault.target} {fault.verb}" not in named:
+        return never_due(fault)
+    return "" if deed.proof(left.traces, fault.value or 0.0) else never_met(fault)
 
 
-def read_run(record: RunRecord, ending: Ending, acted: Iterable[tuple[str, int]] = ()) -> WireRun:
-    """Return what the judge wants from the record of a run that has ended, and from what its bench said.
-
-    `acted`: faults that the station brought about itself, each with its monotonic time [ns].
-    """
+def read_run(left: Left) -> WireRun:
+    """Return what the judge wants from the record of a run that has ended, and from what its bench said."""
+    record = left.record
     period_ns = int(record.manifest()["period_ns"])
-    run = FaultRun(period_ns * 1e-9)
+    run = FaultRun(period_ns * 1e-9, refused=left.refused)
     content = record.samples.read_bytes()
     for start in range(0, len(content) - RECORD_BYTES + 1, RECORD_BYTES):
         scan, image, orders = unpack(memoryview(content)[start : start + RECORD_BYTES])
@@ -101,14 +99,14 @@ def read_run(record: RunRecord, ending: Ending, acted: Iterable[tuple[str, int]]
         run.orders.append(orders)
     events = [json.loads(line) for line in (record.folder / "events.jsonl").read_text("utf-8").splitlines()]
     run.events = [Event(row["scan"], "alarm", row["state"], row["id"]) for row in alarms_in(events)]
-    run.finished = not ending.trouble and bool(run.states) and run.states[-1] in END_STATES
-    started_ns = ending.started_ns
+    run.finished = not left.died and not left.refused and bool(run.states) and run.states[-1] in END_STATES
+    result = record.read_json(RESULT)
+    run.kept = Kept(result["state"], result["verdict"], check_bytes(content, left.written).problems)
     bench_log = _said(record.folder / BENCH_LOG)
-    said = [line for line in bench_log if line["event"] == "fault_acted"]
-    actions = [*acted, *((line["text"], int(line["monotonic_ns"])) for line in said)]
-    _place_actions(run, actions, started_ns, period_ns)
+    actions = [(line["text"], int(line["monotonic_ns"])) for line in bench_log if line["event"] == ACTED]
+    _place_actions(run, actions, left.started_ns, period_ns)
     run.unseen = [line["text"] for line in bench_log if line["event"] == NOT_SEEN]
-    return WireRun(run, record, _add_truth(run, record.folder / TRUTH, started_ns, period_ns))
+    return WireRun(run, record, _add_truth(run, record.folder / TRUTH, left, period_ns))
 
 
 def _said(path: Path) -> list[dict[str, Any]]:
@@ -125,8 +123,12 @@ def _place_actions(run: FaultRun, actions: list[tuple[str, int]], started_ns: in
         run.acted.append((name, max(bisect_left(run.scans, scan + 1) - 1, 0)))
 
 
-def _add_truth(run: FaultRun, path: Path, started_ns: int, period_ns: int) -> str:
-    """Add the torque in the reducer at every scan; return how the machine held the bench up, if it did."""
+def _add_truth(run: FaultRun, path: Path, left: Left, period_ns: int) -> str:
+    """Add the torque in the reducer at every scan; return how the machine held the bench up, if it did.
+
+    A scan that was lost gives no orders any more, but the bench goes on for a moment: what it did then is added, in
+    periods without a scan.
+    """
     if not path.exists():  # a bench on a cable: there is nothing but its own sensor
         tared = zip(run.images, run.orders, strict=True)
         run.torque_nm = [image.torque_out_nm - orders.torque_out_tare_nm for image, orders in tared]
@@ -135,7 +137,11 @@ def _add_truth(run: FaultRun, path: Path, started_ns: int, period_ns: int) -> st
         return ""
     with path.open(encoding="ascii", newline="") as stream:
         rows = [(int(row["monotonic_ns"]), float(row["reducer_torque_nm"])) for row in csv.DictReader(stream)]
-    times_ns = np.array([row[0] for row in rows], np.float64) - started_ns
+    times_ns = np.array([row[0] for row in rows], np.float64) - left.started_ns
+    while left.died and (run.scans[-1] + 2) * period_ns < times_ns[-1]:
+        run.scans.append(run.scans[-1] + 1)
+        run.images.append(run.images[-1])
+        run.orders.append(run.orders[-1])
     deadlines_ns = (np.array(run.scans, np.float64) + 1) * period_ns
     run.torque_nm = [float(x) for x in np.interp(deadlines_ns, times_ns, [row[1] for row in rows])]
     last = deadlines_ns[run.place(run.alarms()[0].scan)] if run.alarms() else deadlines_ns[-1]

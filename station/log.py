@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO, cast
 
 import structlog
+
+from station.wall_clock import WALL_CLOCK
 
 
 class _Lines:
@@ -32,6 +34,11 @@ class _Lines:
             self._file.close()
 
 
+def _stamp(_logger: Any, _method: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
+    event["timestamp"] = WALL_CLOCK.now().isoformat().replace("+00:00", "Z")
+    return event
+
+
 @contextmanager
 def open_log(path: Path) -> Iterator[Any]:
     """Open a log file and yield its logger; one JSON object per line, time in UTC."""
@@ -41,7 +48,7 @@ def open_log(path: Path) -> Iterator[Any]:
             structlog.WriteLogger(cast("TextIO", lines)),
             processors=[
                 structlog.processors.add_log_level,
-                structlog.processors.TimeStamper(fmt="iso", utc=True),
+                _stamp,
                 structlog.processors.ExceptionRenderer(),
                 structlog.processors.JSONRenderer(ensure_ascii=False),
             ],

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from controller.image import Command, Orders
+from drivers.virtual.fault_vocabulary import ONLY_OVER_WIRES
 from drivers.virtual.scenario import Expect, Fault, Header, Never, Scenario, When
 from station.assemble_virtual import choose_unit, virtual_config
 from station.fault_judge import judge
@@ -63,7 +64,15 @@ class BenchUnderTest:
         return self._bench.go()
 
     def inject(self, target: str, verb: str, value: float | None = None, for_ms: float | None = None) -> None:
-        """Let a fault act from the next scan on; `lostmotion faults list` has the vocabulary."""
+        """Let a fault act from the next scan on; `lostmotion faults list` has the vocabulary.
+
+        Raises:
+            ValueError: there is no such fault, or it is one that acts over wires only.
+
+        """
+        if (target, verb) in ONLY_OVER_WIRES:
+            where = "write a scenario file for it and run that with 'lostmotion faults run FILE --wires'"
+            raise ValueError(f"{target} {verb} acts over wires only, this bench runs in virtual time: {where}")
         self._bench.faults.inject([Fault(target=target, verb=verb, value=value, for_ms=for_ms, when=When(time_s=0.0))])
 
     def order(self, command: str) -> None:

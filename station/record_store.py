@@ -12,7 +12,8 @@
         result.json       metrics and verdict
         loop.png, report.html, report.pdf, log.jsonl
 
-The run id sorts by time. Several runs of one serial number are attempts 1, 2, 3 ...
+The run id sorts by time, also where the computer's clock was set back between two runs. Several runs of one serial
+number are attempts 1, 2, 3 ...
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any
@@ -32,7 +33,9 @@ from station.durable import as_json, sync_folder, write_durable
 from station.errors import RecordError, StationError
 from station.run_lock import RunLock
 from station.scan_record import RECORD_BYTES, describe
+from station.wall_clock import WALL_CLOCK
 
+STAMP = "%Y%m%dT%H%M%S.%f"
 MANIFEST = "run.json"
 SAMPLES = "samples.bin"
 RESULT = "result.json"
@@ -172,6 +175,18 @@ class RunRecord:
         return bool(manifest["state"] == RECORDING) and process_birth(desk.get("pid", 0)) != desk.get("birth")
 
 
+def _stamp(moment: datetime) -> str:
+    return moment.strftime(STAMP)[:-3] + "Z"
+
+
+def _moment_of(name: str, otherwise: datetime) -> datetime:
+    """Return the moment that a run's folder is named by; `otherwise` for a folder that is named in another way."""
+    try:
+        return datetime.strptime(name.partition("Z-")[0], STAMP).replace(tzinfo=UTC)
+    except ValueError:
+        return otherwise
+
+
 class Store:
     """All runs below one folder."""
 
@@ -208,9 +223,13 @@ class Store:
         return record
 
     def _new_folder(self, serial: str) -> RunRecord:
-        """Make a folder that is not there yet."""
+        """Make a folder that is not there yet, and whose name comes after those of all others."""
+        newest = max((path.name for path in self.data.glob("*Z-*")), default="")
         while True:
-            stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3] + "Z"
+            now = WALL_CLOCK.now()
+            stamp = _stamp(now)
+            if f"{stamp}-" < newest:  # the clock was set back since then: a millisecond after it
+                stamp = _stamp(max(now, _moment_of(newest, now) + timedelta(milliseconds=1)))
             folder = self.data / f"{stamp}-{_folder_name(serial)}"
             try:
                 folder.mkdir()
@@ -292,4 +311,4 @@ class Store:
 
 def now_text() -> str:
     """Return the time in UTC, to the millisecond, as it stands in records."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
+    return WALL_CLOCK.now().isoformat(timespec="milliseconds")

@@ -8,6 +8,7 @@ word                       writer   meaning
 magic, version, layout     scan     refuse a ring of another program or another record layout
 state, pid                 scan     `ScanState` and process id (the desk sets `DIED` afterwards)
 written, lost              scan     records appended; records that found the ring full
+started                    scan     monotonic time [ns] from which its deadlines count, 0 before
 read                       desk     records taken
 desk beats                 desk     looks at the ring so far: a desk that is there counts on
 stopped for                desk     `StopCause` of the desk's own wish to end the run
@@ -45,7 +46,7 @@ FILE_PREFIX = "lostmotion-ring-"
 
 # Words of the header, each 8 bytes and written by one process only.
 W_MAGIC, W_VERSION, W_RECORD_BYTES, W_CAPACITY = 0, 1, 2, 3
-W_STATE, W_PID, W_WRITTEN, W_LOST = 8, 9, 10, 11
+W_STATE, W_PID, W_WRITTEN, W_LOST, W_STARTED = 8, 9, 10, 11, 12
 W_READ, W_DESK_BEATS, W_STOPPED_FOR = 16, 17, 18
 W_COMMANDS_WRITTEN, W_COMMANDS_TAKEN = 24, 32
 W_SLOTS = 40
@@ -165,6 +166,10 @@ class RingWriter(_Mapped):
         """Tell the desk where the scan process is."""
         self._words[W_STATE] = int(state)
 
+    def note_start(self, started_ns: int) -> None:
+        """Keep the moment from which the scan's deadlines count, for the case that it cannot be told at the end."""
+        self._words[W_STARTED] = started_ns
+
     def append(self, scan: int, lateness_ns: int, work_ns: int, image: Image, orders: Orders) -> bool:
         """Append one record; return False when the ring was full and the record was lost."""
         sequence = self.sequence
@@ -223,9 +228,14 @@ class RingReader(_Mapped):
         self._words[W_STOPPED_FOR] = int(cause)
 
     @property
+    def stop_cause(self) -> StopCause:
+        """Why the desk asked for a stop."""
+        return StopCause(self._words[W_STOPPED_FOR])
+
+    @property
     def stopped_because(self) -> str:
         """Why the run was stopped although nobody asked for it; empty when nothing here says so."""
-        if self._words[W_STOPPED_FOR] == StopCause.DISK:
+        if self.stop_cause is StopCause.DISK:
             return "the disk did not take the records, so the desk"
         if self.lost:
             return f"{self.lost} records found no room, because they were not taken in time, so the scan process"
@@ -249,6 +259,11 @@ class RingReader(_Mapped):
     def lost(self) -> int:
         """Records that found the ring full."""
         return int(self._words[W_LOST])
+
+    @property
+    def started_ns(self) -> int:
+        """Monotonic time from which the scan's deadlines count; 0 before its first scan."""
+        return int(self._words[W_STARTED])
 
     @property
     def waiting(self) -> int:

@@ -103,11 +103,13 @@ def run_real(
     schedule: RealTimeSchedule,
     stop: Stop,
     times: ScanTimes,
+    note_start: Callable[[int], None] | None = None,
     after_end_scans: int = 0,
 ) -> int:
     """Run scans at their deadlines until the controller has finished; return the number of the last period.
 
-    `times` counts what every scan took. A lost record asks for a stop: what nobody records must not go on under torque.
+    `times` counts what every scan took; `note_start` is given the monotonic time from which deadlines count. A lost
+    record asks for a stop: what nobody records must not go on under torque.
     `after_end_scans` are run on after the end, so that what would clear by itself is seen to do so; a person may
     acknowledge and reset in them.
     """
@@ -115,6 +117,8 @@ def run_real(
     read, step, write, wait, count = bench.read, controller.step, bench.write, schedule.wait, times.add
     scan, ended = -1, 0
     schedule.start()
+    if note_start is not None:
+        note_start(schedule.started_ns)
     while not controller.finished or ended < after_end_scans:
         ended = ended + 1 if controller.finished else 0
         woken = wait()

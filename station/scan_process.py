@@ -84,6 +84,7 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
             schedule=schedule,
             stop=stop,
             times=times,
+            note_start=ring.note_start,
             after_end_scans=spec["after_end_scans"],
         )
         resident_kb = {"before": before_kb, "after": machine.resident_kb()}

@@ -148,13 +148,20 @@ FAULTS: dict[tuple[str, str], Verb] = {
     ("clock", "step"): Verb("s by which the bench's wall clock jumps", -1e9, 1e9, "time stamps of frames jump"),
     ("scan.overrun", "miss"): Verb("whole periods that are missed at once", 1, 1_000_000, "periods are missing"),
     ("process.scan", "stop"): Verb("ms for which the scan process stands still", 1.0, 60_000.0, "periods are missing"),
+    ("process.scan", "kill"): _plain("SIGKILL of the scan process: no set-points, no heartbeat, no record"),
+    ("process.desk", "kill"): _plain("SIGKILL of the desk: nobody takes the records, nobody gives a sign"),
+    ("machine.disk", "full"): _plain("the desk can write no byte to any file"),
+    ("machine.clock", "step"): Verb("s by which the desk's wall clock jumps", -1e9, 1e9, "times of day jump"),
 }
 
 ONLY_IN_VIRTUAL_TIME = frozenset({("scan.overrun", "miss")})
 """Over wires the period belongs to the controller's process, which the virtual bench cannot hold up."""
 
-BY_STATION = frozenset({("process.scan", "stop")})
-"""Over wires done by the station to its own scan process, for no bench can."""
+ONCE = frozenset({("process.scan", "stop"), ("process.scan", "kill"), ("process.desk", "kill")})
+"""Done once and not taken back: `for_ms` says nothing of them."""
+
+BY_STATION = ONCE | {("machine.disk", "full"), ("machine.clock", "step")}
+"""Over wires done by the station to its own processes, for no bench can."""
 
 ONLY_OVER_WIRES = (
     BY_STATION

@@ -64,9 +64,12 @@ class ParentInput:
             self._hear(line)
 
     def _hear(self, line: bytes) -> None:
-        """Take a line about the controller: its state, the scan in which it entered it, and the newest scan."""
+        """Take a line about the controller (its state, scan of entry, newest scan) or a fault that the station did."""
         try:
             told = json.loads(line)
+            if "acted" in told:
+                self._log(ACTED, str(told["acted"]), value=told["value"], monotonic_ns=int(told["monotonic_ns"]))
+                return
             self._faults.tell(str(told["state"]), int(told["scan"]), int(told["entered"]))
         except (ValueError, KeyError, TypeError):
             self._log("not_understood", f"on standard input: {line[:80]!r}")

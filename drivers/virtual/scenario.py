@@ -25,11 +25,17 @@ from typing import Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from controller.image import Command, DriveCommand, State
-from drivers.virtual.fault_vocabulary import FAULTS
+from drivers.virtual.fault_vocabulary import BY_STATION, FAULTS, ONCE
 
 STATE_NAMES = tuple(state.name.lower() for state in State)
 ORDER_NAMES = tuple(command.name.lower() for command in DriveCommand)
 COMMAND_NAMES = tuple(command.name.lower() for command in Command if command)
+
+
+OF_THE_RECORD = ("found_as", "record", "verdict")
+"""What can be expected of the kept record of a run over wires; a run in virtual time need not have one."""
+
+EXPECT_KINDS = ("event", "order", "torque_below_nm", "final_state", "latched", "refused", *OF_THE_RECORD)
 
 
 class Strict(BaseModel):
@@ -94,6 +100,10 @@ class Fault(Strict):
             raise ValueError(
                 f"{self.target} {self.verb}: found value {self.value:g}, allowed {row.low:g} to {row.high:g}"
             )
+        if key in BY_STATION and not self.when.needs_controller:
+            raise ValueError(f"{self.target} {self.verb} is done by whoever sees the controller: give state or scan")
+        if key in ONCE and self.for_ms is not None:
+            raise ValueError(f"{self.target} {self.verb} takes no for_ms: it is done once and not taken back")
         return self
 
 
@@ -128,8 +138,10 @@ class Expect(Strict):
     """Something that must happen; exactly one kind per entry.
 
     `event` (fault id) within scans of the first fault's action; `order` (drive command) within scans of the first
-    alarm; `torque_below_nm` within seconds of the first alarm, and from then on; `final_state`; `latched`: nothing
-    leaves the state fault by itself; `refused`: the bench is not opened, nothing moves, and the reason has this text.
+    alarm; `torque_below_nm` within seconds of the first alarm, or `since` the first fault acted, and from then on;
+    `final_state`; `latched`: nothing leaves the state fault by itself; `refused`: the bench is not opened, nothing
+    moves, and the reason has this text. Over wires only, of what is kept of the run: `found_as`, its state;
+    `record`: every scan that was recorded is on disk, in order and unchanged; `verdict`.
     """
 
     event: str | None = None
@@ -137,19 +149,24 @@ class Expect(Strict):
     within_scans: int | None = Field(default=None, ge=0)
     torque_below_nm: float | None = Field(default=None, gt=0.0)
     within_s: float | None = Field(default=None, gt=0.0)
+    since: Literal["alarm", "fault"] | None = None
     final_state: str | None = None
     latched: bool | None = None
     refused: str | None = None
+    found_as: Literal["complete", "stopped", "fault", "interrupted"] | None = None
+    record: Literal["complete"] | None = None
+    verdict: Literal["PASS", "FAIL", "NOT DECIDABLE"] | None = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        kinds = [self.event, self.order, self.torque_below_nm, self.final_state, self.latched, self.refused]
-        if sum(kind is not None for kind in kinds) != 1:
-            raise ValueError("give exactly one of event, order, torque_below_nm, final_state, latched and refused")
+        if sum(getattr(self, kind) is not None for kind in EXPECT_KINDS) != 1:
+            raise ValueError(f"give exactly one of {', '.join(EXPECT_KINDS[:-1])} and {EXPECT_KINDS[-1]}")
         if (self.event is None and self.order is None) != (self.within_scans is None):
             raise ValueError("within_scans belongs to event and order, and they need it")
         if (self.torque_below_nm is None) != (self.within_s is None):
             raise ValueError("within_s belongs to torque_below_nm, which needs it")
+        if self.since is not None and self.torque_below_nm is None:
+            raise ValueError("since belongs to torque_below_nm")
         _one_of("final_state", self.final_state, STATE_NAMES)
         _one_of("order", self.order, ORDER_NAMES)
         return self

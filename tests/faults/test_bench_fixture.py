@@ -34,6 +34,12 @@ def test_what_does_not_hold_fails(bench):
         bench.expect(final_state="complete")
 
 
+@pytest.mark.parametrize(("target", "verb", "value"), [("machine.disk", "full", None), ("can.bus", "errors", 5.0)])
+def test_a_fault_that_needs_wires_is_refused_in_virtual_time(bench, target, verb, value):
+    with pytest.raises(ValueError, match=f"{target} {verb} acts over wires only.*faults run FILE --wires"):
+        bench.inject(target, verb, value)
+
+
 def test_an_unknown_fault_or_state_is_refused_with_what_is_allowed(bench):
     with pytest.raises(ValueError, match="allowed open"):
         bench.inject("io.guard", "close")

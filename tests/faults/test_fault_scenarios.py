@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
 import pytest
 
-from drivers.virtual.scenario import Scenario
+from drivers.virtual.scenario import EXPECT_KINDS, OF_THE_RECORD, Expect, Never, Scenario
 from recipes import RecipeError
 from station import command_faults
 from station.assemble_virtual import load_scenario
 from station.command_replay import replay_run
-from station.fault_judge import judge
+from station.fault_judge import _EXPECT, _NEVER, judge
 from station.fault_matrix import cells, measure
 from station.fault_rows import AFTER_SCANS, ROWS, STATES
-from station.fault_run import FaultRun, run_scenario
+from station.fault_run import FaultRun, Kept, run_scenario
 from station.request import load_job
 
 ROOT = Path(__file__).parents[2]
@@ -33,7 +34,10 @@ def guard_opened() -> FaultRun:
     return run_scenario(load_job("rv-40e-121-faults", None), "P1", scenario())
 
 
-OVER_WIRES = ("drive-that-lies", "drive-that-refuses", "drive-without-sdo")
+OVER_WIRES = (
+    "clock-set", "desk-killed", "disk-full", "scan-killed",
+    "drive-that-lies", "drive-that-refuses", "drive-without-sdo",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("path", [path for path in SHIPPED if path.stem not in OVER_WIRES], ids=lambda path: path.stem)
@@ -97,12 +101,83 @@ def test_a_fault_that_does_not_act_fails_its_scenario(tmp_path, capsys):
         ({"never": [{"torque_above_nm": 50}]}, "N·m"),
         ({"never": [{"order_after_fault": "enable_operation"}]}, ""),
         ({"never": [{"order_after_fault": "quick_stop"}]}, "at scan"),
+        ({"expect": [{"torque_below_nm": 33, "within_s": 1.0, "since": "fault"}]}, ""),
+        ({"expect": [{"torque_below_nm": 33, "within_s": 0.001, "since": "fault"}]}, "took"),
+        ({"expect": [{"found_as": "fault"}, {"record": "complete"}, {"verdict": "NOT DECIDABLE"}]}, ""),
+        ({"expect": [{"found_as": "interrupted"}]}, "was found as fault"),
+        ({"expect": [{"verdict": "PASS"}]}, "was NOT DECIDABLE"),
     ],
 )
 def test_each_clause_bites(guard_opened, clause, words):
-    wrong = judge(guard_opened, scenario(**clause))
+    run = dataclasses.replace(guard_opened, kept=Kept("fault", "NOT DECIDABLE", ()))
+    wrong = judge(run, scenario(**clause))
     assert bool(wrong) == bool(words), wrong
     assert words in " ".join(wrong)
+
+
+def test_a_record_with_a_gap_is_not_complete(guard_opened):
+    run = dataclasses.replace(guard_opened, kept=Kept("fault", "NOT DECIDABLE", ("5 records found, 6 were written",)))
+    assert judge(run, scenario(expect=[{"record": "complete"}])) == [
+        "expected record complete: 5 records found, 6 were written"
+    ]
+
+
+def test_torque_counts_from_a_fault_that_trips_nothing_and_only_if_it_acted(guard_opened):
+    expected = scenario(expect=[{"torque_below_nm": 33, "within_s": 1.0, "since": "fault"}])
+    assert judge(dataclasses.replace(guard_opened, events=[]), expected) == []
+    (wrong,) = judge(dataclasses.replace(guard_opened, acted=[]), expected)
+    assert "no fault has acted" in wrong
+
+
+def test_only_a_run_that_must_be_interrupted_may_have_no_end(guard_opened):
+    run = dataclasses.replace(guard_opened, finished=False, kept=Kept("interrupted", "NOT DECIDABLE", ()))
+    assert judge(run, scenario(expect=[{"found_as": "interrupted"}])) == []
+    assert "the run did not end" in judge(run, scenario(expect=[{"final_state": "fault"}]))
+
+
+@pytest.mark.parametrize("kind", OF_THE_RECORD)
+def test_what_needs_a_record_is_refused_in_virtual_time(guard_opened, tmp_path, kind):
+    value = {"found_as": "fault", "record": "complete", "verdict": "PASS"}[kind]
+    path = tmp_path / "record.yaml"
+    path.write_text(
+        "scenario: {name: x}\nfaults:\n  - {target: io.guard, verb: open, when: {state: lock}}\n"
+        f"expect:\n  - {{{kind}: {value}}}\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(RecipeError, match="run it over wires"):
+        command_faults.run(path, command_faults.How(), as_json=False)
+    assert "no record to look at" in judge(guard_opened, load_scenario(path))[-1], "nor does the plug-in believe it"
+
+
+def test_every_clause_has_its_judge():
+    assert set(EXPECT_KINDS) == set(_EXPECT)
+    assert set(EXPECT_KINDS) == set(Expect.model_fields) - {"within_scans", "within_s", "since"}
+    assert set(Never.model_fields) == set(_NEVER)
+
+
+@pytest.mark.parametrize(
+    ("target", "verb", "rest", "words"),
+    [
+        ("process.desk", "kill", "when: {time_s: 3}", "give state or scan"),
+        ("machine.disk", "full", "when: {torque_out_above_nm: 50}", "give state or scan"),
+        ("process.scan", "kill", "when: {state: lock}, for_ms: 100", "takes no for_ms"),
+        ("machine.clock", "step", "when: {state: lock}", "needs value"),
+        ("machine.disk", "fill", "when: {state: lock}", "allowed full"),
+        ("process.scan", "kill", "value: 9, when: {state: lock}", "takes no value"),
+    ],
+)
+def test_a_wrong_fault_of_the_machine_is_refused_with_its_place(tmp_path, target, verb, rest, words):
+    path = tmp_path / "wrong.yaml"
+    path.write_text(f"scenario: {{name: x}}\nfaults:\n  - {{target: {target}, verb: {verb}, {rest}}}\n", "utf-8")
+    with pytest.raises(RecipeError) as refused:
+        load_scenario(path)
+    assert f"{path}:3:" in str(refused.value)
+    assert words in str(refused.value)
+
+
+def test_since_belongs_to_torque():
+    with pytest.raises(ValueError, match="since belongs to torque_below_nm"):
+        scenario(expect=[{"final_state": "fault", "since": "fault"}])
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from drivers.virtual.fault_vocabulary import (
     DEVICES,
     FAULTS,
     FRAMES,
+    ONCE,
     ONLY_IN_VIRTUAL_TIME,
     ONLY_OVER_WIRES,
     on_the_wire,
@@ -29,6 +30,7 @@ from drivers.virtual.modbus_faults import ModbusFaults
 from drivers.virtual.scenario import Fault, Scenario
 from station.assemble_virtual import load_scenario, plain_document
 from station.fault_rows import ROWS
+from station.machine_faults import DEEDS, Traces
 from station.request import DRIVER_PROFILES
 
 ROOT = Path(__file__).parents[2]
@@ -59,6 +61,15 @@ NOT_IN_THE_MATRIX = {
     "calibration_failed": "tests/controller/test_sequence.py",
 }
 """Faults that no injected fault brings about, and where they are brought about instead."""
+
+
+PROOFS = {
+    ("process.scan", "stop"): Traces(missed=3),
+    ("process.scan", "kill"): Traces(scan_died=True),
+    ("process.desk", "kill"): Traces(desk_killed=True),
+    ("machine.disk", "full"): Traces(disk_refused=True),
+    ("machine.clock", "step"): Traces(clock_jumped_s=60.1),
+}
 
 
 def schedule(target: str, verb: str, value: float | None) -> FaultSchedule:
@@ -140,7 +151,35 @@ def test_an_undisturbed_wire_passes_everything_on() -> None:
 
 
 def test_what_the_station_does_is_left_to_it() -> None:
-    assert all(not schedule(*key, 5.0).active for key in BY_STATION)
+    assert set(DEEDS) == BY_STATION > ONCE
+    assert BY_STATION < ONLY_OVER_WIRES
+    when = {"state": "lock"}
+    faults = [
+        Fault(target=key[0], verb=key[1], value=5.0 if FAULTS[key].value else None, when=when) for key in BY_STATION
+    ]
+    scenario = Scenario(scenario={"name": "test"}, faults=tuple(faults))
+    found = FaultSchedule(scenario)
+    found.tell("lock", 10)
+    found.step(0)
+    assert not found.active
+    assert found.unseen() == []
+
+
+@pytest.mark.parametrize(("key", "traces"), PROOFS.items(), ids=lambda item: " ".join(item) if item in PROOFS else "")
+def test_every_fault_of_the_machine_is_proven_by_what_it_leaves_and_by_nothing_else(key, traces) -> None:
+    assert set(PROOFS) == BY_STATION
+    value = 60.0
+    assert DEEDS[key].proof(traces, value)
+    assert not DEEDS[key].proof(Traces(), value)
+    for other, left in PROOFS.items():
+        explains = key == ("process.scan", "stop") and other == ("process.scan", "kill")  # stopped until it died
+        assert DEEDS[key].proof(left, value) == (other == key or explains)
+
+
+def test_a_clock_that_jumped_otherwise_proves_nothing() -> None:
+    deed = DEEDS["machine.clock", "step"]
+    assert not deed.proof(Traces(clock_jumped_s=-60.0), 60.0)
+    assert not deed.proof(Traces(), 0.0), "a step by nothing is none"
 
 
 def test_every_fault_of_the_controller_has_been_brought_about() -> None:

@@ -120,6 +120,13 @@ def test_the_same_record_gives_the_same_verdict(copied: RunRecord, finished: tup
     assert result["metrics"] == finished[0]["metrics"]
 
 
+def test_a_clock_that_was_set_is_told_and_decides_nothing(copied: RunRecord) -> None:
+    result = again(copied, clock_jumped_s=-3600.0)
+    assert (result["verdict"], result["reasons"]) == ("PASS", [])
+    assert result["timing"]["wall_clock_jumped_s"] == -3600.0
+    assert any("was set by -3600.0 s" in note for note in result["notes"])
+
+
 def test_one_flipped_bit_and_there_is_no_verdict(copied: RunRecord) -> None:
     content = bytearray(copied.samples.read_bytes())
     content[1000 * RECORD_BYTES + 100] ^= 1

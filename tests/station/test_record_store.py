@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from station_samples import IMAGE, ORDERS
 
+import station.record_store
 import station.ring
 from station.command_show import stored_result
 from station.durable import Appender, read_from_disk, write_durable
@@ -18,6 +19,7 @@ from station.record_store import RunRecord, Store, check_serial, process_birth
 from station.recovery import recover
 from station.ring import RingWriter, ScanState, create
 from station.scan_record import pack
+from station.wall_clock import WallClock
 
 MANIFEST = {"recipe": {"name": "r", "revision": 1, "sha256": "0"}, "verdict": None, "ring": None}
 
@@ -58,6 +60,17 @@ def test_run_ids_sort_by_time(tmp_path: Path) -> None:
     store = Store(tmp_path)
     created = [new_run(store, serial).id for serial in ("Z", "A", "M")]
     assert [run.id for run in store.runs()] == created
+
+
+def test_run_ids_sort_by_time_also_after_the_clock_was_set_back(tmp_path: Path, monkeypatch) -> None:
+    store = Store(tmp_path)
+    first = new_run(store).id
+    clock = WallClock()
+    clock.step(-3600.0)
+    monkeypatch.setattr(station.record_store, "WALL_CLOCK", clock)
+    created = [first, *(new_run(store, serial).id for serial in ("Z", "A"))]
+    assert [run.id for run in store.runs()] == created
+    assert store.find("last").id == created[-1], "the way back after a fault reads how the newest run was left"
 
 
 @pytest.mark.parametrize("serial", ["../../etc", "a b/c:d", ".hidden", "ÄÖ-7", "x" * 128])

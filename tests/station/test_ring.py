@@ -54,6 +54,13 @@ def append(writer: RingWriter, count: int) -> list[bool]:
     return [writer.append(writer.sequence, 0, 0, IMAGE, ORDERS) for _ in range(count)]
 
 
+def test_the_start_of_the_scan_is_known_without_its_report(ends: Ends) -> None:
+    writer, reader = ends
+    assert reader.started_ns == 0
+    writer.note_start(123_456_789_012)
+    assert reader.started_ns == 123_456_789_012
+
+
 @given(moves=st.lists(st.integers(min_value=0, max_value=8), max_size=30))
 @settings(max_examples=40, deadline=None)
 def test_what_is_drained_in_time_arrives_complete_and_in_order(

@@ -53,9 +53,18 @@ def test_virtual_time_runs_every_scan_and_starts_once() -> None:
 
 def test_real_time_numbers_periods_over_the_missed_ones() -> None:
     line = Line(30)
+    schedule, started = RealTimeSchedule(200_000), []
     last = run_real(
-        line, line, line.append, lambda: 0, schedule=RealTimeSchedule(200_000), stop=Stop(), times=ScanTimes()
+        line,
+        line,
+        line.append,
+        lambda: 0,
+        schedule=schedule,
+        stop=Stop(),
+        times=ScanTimes(),
+        note_start=started.append,
     )
+    assert started == [schedule.started_ns]
     assert last == line.recorded[-1] == 29 + sum(missed for _, missed, _ in line.seen)
 
 

@@ -1,0 +1,49 @@
+"""The one place where the station reads the computer's wall clock: times of day in records, logs and names of runs.
+
+Nothing else in the station, the drivers of a real bench, the analysis or the controller looks at it (a test holds them
+to it; only the check of a recipe, before a run, asks what day it is): a run is timed by the monotonic clock, which
+nobody can set. `WALL_CLOCK.step` makes it jump for this process,
+as `machine.clock step` of a scenario asks for; the computer's own clock is not touched.
+"""
+
+from __future__ import annotations
+
+import time
+from datetime import UTC, datetime, timedelta
+
+SEEN_FROM_S = 0.5
+"""Smallest jump that is told: a clock that is steered by 500 ppm at most does not come so far in a quarter hour."""
+
+
+class WallClock:
+    """Time of day, in UTC."""
+
+    def __init__(self) -> None:
+        self._jumped = timedelta(0)
+
+    def now(self) -> datetime:
+        """Return the time of day."""
+        return datetime.now(UTC) + self._jumped
+
+    def step(self, seconds: float) -> None:
+        """Let it jump, for this process."""
+        self._jumped += timedelta(seconds=seconds)
+
+
+WALL_CLOCK = WallClock()
+
+
+class JumpWatch:
+    """Finds out whether the wall clock was set while something went on, by the monotonic clock."""
+
+    def __init__(self) -> None:
+        self._before = self._ahead_s()
+
+    @staticmethod
+    def _ahead_s() -> float:
+        return WALL_CLOCK.now().timestamp() - time.monotonic()
+
+    def jumped_s(self) -> float:
+        """Return by how many seconds it was set since then; 0 where that is too little to tell."""
+        jumped = self._ahead_s() - self._before
+        return round(jumped, 3) if abs(jumped) >= SEEN_FROM_S else 0.0

@@ -1,0 +1,106 @@
+"""The shipped scenarios of the machine's faults over real wires: killed scan or desk, full disk, clock that is set."""
+
+from __future__ import annotations
+
+import csv
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from kills import ROOT, short_recipe
+
+from station import command_faults
+from station.command_replay import replay_run
+from station.record_check import check_file
+
+pytestmark = pytest.mark.wires
+BUSY = "try again on a quiet machine"
+
+
+class Held:
+    """A scenario that held: what the command said, and what its record has."""
+
+    def __init__(self, said: dict[str, Any]) -> None:
+        self.said = said
+        self.record = Path(said["record"])
+        self.result = json.loads((self.record / "result.json").read_bytes())
+        self.manifest = json.loads((self.record / "run.json").read_bytes())
+        self.bench_log = [json.loads(line) for line in (self.record / "virtual-bench.jsonl").read_text().splitlines()]
+
+    def torque_when_it_acted_nm(self) -> float:
+        (acted_ns,) = [line["monotonic_ns"] for line in self.bench_log if line["event"] == "fault_acted"]
+        with (self.record / "truth.csv").open(newline="") as stream:
+            rows = [(int(row["monotonic_ns"]), float(row["reducer_torque_nm"])) for row in csv.DictReader(stream)]
+        return min(rows, key=lambda row: abs(row[0] - acted_ns))[1]
+
+
+def judged_recipe(folder: Path) -> Path:
+    """The short recipe with a limit to decide by, at 4 ms, where a busy machine seldom misses a period."""
+    path = short_recipe(folder)
+    text = path.read_text("utf-8")
+    for old, new in (
+        ("{id: torque_ratio_slope}", "{id: torque_ratio_offset, min: -25 N·m}"),
+        ("period: 1 ms", "period: 4 ms"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text, "utf-8")
+    return path
+
+
+def held(name: str, data: Path, capsys: pytest.CaptureFixture[str]) -> Held:
+    """Run a shipped scenario, once more where the machine was held up; it must hold, and its record replay."""
+    how = command_faults.How(recipe=str(judged_recipe(data)), wires=True, data=data / "runs")
+    for _ in range(2):
+        code = command_faults.run(ROOT / "scenarios" / f"{name}.yaml", how, as_json=True)
+        said = json.loads(capsys.readouterr().out)
+        if not any(BUSY in one for one in said["wrong"]):
+            break
+    assert (code, said["wrong"]) == (0, [])
+    found = Held(said)
+    assert check_file(found.record / "samples.bin").problems == ()
+    assert found.manifest["ring"] is None
+    assert replay_run(str(found.record), found.record.parent, None, as_json=True) == 0
+    capsys.readouterr()
+    return found
+
+
+def test_a_scan_that_is_killed_leaves_the_stop_to_the_drive_and_its_record_to_the_desk(tmp_path, capsys):
+    found = held("scan-killed", tmp_path, capsys)
+    assert [row["fault"] for row in found.said["acted"]] == ["process.scan kill"]
+    assert abs(found.torque_when_it_acted_nm()) > 33.0, "there was nothing to bring down"
+    lost = [line["text"] for line in found.bench_log if line["event"] == "controller_lost"]
+    assert any("0x1400:5" in text for text in lost)
+    assert any("0x1016" in text for text in lost)
+    assert any(line["event"] == "quick_stop" for line in found.bench_log)
+    assert "killed by SIGKILL" in found.result["reasons"][0]
+
+
+def test_a_desk_that_is_killed_leaves_a_run_that_unloads_itself(tmp_path, capsys):
+    found = held("desk-killed", tmp_path, capsys)
+    assert [row["fault"] for row in found.said["acted"]] == ["process.desk kill"]
+    assert "the desk was gone and the scan process stopped the run" in found.result["reasons"][0]
+
+
+def test_a_disk_that_is_full_stops_the_run_and_costs_no_record(tmp_path, capsys):
+    found = held("disk-full", tmp_path, capsys)
+    assert [row["fault"] for row in found.said["acted"]] == ["machine.disk full"]
+    assert "the disk did not take the records" in found.result["reasons"][0]
+    assert found.result["timing"]["disk"]["refused"] >= 1
+    assert found.result["timing"]["disk"]["most_waiting"] > 150, "the ring held what the disk did not take"
+
+
+def test_a_clock_that_is_set_changes_times_of_day_and_nothing_else(tmp_path, capsys):
+    found = held("clock-set", tmp_path, capsys)
+    assert [row["fault"] for row in found.said["acted"]] == ["machine.clock step"]
+    started, ended = (datetime.fromisoformat(found.manifest[name]) for name in ("started", "ended"))
+    events = [json.loads(line) for line in (found.record / "events.jsonl").read_text("utf-8").splitlines()]
+    times_s = [event["t_s"] for event in events]
+    timing = found.result["timing"]
+    assert (ended - started).total_seconds() < -3000.0, "the end is almost an hour before the start"
+    assert times_s == sorted(times_s)
+    assert 5.0 < times_s[-1] <= (timing["scans"] + timing["missed"]) * timing["period_ns"] * 1e-9
+    assert timing["wall_clock_jumped_s"] == pytest.approx(-3600.0, abs=0.1)
+    assert any("was set by -3600.0 s during the run" in note for note in found.result["notes"])

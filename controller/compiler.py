@@ -20,8 +20,11 @@ def _step(recipe: Recipe, kind: type[StepT]) -> StepT:
     return next(step for step in recipe.sequence if isinstance(step, kind))
 
 
-def _limits(recipe: Recipe, period_s: float) -> Limits:
+def _limits(recipe: Recipe, bench: Bench, period_s: float) -> Limits:
     interlocks, rated_nm = recipe.interlocks, recipe.unit_under_test.rated_torque_nm
+    drive, sensors = bench.drive, bench.sensors
+    angle = sensors.angle_in if recipe.loading == "input" else sensors.angle_out
+    coupling = drive.coupling_stiffness_nm_per_arcmin
     lock = _step(recipe, LockStep)
 
     def scans(seconds: float) -> int:
@@ -47,6 +50,9 @@ def _limits(recipe: Recipe, period_s: float) -> Limits:
         internal_limit_scans=scans(interlocks.internal_limit_s),
         torque_agreement_nm=budget("agreement_of_rated") * rated_nm,
         torque_agreement_ratio=budget("agreement_ratio"),
+        angle_agreement_rad=drive.angle_agreement_rad if angle else math.inf,
+        angle_lag_scans=angle.lag_s / period_s if angle else 0.0,
+        coupling_rad_per_nm=1.0 / (coupling * ARCMIN_PER_RAD) if coupling else 0.0,
     )
 
 
@@ -116,7 +122,7 @@ def compile_program(recipe: Recipe, bench: Bench) -> Program:
         has_torque_out=bench.sensors.torque_out is not None,
         segments=segments,
         unload_segment=len(segments) - 1,
-        limits=_limits(recipe, period_s),
+        limits=_limits(recipe, bench, period_s),
         tare=_tare(recipe, bench, period_s),
         lock=Lock(
             current_a=current_a,

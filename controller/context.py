@@ -38,6 +38,7 @@ class Context:
         "brake_current_a",
         "brake_on",
         "control_from_input",
+        "drive_angle_zero_rad",
         "drive_command",
         "drive_mode",
         "drive_torque_nm",
@@ -64,7 +65,7 @@ class Context:
         self.program = program
         self.measured = Measured()
         self.torque_in_tare_nm = self.torque_out_tare_nm = 0.0
-        self.angle_in_zero_rad = self.angle_out_zero_rad = self.lock_zero_rad = 0.0
+        self.angle_in_zero_rad = self.angle_out_zero_rad = self.lock_zero_rad = self.drive_angle_zero_rad = 0.0
         self.brake_current_a = 0.0
         self.brake_on = 0
         self.left_loaded = False
@@ -128,6 +129,20 @@ class Context:
         self.angle_in_zero_rad = image.angle_in_rad
         self.angle_out_zero_rad = image.angle_out_rad
         self.lock_zero_rad = self.locked_angle_rad(image)
+        self.take_drive_reference(image)
+
+    def take_drive_reference(self, image: Image) -> None:
+        """Take the drive's position for equal to what the angle sensor of the loaded shaft shows now.
+
+        After homing, and again on the way back from a fault: a drive that was switched off may count from elsewhere.
+        """
+        self.drive_angle_zero_rad = image.drive_angle_rad - self.travel_rad(image)
+
+    def travel_rad(self, image: Image) -> float:
+        """Angle of the loaded shaft since the reference, by its sensor [rad]."""
+        if self.program.loading_input:
+            return image.angle_in_rad - self.angle_in_zero_rad
+        return image.angle_out_rad - self.angle_out_zero_rad
 
     def locked_angle_rad(self, image: Image) -> float:
         """Angle of the shaft that the lock holds [rad]."""

@@ -135,12 +135,9 @@ class Controller:
             measured.controlled_nm = program.control.slope * measured.torque_in_nm
         else:
             measured.controlled_nm = measured.torque_out_nm
-        if program.loading_input:
-            measured.travel_rad = image.angle_in_rad - context.angle_in_zero_rad
-            measured.locked_motion_rad = image.angle_out_rad - context.lock_zero_rad
-        else:
-            measured.travel_rad = image.angle_out_rad - context.angle_out_zero_rad
-            measured.locked_motion_rad = image.angle_in_rad - context.lock_zero_rad
+        travel_rad = measured.travel_rad = context.travel_rad(image)
+        measured.locked_motion_rad = context.locked_angle_rad(image) - context.lock_zero_rad
+        measured.drive_apart_rad = image.drive_angle_rad - context.drive_angle_zero_rad - travel_rad
         measured.speed_rad_s = image.drive_velocity_rad_s
         measured.counter_stands = image.sample_counter == self._last_counter
         self._last_counter = image.sample_counter
@@ -234,6 +231,7 @@ class Controller:
         self.first_out = 0
         self._context.stopping = True
         self._context.control_from_input = not self.program.has_torque_out
+        self._context.take_drive_reference(image)
         self._move("reset", image, scan)
 
     def _first_segment(self, state: State) -> int:

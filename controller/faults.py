@@ -125,8 +125,8 @@ FAULTS: tuple[Fault, ...] = (
           "Torque beyond the measuring range, or a broken sensor cable",
           "Check the sensor's zero and the peak torque of the recipe"),
     Fault(30, "torque_channels_disagree", R.QUICK_STOP, 20, "Input and output torque do not fit together",
-          "A torque sensor is stuck or disconnected, a coupling is broken, or the ratio in the recipe is wrong",
-          "Check both torque sensors and the couplings; compare the recipe's ratio with the type plate"),
+          "A torque sensor is stuck or disconnected, a coupling is broken, the unit is jammed, or the ratio is wrong",
+          "Check torque sensors, couplings and the recipe's ratio; a jammed unit stays wound up: turn it back by hand"),
     # --- steps that did not end
     Fault(31, "devices_not_ready", R.POWER_OFF, 0, "Devices did not answer at the start",
           "A device is off, or its address is wrong",
@@ -164,6 +164,9 @@ FAULTS: tuple[Fault, ...] = (
     Fault(42, "drive_not_following", R.QUICK_STOP, 10, "Servo drive does not follow its set-point",
           "The drive ignores the cyclic set-points although it is enabled",
           "Check the drive's mode, its PDO mapping and that no other master sends set-points"),
+    Fault(43, "angle_channels_disagree", R.QUICK_STOP, 20, "Drive and angle sensor of the loaded shaft do not fit",
+          "Angle sensor stuck, drifting or slipping on its shaft, broken coupling, or wrong gear_ratio in the bench",
+          "Check the angle sensor, its mounting and the couplings; compare the bench's gear_ratio with the type plate"),
 )
 
 # fmt: on

@@ -43,7 +43,8 @@ class Measured:
     """What one scan knows beyond the raw image: tared torques, motions since the references, what is expected.
 
     Torques in N·m and angles in rad. `drive_enabled_expected`, `mode_expected` and `brake_current_expected_a` are what
-    the orders of earlier scans should have led to by now.
+    the orders of earlier scans should have led to by now. `drive_apart_rad`: by how much the drive's position and the
+    angle sensor of the loaded shaft have moved apart since they were last set equal.
     """
 
     __slots__ = (
@@ -52,6 +53,7 @@ class Measured:
         "brake_tolerance_a",
         "controlled_nm",
         "counter_stands",
+        "drive_apart_rad",
         "drive_enabled_expected",
         "lock_motion_limit_rad",
         "locked_motion_rad",
@@ -64,7 +66,7 @@ class Measured:
 
     def __init__(self) -> None:
         self.torque_in_nm = self.torque_out_nm = self.controlled_nm = 0.0
-        self.travel_rad = self.locked_motion_rad = self.speed_rad_s = 0.0
+        self.travel_rad = self.locked_motion_rad = self.speed_rad_s = self.drive_apart_rad = 0.0
         self.lock_motion_limit_rad = inf
         self.brake_current_expected_a = self.brake_tolerance_a = 0.0
         self.drive_enabled_expected = self.counter_stands = self.agreement_live = False
@@ -224,6 +226,17 @@ def _torque_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> 
     return out_nm > ideal_nm * factor + margin_nm or out_nm < ideal_nm / factor - margin_nm
 
 
+def _angle_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
+    apart_rad = abs(m.drive_apart_rad)
+    if apart_rad <= li.angle_agreement_rad:
+        return False
+    # the shaft turns on between two values of different age, and the couplings between drive and sensor twist
+    scans = i.drive_age_scans + i.sample_age_scans + li.angle_lag_scans
+    turned_rad = abs(m.speed_rad_s) * scans * p.period_s
+    torque_nm = m.torque_in_nm if p.loading_input else m.torque_out_nm
+    return apart_rad > li.angle_agreement_rad + turned_rad + abs(torque_nm) * li.coupling_rad_per_nm
+
+
 def _brake_stays_closed(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
     return i.brake_age_scans != AGE_NEVER and (bool(i.brake_on) or i.brake_current_a > m.brake_tolerance_a)
 
@@ -277,6 +290,8 @@ INTERLOCKS: tuple[Interlock, ...] = (
     Interlock("sensor_not_a_number", _ALWAYS, _sensor_not_a_number),
     Interlock("sensor_saturated", _ALWAYS, _sensor_saturated),
     Interlock("torque_channels_disagree", _LOCKED | {S.RELEASE, S.FAULT}, _torque_channels_disagree),
+    # not in FAULT: nothing there goes by an angle, and a dead sensor must not stand against the way to zero
+    Interlock("angle_channels_disagree", _LOCKED, _angle_channels_disagree),
     Interlock("brake_stays_closed", frozenset({S.HOME}), _brake_stays_closed),
     Interlock("sample_late", _LOADED, _sample_late),
     Interlock("sample_not_ready", _ALWAYS, _sample_not_ready),

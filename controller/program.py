@@ -52,7 +52,11 @@ ROLES: dict[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Interlock limits in SI units; ages and times in scans. `inf` only where a sensor is absent."""
+    """Interlock limits in SI units; ages and times in scans. `inf` only where a sensor is absent.
+
+    `angle_agreement_rad` and `coupling_rad_per_nm` are at the loaded shaft: how far drive and angle sensor may differ
+    at rest, and what the coupling between them adds to that under torque.
+    """
 
     torque_out_alarm_nm: float
     torque_out_trip_nm: float
@@ -72,6 +76,9 @@ class Limits:
     internal_limit_scans: int
     torque_agreement_nm: float
     torque_agreement_ratio: float
+    angle_agreement_rad: float
+    angle_lag_scans: float
+    coupling_rad_per_nm: float
 
 
 @dataclass(frozen=True, slots=True)

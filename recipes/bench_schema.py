@@ -21,7 +21,9 @@ from recipes.section import (
     Port,
     Revision,
     Section,
+    SmallAngle,
     Speed,
+    Stiffness,
     Torque,
     TorqueConstant,
     TorqueSlope,
@@ -59,7 +61,12 @@ class CanBus(Section):
 
 
 class Drive(Section):
-    """Servo drive: identity on the bus, ratings of its motor, and the protections written into it before arming."""
+    """Servo drive: identity on the bus, ratings of its motor, and the protections written into it before arming.
+
+    angle_agreement: how far the drive's position and the angle sensor of the loaded shaft may move apart before the run
+    is stopped, play of gearbox and couplings included. coupling_stiffness: of what is between motor and that sensor, at
+    the loaded shaft; its twist is allowed on top.
+    """
 
     node_id: NodeId
     controller_node_id: NodeId
@@ -76,6 +83,8 @@ class Drive(Section):
     abort_connection_option: OptionCode
     quick_stop_option: OptionCode
     fault_reaction_option: OptionCode
+    angle_agreement_rad: SmallAngle = 360 * ARCSEC_RAD
+    coupling_stiffness_nm_per_arcmin: Stiffness | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Drive:

@@ -6,15 +6,17 @@ from collections.abc import Iterator
 from datetime import date
 
 from recipes.bench_schema import Bench
-from recipes.expectations import Finding
+from recipes.expectations import Finding, loaded_steps, windup_rad
 from recipes.metric_units import METRIC_NEEDS
 from recipes.problems import one_of
-from recipes.quantity import PERIOD, TORQUE, show
+from recipes.quantity import ANGLE, PERIOD, TORQUE, show
 from recipes.recipe_schema import Recipe
 from recipes.sequence_schema import Calibrate, SpeedCycles, StepCycles, TorqueCycles
 
 MEASURED = (TorqueCycles, SpeedCycles, StepCycles)
 ROUNDING = 1.0 + 1e-9
+LARGEST_DISAGREEMENT = 0.25
+"""Of drive and angle sensor, as a share of the wind-up at the highest peak."""
 BEYOND_BLANK_TEST = 1.05
 """Torque up to which a fixture's curve may be continued straight, of its end."""
 
@@ -35,6 +37,22 @@ def check_sensors(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     if sensors.angle_out is None:
         found = f"'{recipe.loading}', but bench '{name}' has no encoder at the output"
         yield Finding(("loading",), found, "a bench with both encoders", "One measures, the other watches the lock.")
+
+
+def check_angle_agreement(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
+    """The drive's position watches the angle sensor closely enough: one that stands still shows well below the peak."""
+    accepted_rad = bench.drive.angle_agreement_rad
+    highest = max(loaded_steps(recipe), key=lambda row: row[1].peak_torque_nm, default=None)
+    if highest is None:
+        return
+    option, step = highest
+    turned_rad = windup_rad(recipe, step.peak_torque_nm)
+    if accepted_rad > LARGEST_DISAGREEMENT * turned_rad * ROUNDING:
+        found = f"{show(step.peak_torque_nm, TORQUE)}, which turns the {recipe.loading} shaft by "
+        found += f"{show(turned_rad, ANGLE, 3)}, too little to show that its angle sensor stands still"
+        allowed = f"a turn of {1 / LARGEST_DISAGREEMENT:g} times the bench's angle_agreement, "
+        hint = "Lower drive.angle_agreement in the bench file; coupling_stiffness there allows for twist."
+        yield Finding((*option, "peak_torque"), found, allowed + show(accepted_rad, ANGLE, 3), hint)
 
 
 def check_calibration(recipe: Recipe, bench: Bench) -> Iterator[Finding]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from recipes.bench_schema import Bench
 from recipes.check_measurement import (
     check_ages,
+    check_angle_agreement,
     check_calibration,
     check_fixture,
     check_metrics,
@@ -51,6 +52,7 @@ CHECKS: tuple[Check, ...] = (
     check_step_size,
     check_release,
     check_sensors,
+    check_angle_agreement,
     check_calibration,
     check_metrics,
     check_ages,

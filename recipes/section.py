@@ -141,7 +141,6 @@ class Quantity:
 
 ARCSEC_RAD = math.pi / 648_000
 """One arcsec in rad."""
-
 RATED = "rated_torque_nm"
 REFERENCE = "reference_torque_nm"
 

@@ -9,8 +9,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from station.errors import StationError
+from station.exit_judge import Measured
 from station.exit_rows import EXITS
-from station.exits import Measured, measure_exit
+from station.exits import measure_exit
 from station.exits_page import page
 
 
@@ -39,20 +40,20 @@ def exits(names: list[str], path: Path | None, workers: int, *, as_json: bool) -
         path.write_text(page(found), encoding="utf-8")
     if as_json:
         sys.stdout.write(json.dumps({name: one and asdict(one) for name, one in found.items()}) + "\n")
-    bad = [name for name, one in found.items() if one is not None and one.wrong]
+    bad = [name for name, one in found.items() if one is None or one.wrong]
     if not as_json:
         measured = sum(one is not None for one in found.values())
-        sys.stdout.write(
-            f"{measured} of {len(found)} exits measured; outside their bounds: {', '.join(bad) or 'none'}\n"
-        )
+        missed = ", ".join(bad) or "none"
+        sys.stdout.write(f"{measured} of {len(found)} exits measured; not so, or outside their bounds: {missed}\n")
     return 1 if bad else 0
 
 
 def line(name: str, one: Measured | None) -> str:
     """One exit as a line of text."""
     if one is None:
-        return f"{name:26} not in a ramp"
+        return f"{name:26} NOT MEASURED: nothing provoked it"
     times = (f"{value:.3f} s" if value is not None else "never" for value in (one.down_s, one.low_s))
-    lock = "" if one.opened_nm is None else f"  lock opened at {one.opened_nm:.1f} N·m"
+    opened = "" if one.opened_nm is None else f"  lock opened at {one.opened_nm:.1f} N·m"
     wrong = f"  WRONG: {'; '.join(one.wrong)}" if one.wrong else ""
-    return f"{name:26} down {' low '.join(times)}  rest {one.rest_nm:5.1f} N·m  {one.state}{lock}{wrong}"
+    came = f"{one.begin_state}, {one.begin_nm:.0f} N·m, peak {one.peak_nm:.0f} N·m"
+    return f"{name:26} {came}: down {' low '.join(times)}  rest {one.rest_nm:5.1f} N·m  {one.state}{opened}{wrong}"

@@ -61,12 +61,17 @@ def scenario_of(row: Row | None, state: str) -> Scenario:
     return Scenario(scenario=Header(name=f"{row.name} in {state}"), faults=(fault,))
 
 
+def bench_of(scenario: Scenario | None) -> Bench:
+    """Return a bench before its first scan, with the matrix's recipe and unit."""
+    job = _job()
+    unit = choose_unit(None, job.recipe.unit_under_test.model)
+    return Bench(job, virtual_config(job.bench, job.profile_paths, unit), scenario)
+
+
 @cache
 def undisturbed() -> dict[str, Bench]:
     """Benches of one undisturbed run, each stopped just before the moment at which faults start in its state."""
-    job = _job()
-    unit = choose_unit(None, job.recipe.unit_under_test.model)
-    bench = Bench(job, virtual_config(job.bench, job.profile_paths, unit), None)
+    bench = bench_of(None)
     found: dict[str, Bench] = {}
     for state in STATES:
         while bench.state != state:

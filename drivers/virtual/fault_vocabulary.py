@@ -30,6 +30,7 @@ REGISTERS = (
     "amplifier.torque_out_nm",
     "amplifier.sample_counter",
     "brake.brake_current_a",
+    "brake.life_counter",
     "remote_io.life_counter",
 )
 """Registers that can be frozen alone."""

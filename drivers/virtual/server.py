@@ -134,7 +134,11 @@ class VirtualBench:
         }
 
     def _read_brake(self) -> dict[str, float]:
-        return {"brake_on": self._brake_on, "brake_current_a": self.plant.brake_current_a}
+        return {
+            "brake_on": self._brake_on,
+            "brake_current_a": self.plant.brake_current_a,
+            "life_counter": self._life_counter(),
+        }
 
     def _write_brake(self, values: dict[str, float]) -> None:
         self._brake_on = 1 if values["brake_on"] else 0
@@ -147,8 +151,11 @@ class VirtualBench:
             "guard_closed": wires.guard_closed,
             "housing_temp_c": self.plant.housing_temp_c + wires.housing_offset_k,
             "ambient_temp_c": self.plant.ambient_temp_c,
-            "life_counter": self.plant.now_ns // DEVICE_CYCLE_NS & 0xFFFF,
+            "life_counter": self._life_counter(),
         }
+
+    def _life_counter(self) -> int:
+        return self.plant.now_ns // DEVICE_CYCLE_NS & 0xFFFF
 
     def write_truth(self, path: Path) -> None:
         """Write the torque in the reducer, one line per tick."""

@@ -52,11 +52,10 @@ class SlowDevices:
             if undisturbed or not self._frozen("amplifier"):
                 self.sample = plant.sample()
             self.sample_scan = scan + 1
-        if scan % self._brake_every == 0 and self._answers("brake", scan):
-            if not self._frozen("brake"):
-                self.brake_values = (plant.brake_current_a, self._orders_brake[0])
-            self.brake_scan = scan + 1
         # values of a device whose life counter stands still go on ageing, as in the driver
+        if scan % self._brake_every == 0 and self._answers("brake", scan) and not self._frozen("brake"):
+            self.brake_values = (plant.brake_current_a, self._orders_brake[0])
+            self.brake_scan = scan + 1
         if scan % self._io_every == 0 and self._answers("remote_io", scan) and not self._frozen("remote_io"):
             wires = self._faults.wires
             housing_c = plant.housing_temp_c + wires.housing_offset_k

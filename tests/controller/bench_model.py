@@ -41,6 +41,7 @@ class BenchModel:
         self.image = READY
         self.command = Command.NONE
         self.zero_in_nm = 0.01
+        self.drive_zero_rad, self.drive_gear_error = 40.0, 1.0
         self.lock_holds = True
         self.homing_scans = 0
         self.frozen: dict[str, float] = {}
@@ -79,7 +80,9 @@ class BenchModel:
         slip = 0.0 if self.lock_holds else torque_out * 1e-4
         self.image = image._replace(
             drive_state=state, drive_mode=orders.drive_mode, drive_homing_attained=int(self.homing_scans > 3),
-            drive_torque_nm=torque_in, drive_velocity_rad_s=0.0, torque_in_nm=torque_in + self.zero_in_nm,
+            drive_torque_nm=torque_in, drive_velocity_rad_s=0.0,
+            drive_angle_rad=self.drive_zero_rad + self.drive_gear_error * angle,
+            torque_in_nm=torque_in + self.zero_in_nm,
             torque_out_nm=torque_out, angle_in_rad=angle, angle_out_rad=slip + torque_out * 3e-8,
             sample_counter=image.sample_counter + 1, sample_time_us=image.sample_time_us + 1000,
             brake_on=orders.brake_on, brake_current_a=orders.brake_current_a * 0.999,

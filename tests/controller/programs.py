@@ -51,6 +51,9 @@ LIMITS = Limits(
     internal_limit_scans=50,
     torque_agreement_nm=103.0,
     torque_agreement_ratio=1.7,
+    angle_agreement_rad=6.0 * ARCMIN,
+    angle_lag_scans=1.0,
+    coupling_rad_per_nm=0.0,
 )
 
 

@@ -58,6 +58,7 @@ SHOWN: dict[str, dict[str, float]] = {
     "torque_channels_disagree": {"torque_in_nm": 0.0, "torque_out_nm": 400.0},
     "sample_not_ready": {"sample_status": SampleStatus.NOT_READY},
     "drive_not_following": {"drive_follows_command": 0},
+    "angle_channels_disagree": {"drive_angle_rad": 40.3},
 }
 
 ORDER_OF = {

@@ -61,6 +61,7 @@ class PymodbusBench:
             self.writes += 1
         else:
             now[1:3] = self.orders
+            now[3] += self.alive
         return self.exception
 
     async def _contacts(
@@ -76,7 +77,7 @@ class PymodbusBench:
     async def _serve(self) -> None:
         devices = [
             _device(AMPLIFIER, [0x4C41, *[0] * 13], [0], self._amplify),
-            _device(BRAKE, [0x4C42, 0, 0], [0, 0], self._brake),
+            _device(BRAKE, [0x4C42, 0, 0, 0], [0, 0], self._brake),
             _device(REMOTE_IO, [0x4C49, 0b11, 253, 0xFFCE, 0], [0], self._contacts),
         ]
         if self._serial_port:

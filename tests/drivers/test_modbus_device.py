@@ -9,6 +9,7 @@ import socket
 import struct
 import tty
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -19,6 +20,7 @@ from hypothesis import strategies as st
 from pymodbus.framer import FramerRTU
 
 from controller.image import AGE_NEVER
+from drivers.config import ModbusConfig
 from drivers.modbus_device import EXCEPTIONS_IN_A_ROW, ModbusDevice, RegisterReader, RegisterWriter
 from drivers.modbus_line import ModbusLine
 from drivers.profile import ModbusProfile
@@ -99,15 +101,16 @@ def test_an_order_that_does_not_fit_is_counted() -> None:
 class Brake:
     """A brake device on a socket pair; the test answers its requests."""
 
-    def __init__(self) -> None:
+    def __init__(self, config: ModbusConfig | None = None) -> None:
         ours, self.peer = socket.socketpair()
         ours.setblocking(False)  # noqa: FBT003
         self.peer.setblocking(False)  # noqa: FBT003
-        config = modbus_config("virtual-brake", 2)
+        config = config or modbus_config("virtual-brake", 2)
         self.line = ModbusLine(config, TIMEOUT, 3 * TIMEOUT)
         self.line.attach(ours)
         self.device = ModbusDevice(config, self.line, POLL, REASSERT)
         self.registers = [BRAKE_ID, 0, 0]
+        self.life, self.alive = 0, True
         self.exception = 0
 
     def asked(self) -> tuple[bytes, bytes]:
@@ -129,7 +132,8 @@ class Brake:
         elif kind == "write":
             reply = body[:6]
         else:
-            data = b"".join(value.to_bytes(2, "big") for value in self.registers[: body[5]])
+            self.life += self.alive
+            data = b"".join(value.to_bytes(2, "big") for value in (*self.registers, self.life)[: body[5]])
             reply = bytes((2, 4, len(data))) + data
         self.peer.sendall(head + b"\0\0" + len(reply).to_bytes(2, "big") + reply)
         return kind
@@ -169,6 +173,32 @@ def test_identity_first_then_a_read_every_n_scans(brake: Brake) -> None:
     ]
     assert brake.device.age_scans(13) == 0
     assert brake.device.age_scans(15) == 2
+
+
+def test_a_life_counter_that_stands_still_makes_values_age_although_replies_come(brake: Brake) -> None:
+    for n in range(6):
+        brake.scan(n)
+    brake.alive = False
+    replies = brake.device.replies
+    for n in range(6, 60):
+        brake.scan(n)
+    assert brake.device.replies > replies + 5
+    assert brake.device.age_scans(60) > 50
+    brake.alive = True
+    for n in range(60, 60 + 2 * POLL):
+        brake.scan(n)
+    assert brake.device.age_scans(60 + 2 * POLL) <= 2 * POLL
+
+
+def test_a_device_without_a_life_counter_needs_none() -> None:
+    raw = raw_profile("virtual-brake")
+    raw["read"]["fields"] = [field for field in raw["read"]["fields"] if field["name"] != "life_counter"]
+    one = Brake(replace(modbus_config("virtual-brake", 2), profile=ModbusProfile.model_validate(raw)))
+    one.alive = False
+    for n in range(60):
+        one.scan(n)
+    assert one.device.age_scans(60) <= 2 * POLL
+    one.close()
 
 
 def test_values_by_name_and_zero_for_what_the_device_has_not(brake: Brake) -> None:
@@ -325,7 +355,7 @@ def test_a_late_reply_on_rtu_never_becomes_a_value() -> None:
             if select.select([master], [], [], 0)[0]:
                 asked += 1
                 count = os.read(master, 100)[5]
-                body = bytes((2, 4, 2 * count)) + struct.pack(">3H", BRAKE_ID, 1, scan)[: 2 * count]
+                body = bytes((2, 4, 2 * count)) + struct.pack(">4H", BRAKE_ID, 1, scan, scan)[: 2 * count]
                 on_the_way[scan + LATE.get(asked, 0)] = body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
             if scan in on_the_way:
                 os.write(master, on_the_way[scan])

@@ -142,9 +142,9 @@ def test_everything_arrives_in_the_image(running: Stand) -> None:
 
 def test_a_life_counter_that_stands_still_makes_values_age(running: Stand) -> None:
     running.modbus.alive = False
-    running.run(lambda image: image.io_age_scans > 300)
+    running.run(lambda image: min(image.io_age_scans, image.brake_age_scans) > 300)
     running.modbus.alive = True
-    running.run(lambda image: image.io_age_scans < 50)
+    running.run(lambda image: max(image.io_age_scans, image.brake_age_scans) < 50)
 
 
 def test_orders_arrive_at_the_devices(running: Stand) -> None:

@@ -14,6 +14,7 @@ from controller.image import Command, DriveCommand, Orders, State
 from drivers.virtual.scenario import Fault, When
 from station.assemble_virtual import choose_unit, virtual_config
 from station.fault_run import Bench, FaultRun
+from station.left_state import left_action
 from station.request import load_job
 
 ENABLING = (DriveCommand.SWITCH_ON, DriveCommand.ENABLE_OPERATION, DriveCommand.START_HOMING)
@@ -140,3 +141,29 @@ def test_a_command_that_comes_before_the_devices_leaves_a_closed_lock_closed(sto
     assert bench.run.states[-1] in ("stopped", "fault")
     assert all(orders.brake_on for orders in bench.run.orders)
     assert abs(bench.run.torque_nm[-1]) > 0.025 * RATED_NM
+
+
+def test_a_jammed_unit_is_left_to_a_person_with_its_torque_behind_the_closed_lock():
+    job = load_job("rv-40e-121-faults", None)
+    bench = Bench(job, virtual_config(job.bench, job.profile_paths, choose_unit(None, "RV-40E-121")), None)
+    assert bench.until(lambda orders: orders.state == State.RAMP_POS and orders.controlled_torque_nm > 100.0)
+    bench.faults.inject((Fault(target="unit", verb="jam", value=8, when=When(scan=bench.run.scans[-1])),))
+    bench.finish()
+    assert bench.run.alarms()[0].text == "torque_channels_disagree"
+    assert "jammed" in FAULT_BY_ID["torque_channels_disagree"].cause
+    kept_nm = abs(bench.run.torque_nm[-1])
+    assert kept_nm > 0.4 * RATED_NM
+    back = restarted(bench, knowing=True)
+    settle(back)
+    for _ in range(2):
+        back.order(Command.ACKNOWLEDGE)
+        back.go()
+        back.order(Command.RESET)
+        assert settle(back).state == State.FAULT
+    assert "reset refused: a cause is still present" in [event.text for event in back.run.events]
+    assert not commands(back) & set(ENABLING)
+    assert all(orders.brake_on for orders in back.run.orders[1:])
+    assert abs(back.run.torque_nm[-1]) == pytest.approx(kept_nm, rel=0.01)
+    left = {"torque_nm": kept_nm, "release_torque_nm": 8.2, "lock": "closed"}
+    left |= {f"{name}_known": True for name in ("torque", "lock", "drive")}
+    assert "turn the loaded shaft back by hand" in left_action(left)

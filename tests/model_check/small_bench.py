@@ -47,6 +47,7 @@ LIMITS = Limits(
     lock_slip_rad=0.2, lock_proof_motion_rad=0.1, housing_temperature_c=60.0, sample_late_scans=5,
     sample_stale_scans=10, drive_stale_scans=10, heartbeat_scans=100, io_stale_scans=100, brake_stale_scans=100,
     missed_in_a_row=2, internal_limit_scans=1, torque_agreement_nm=WILD_NM, torque_agreement_ratio=1.7,
+    angle_agreement_rad=0.3, angle_lag_scans=0.0, coupling_rad_per_nm=0.0,
 )  # fmt: skip
 """The two torque channels never disagree in the walks: twenty scans of debounce would be twenty copies of the space."""
 

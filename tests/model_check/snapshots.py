@@ -42,6 +42,7 @@ NEVER_ACTS: dict[str, str] = {
     "_context.measured.travel_rad": "computed anew in every scan",
     "_context.measured.locked_motion_rad": "computed anew in every scan",
     "_context.measured.speed_rad_s": "computed anew in every scan",
+    "_context.measured.drive_apart_rad": "computed anew in every scan",
     "_context.measured.counter_stands": "computed anew in every scan",
     "_loading._line._n": "the small programs do not measure the torque ratio",
     "_loading._line._sum_in": "same",

@@ -44,6 +44,7 @@ class Killed:
     replay: dict[str, Any]
     replay_code: int
     notes: list[str]
+    reasons: list[str]
     ring_left: str
     machine: str
     """How the machine tripped the run before it was killed, where the record proves it."""
@@ -164,7 +165,8 @@ def kill(
     manifest = json.loads((folder / "run.json").read_bytes())
     on_disk = check_file(folder / "samples.bin").records
     result = folder / "result.json"
-    alarms = json.loads(result.read_bytes())["alarms"] if result.exists() else []
+    told = json.loads(result.read_bytes()) if result.exists() else {"alarms": [], "reasons": []}
+    alarms, reasons = told["alarms"], told["reasons"]
     cause = alarms[0]["id"] if alarms else ""
     events = folder / "events.jsonl"
     rows = [json.loads(line) for line in events.read_text("utf-8").splitlines()] if events.exists() else []
@@ -172,4 +174,4 @@ def kill(
     left = str(ring_path) if ring_path.exists() else ""
     machine = tripped_by_the_machine(read_table(folder / "samples.bin"), cause) if cause else ""
     state, verdict = manifest["state"], manifest["verdict"]
-    return Killed(folder, written, on_disk, state, cause, verdict, replay, code, notes, left, machine)
+    return Killed(folder, written, on_disk, state, cause, verdict, replay, code, notes, reasons, left, machine)

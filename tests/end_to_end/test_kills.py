@@ -37,3 +37,6 @@ def test_a_scan_that_nobody_can_start_any_more_ends(tmp_path):
     # Stopped where the scan could still say so, before anything was enabled.
     assert left.state in ("interrupted", "stopped")
     assert left.verdict == "NOT DECIDABLE"
+    assert not any("operator" in reason for reason in left.reasons), left.reasons
+    if left.state == "stopped":
+        assert any("the desk was gone before it had started the run" in reason for reason in left.reasons)

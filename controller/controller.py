@@ -142,7 +142,8 @@ class Controller:
             measured.travel_rad = image.angle_out_rad - context.angle_out_zero_rad
             measured.locked_motion_rad = image.angle_in_rad - context.lock_zero_rad
         measured.speed_rad_s = image.drive_velocity_rad_s
-        measured.counter_stands = image.sample_counter == self._last_counter
+        # an answer of this scan or the one before; where none comes, the age tells (`sample_stale`)
+        measured.counter_stands = image.sample_age_scans <= 1 and image.sample_counter == self._last_counter
         self._last_counter = image.sample_counter
 
     # --- the state that is on

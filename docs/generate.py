@@ -14,6 +14,7 @@ from analysis import GATES, METRICS, STAGES, Definition
 from analysis.curves import FITS
 from analysis.grades import GRADES
 from controller.budgets import BUDGETS
+from controller.debounce import debounce_text
 from controller.faults import FAULTS
 from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
 from controller.interlocks import INTERLOCKS
@@ -104,14 +105,14 @@ def faults() -> str:
             f.number,
             f"`{f.id}`",
             f.reaction.name.lower(),
-            f.debounce_scans,
+            debounce_text(f),
             f"{f.text}. {f.cause}.",
             f.next_action,
             where(f.id),
         )
         for f in FAULTS
     )
-    head = ("no.", "fault", "reaction", "debounce [scans]", "what happened and why", "what to do", "watched in")
+    head = ("no.", "fault", "reaction", "debounce", "what happened and why", "what to do", "watched in")
     return (
         "# Faults\n\n" + NOTE + "\nReactions by severity: warn < hold < unload < quick stop < power off; the strongest of all"
         " active faults wins. From unload upwards a fault is latched: it stays until its cause is gone **and** a person has"

@@ -39,6 +39,7 @@ from snapshots import Freezer, Snapshot
 
 from controller.aftermath import FaultReaction, Release
 from controller.controller import Controller
+from controller.debounce import debounce_scans
 from controller.faults import FAULT_BY_ID
 from controller.held_lock import HeldLock, Left
 from controller.image import Command, DriveState, Image, Orders, Reaction, State
@@ -351,7 +352,7 @@ def _check_agreement(program: Program) -> None:
         watch, measured = Watch(program), Measured()
         measured.agreement_live, measured.torque_out_nm = True, 2.0 * program.limits.torque_agreement_nm
         measured.torque_out_nm = min(measured.torque_out_nm, program.limits.torque_out_trip_nm)
-        for _ in range(FAULT_BY_ID["torque_channels_disagree"].debounce_scans):
+        for _ in range(debounce_scans(FAULT_BY_ID["torque_channels_disagree"], program)):
             watch.look(READY, measured, state)
         strongest = watch.look(READY, measured, state)
         require(10, f"torque_channels_disagree in {state.name}: {strongest}", holds=strongest >= Reaction.QUICK_STOP)

@@ -48,7 +48,7 @@ LIMITS = Limits(
     sample_stale_scans=10, drive_stale_scans=10, heartbeat_scans=100, io_stale_scans=100, brake_stale_scans=100,
     missed_in_a_row=2, internal_limit_scans=1, torque_agreement_nm=WILD_NM, torque_agreement_ratio=1.7,
 )  # fmt: skip
-"""The two torque channels never disagree in the walks: twenty scans of debounce would be twenty copies of the space."""
+"""The two torque channels never disagree in the walks: each scan of their debounce would copy the space."""
 
 
 def small_program(*, by_speed: bool = False, loading_input: bool = True) -> Program:

@@ -1,7 +1,7 @@
 """How each metric is read off a loop: one small function per estimator, chosen by the table of metrics.
 
-Each takes the loop of one cycle and what is asked, and returns the value in the metric's unit. AnalysisError, with
-the reason, where the loop does not carry the metric.
+Each takes the loop of one cycle and what is asked, and returns the value in the metric's unit, with its sign where the
+metric is its magnitude. AnalysisError, with the reason, where the loop does not carry the metric.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.conversions import ARCSEC_PER_ARCMIN
-from analysis.curves import DEFAULT_FIT, Curve, fitted_curve
+from analysis.curves import DEFAULT_FIT, fitted_curve
 from analysis.errors import AnalysisError
-from analysis.loop import Loop
+from analysis.loop import Curve, Loop
 from analysis.segment_stiffness import three_segments
 
 LSQ_BAND = (0.2, 0.8)
@@ -37,9 +37,9 @@ class Ask:
 
 
 def backlash_width(loop: Loop, ask: Ask) -> float:
-    """Width of the loop at a band of the reference torque: |f(T) − r(T)|, arcmin."""
+    """Width of the loop at a band of the reference torque: r(T) − f(T), arcmin."""
     torque = ask.side * ask.band * loop.reference_nm
-    return abs(loop.rising_at(torque) - loop.falling_at(torque))
+    return loop.falling_at(torque) - loop.rising_at(torque)
 
 
 def backlash_branches(loop: Loop, ask: Ask) -> float:
@@ -61,15 +61,15 @@ def gear_clearance(loop: Loop, ask: Ask) -> float:
 
 
 def hysteresis_angle(loop: Loop, ask: Ask) -> float:
-    """Width of the loop at a torque within one side: |f(T) − r(T)|, arcsec."""
+    """Width of the loop at a torque within one side: r(T) − f(T), arcsec."""
     torque = ask.side * ask.torque_nm
-    return ARCSEC_PER_ARCMIN * abs(loop.rising_at(torque) - loop.falling_at(torque))
+    return ARCSEC_PER_ARCMIN * (loop.falling_at(torque) - loop.rising_at(torque))
 
 
 def asymmetry(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
-    """Return |m(+T_r) + m(−T_r) − 2 m(0)| / 2, arcsec."""
+    """Return (m(+T_r) + m(−T_r) − 2 m(0)) / 2, arcsec; positive when the positive side winds up more."""
     torque = loop.reference_nm
-    return ARCSEC_PER_ARCMIN * abs(loop.mean_at(torque) + loop.mean_at(-torque) - 2.0 * loop.mean_at(0.0)) / 2.0
+    return ARCSEC_PER_ARCMIN * (loop.mean_at(torque) + loop.mean_at(-torque) - 2.0 * loop.mean_at(0.0)) / 2.0
 
 
 def graded_backlash(loop: Loop, ask: Ask) -> float:
@@ -79,8 +79,8 @@ def graded_backlash(loop: Loop, ask: Ask) -> float:
     if ask.variant == "branches":
         return backlash_branches(loop, ask)
     if ask.variant == "width_zero":
-        return backlash_width(loop, replace(ask, band=0.0))
-    return max(backlash_width(loop, replace(ask, side=side)) for side in (1, -1))
+        return abs(backlash_width(loop, replace(ask, band=0.0)))
+    return max(abs(backlash_width(loop, replace(ask, side=side))) for side in (1, -1))
 
 
 def lost_motion(loop: Loop, ask: Ask) -> float:

@@ -43,6 +43,7 @@ class SideValue:
     """Expanded, U = 2·u of the budget; None where nothing is known: no figures of the sensors, and one cycle."""
     standard_deviation: float | None
     per_cycle: tuple[float, ...]
+    """Of a magnitude below zero where a cycle fell on the other side than their mean."""
     verdict: Verdict
     reason: str
     budget: Budget | None = None
@@ -206,9 +207,12 @@ def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop], measurement: M
     if not all(math.isfinite(value) for value in values):
         return _Measured((), None, f"the loop gives {', '.join(f'{value:g}' for value in values)}, which is no number")
     unit = "arcmin" if row.graded else row.unit  # a grade is read from an angle
+    # A magnitude is taken of the mean: about zero those of single cycles and of moved loops would never cancel.
+    turn = -1.0 if row.magnitude and sum(values) < 0.0 else 1.0
+    values = tuple(turn * value for value in values)
     if measurement is None:
         return _Measured(values, of_scatter(values, unit), "")
-    return _Measured(values, measurement.of_loops(lambda loop: estimate(loop, ask), values, unit), "")
+    return _Measured(values, measurement.of_loops(lambda loop: turn * estimate(loop, ask), values, unit), "")
 
 
 def _from_ratio(

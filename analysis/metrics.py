@@ -55,6 +55,8 @@ class Definition(NamedTuple):
     """Fitted curves that may be chosen, the first one unless another is; none for a metric read off the branches."""
     graded: bool = False
     """The estimate is a backlash [arcmin], and the value is its grade."""
+    magnitude: bool = False
+    """The estimate has a sign, and the value is the magnitude of its mean over the cycles."""
     segmented: bool = False
     """The break torques T1 and T2 of the method are part of what is read."""
 
@@ -80,12 +82,13 @@ def _row(
     words: tuple[str, str] = (_SOFT, _STIFF),
     fits: tuple[str, ...] = (),
     graded: bool = False,
+    magnitude: bool = False,
     segmented: bool = False,
 ) -> Definition:
     allowed = branches or (branch,)
     return Definition(
         unit, text, source, estimate, sides, branch, allowed, estimator, variants, band, torque, free, *words, fits,
-        graded, segmented,
+        graded, magnitude, segmented,
     )  # fmt: skip
 
 
@@ -112,13 +115,13 @@ METRICS: dict[str, Definition] = {
         "arcmin",
         "loop width at ±3 % of the reference torque: |f(T) − r(T)|, each side for itself",
         "inverse loading; backlash and stiffness measurement",
-        estimators.backlash_width, sides=SIDED, branch="width", band=0.03, words=(_TIGHT, _PLAY),
+        estimators.backlash_width, sides=SIDED, branch="width", band=0.03, words=(_TIGHT, _PLAY), magnitude=True,
     ),
     "backlash_width_zero": _row(
         "arcmin",
         "loop width at zero torque: |f(0) − r(0)|",
         "stiffness characterization; Nabtesco backlash; gear clearance of the standard",
-        estimators.backlash_width, branch="width", band=0.0, words=(_TIGHT, _PLAY),
+        estimators.backlash_width, branch="width", band=0.0, words=(_TIGHT, _PLAY), magnitude=True,
     ),
     "backlash_branches_3pct": _row(
         "arcmin",
@@ -213,7 +216,7 @@ METRICS: dict[str, Definition] = {
         "loop width within one side at the chosen torque (50 % of the reference torque unless chosen): |f(T) − r(T)|",
         "stiffness characterization",
         estimators.hysteresis_angle, sides=SIDED, branch="width", torque=0.5, free=("torque_nm",),
-        words=("less hysteresis than expected", "more hysteresis than allowed: friction"),
+        words=("less hysteresis than expected", "more hysteresis than allowed: friction"), magnitude=True,
     ),
     "windup": _row(
         "arcmin",
@@ -228,7 +231,7 @@ METRICS: dict[str, Definition] = {
         "transmission error, which needs rotation",
         "static testing, there called transmission accuracy",
         estimators.asymmetry,
-        words=("the sides are more alike than expected", "one side winds up more than the other"),
+        words=("the sides are more alike than expected", "one side winds up more than the other"), magnitude=True,
     ),
     "torque_ratio_slope": _row(
         "1",

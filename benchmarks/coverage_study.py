@@ -1,7 +1,8 @@
 """`python -m benchmarks.coverage_study [--units N]`: the study of whether the stated uncertainty holds.
 
-Seeded units around the default one, every parameter ± 20 %, are measured by a simulated bench with errors drawn from
-the figures of a bench file, and compared with their own loops without errors. The table is Markdown.
+Seeded units around the default one, every parameter ± 20 % and the sides ± 5 % apart, are measured by a simulated bench
+with errors drawn from the figures of a bench file, and compared with their own loops without errors. The table is
+Markdown.
 """
 
 from __future__ import annotations
@@ -9,14 +10,19 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import replace
 
-from analysis import METRICS, Method, MetricWanted
+from analysis import METRICS, Method, MetricWanted, SensorFigures
 from analysis.studies.coverage import CoverageRow, coverage
 from analysis.studies.simulated_run import SimulatedBench
+from analysis.uncertainty.distributions import STATED_BY
+from analysis.uncertainty.figures import StatedBy
 from recipes import load_bench
 from station.figures import figures_of
 
-HEAD = "| metric | value | bias / U | 2·s / U | U | largest U | of value | covered | n |\n|" + " --- |" * 9
+HEAD = (
+    "| metric | value | bias / U | 2·s / U | U | largest U | of value | covered | of all units | n |\n|" + " --- |" * 10
+)
 TORQUES = {"reaction": "torque measured at the locked output", "calibrated": "torque converted from the input torque"}
 
 
@@ -28,13 +34,21 @@ def wanted() -> list[MetricWanted]:
 
 def line(row: CoverageRow) -> str:
     """One row of the table."""
-    nothing = abs(row.value) < 1e-3 * row.expanded
-    share = "" if nothing else f"{row.largest_relative:.2%}"
+    share = f"{row.largest_relative:.2%}" if row.largest_relative < 1.0 else ""  # near zero it means nothing
+    low, high = row.covered_between
     return (
-        f"| `{row.metric}` | {0.0 if nothing else row.value:.4g} {row.unit} | {row.bias / row.expanded:+.2f} | "
+        f"| `{row.metric}` | {row.value:.4g} {row.unit} | {row.bias / row.expanded:+.2f} | "
         f"{2 * row.deviation / row.expanded:.2f} | {row.expanded:.2g} | {row.largest:.2g} | "
-        f"{share} | {row.covered:.1%} | {row.count} |"
+        f"{share} | {row.covered:.1%} | {100 * low:.1f}–{high:.1%} | {row.count} |"
     )
+
+
+def stated(figures: SensorFigures, by: StatedBy | None) -> SensorFigures:
+    """Return figures whose torque sensors are stated by a data sheet or a certificate; None: as they are."""
+    if by is None:
+        return figures
+    sensors = {name: getattr(figures, name) for name in ("torque_in", "torque_out")}
+    return replace(figures, **{name: one and replace(one, stated_by=by) for name, one in sensors.items()})
 
 
 def main() -> None:
@@ -43,8 +57,11 @@ def main() -> None:
     parser.add_argument("--units", type=int, default=200, help="units measured (default 200)")
     parser.add_argument("--bench", default="virtual", help="bench file or shipped bench (default virtual)")
     parser.add_argument("--torque", choices=[*TORQUES], action="append", help="default: both")
+    parser.add_argument("--stated-by", choices=STATED_BY, help="of the torque sensors' figures (default: the bench's)")
     asked = parser.parse_args()
     bench = load_bench(asked.bench)
+    figures = stated(figures_of(bench), asked.stated_by)
+    by = figures.torque_out.stated_by.replace("_", " ") if figures.torque_out else "nobody"
     simulated = SimulatedBench(fixture_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin)
     for torque in asked.torque or TORQUES:
         start = time.perf_counter()
@@ -54,8 +71,8 @@ def main() -> None:
             fixture_stiffness_nm_per_arcmin=simulated.fixture_nm_per_arcmin,
             output_torque=torque,
         )
-        rows = coverage(asked.units, figures_of(bench), wanted(), method, bench=simulated)
-        print(f"\n{asked.units} units, {TORQUES[torque]}, bench {bench.bench.name}\n\n{HEAD}")
+        rows = coverage(asked.units, figures, wanted(), method, bench=simulated)
+        print(f"\n{asked.units} units, {TORQUES[torque]}, bench {bench.bench.name}, by {by}\n\n{HEAD}")
         print("\n".join(line(row) for row in rows))
         print(f"\n{time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
 

@@ -130,8 +130,10 @@ class BrakeDevice(ModbusDevice):
 class TorqueSensor(Section):
     """Torque sensor; noise (one standard deviation), usable range, zero and reversibility are fractions of full scale.
 
-    accuracy: limit of the gain error, of the reading. tared_zero: limit of what the tare leaves of the zero, with the
-    friction that stands on the sensor then. reversibility: limit of half the difference between falling and rising.
+    accuracy: gain error, of the reading. reversibility: half the difference between falling and rising. stated_by: who
+    states these two: data_sheet, as limits; or certificate, of a calibration of this sensor with its amplifier, as
+    expanded uncertainties with k = 2. tared_zero: limit of what the tare leaves of the zero, with the friction that
+    stands on the sensor then.
     """
 
     full_scale_nm: Torque
@@ -141,6 +143,7 @@ class TorqueSensor(Section):
     lag_s: Lag
     tared_zero_fraction: Fraction = 0.0002
     reversibility_fraction: Fraction = 0.0002
+    stated_by: Literal["data_sheet", "certificate"] = "data_sheet"
 
     @property
     def usable_nm(self) -> float:

@@ -42,6 +42,7 @@ def _torque(sensor: TorqueSensor | None) -> TorqueFigures | None:
         zero_fraction=sensor.tared_zero_fraction,
         reversibility_fraction=sensor.reversibility_fraction,
         noise_fraction=sensor.noise_fraction,
+        stated_by=sensor.stated_by,
     )
 
 

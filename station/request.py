@@ -25,8 +25,12 @@ from recipes import (
     read_bytes,
     shipped_recipes,
 )
+from station.errors import StationError
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
+
+TRACE_ENDINGS = (".csv", ".parquet", ".tdms")
+"""By which a name is that of a file, and not of a stored run."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,21 @@ def recipe_path(name_or_path: str) -> Path:
     """Return a recipe's file by path or by the name of a shipped one."""
     path = Path(name_or_path)
     return path if path.exists() else shipped_recipes().get(name_or_path, path)
+
+
+def trace_file(name: str) -> Path | None:
+    """Return the file of a trace that was measured elsewhere; None for the name of a stored run.
+
+    Raises:
+        StationError: what is named is a file by its ending, and is not there.
+
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    if path.suffix in TRACE_ENDINGS:
+        raise StationError(f"{name}: there is no such file")
+    return None
 
 
 def _bench_file(name: str | None, recipe: Recipe | None) -> Path:

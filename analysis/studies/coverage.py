@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from analysis.method import Method, MetricWanted
 from analysis.pipeline import analyse
@@ -25,7 +26,7 @@ class CoverageRow:
     """One metric, its sides together: mean of the true values, bias and standard deviation of the error.
 
     expanded: median U; largest, largest_relative: the largest U of any unit, and over its value; covered: share of
-    `count` values whose error is within U.
+    `count` values, of `units` units, whose error is within U.
     """
 
     metric: str
@@ -38,11 +39,24 @@ class CoverageRow:
     largest_relative: float
     covered: float
     count: int
+    units: int
 
     @property
     def bias_over_u(self) -> float:
         """Bias in units of U; less than a fifth is wanted."""
         return abs(self.bias) / self.expanded
+
+    @property
+    def covered_between(self) -> tuple[float, float]:
+        """Interval of 95 % for the share covered of all such units (Clopper and Pearson).
+
+        Sides of a unit share its errors, so a unit counts once, with the share of its sides that is covered.
+        """
+        hit = self.covered * self.units
+        missed = self.units - hit
+        low = special.betaincinv(hit, missed + 1.0, 0.025) if hit > 0.0 else 0.0
+        high = special.betaincinv(hit + 1.0, missed, 0.975) if missed > 0.0 else 1.0
+        return float(low), float(high)
 
 
 def coverage(
@@ -54,7 +68,9 @@ def coverage(
     bench: SimulatedBench | None = None,
     progress: Callable[[int], None] = lambda _: None,
 ) -> list[CoverageRow]:
-    """Measure so many seeded units around the default one (every parameter ± 20 %) and compare with their true loops.
+    """Measure so many seeded units around the default one and compare with their true loops.
+
+    Every parameter is moved within ± 20 %, and the sides of a unit differ within ± 5 % (`SimulatedUnit.varied`).
 
     method: with output_torque "calibrated" the torque is converted from the input torque; the true loop never is.
     """
@@ -73,10 +89,12 @@ def coverage(
                 else:
                     row.append((exact.value, side.value - exact.value, side.uncertainty))
         progress(seed + 1)
-    return [_row(one, seen.definition.unit, values) for one, seen, values in zip(wanted, shown, found, strict=True)]
+    return [
+        _row(one, seen.definition.unit, values, units) for one, seen, values in zip(wanted, shown, found, strict=True)
+    ]
 
 
-def _row(wanted: MetricWanted, unit: str, values: list[tuple[float, float, float]]) -> CoverageRow:
+def _row(wanted: MetricWanted, unit: str, values: list[tuple[float, float, float]], units: int) -> CoverageRow:
     exact, error, expanded = np.array(values).T
     return CoverageRow(
         metric=wanted.id if wanted.branch is None else f"{wanted.id} {wanted.branch}",
@@ -89,4 +107,5 @@ def _row(wanted: MetricWanted, unit: str, values: list[tuple[float, float, float
         largest_relative=float((expanded / np.maximum(np.abs(exact), 1e-9)).max()),
         covered=float((np.abs(error) <= expanded).mean()),
         count=error.size,
+        units=units,
     )

@@ -124,15 +124,14 @@ def _delayed(values: FloatArray, time_s: FloatArray, delay_s: float) -> FloatArr
 
 
 def _torque(torque: FloatArray, lens: FloatArray, figures: TorqueFigures, random: np.random.Generator) -> FloatArray:
-    gain, zero, reversibility = random.uniform(-1.0, 1.0, 3)
     scale = figures.full_scale_nm
-    noise = random.normal(0.0, figures.noise_fraction * scale, torque.size)
-    found: FloatArray = (
-        torque * (1.0 + gain * figures.gain_fraction)
-        + zero * figures.zero_fraction * scale
-        + reversibility * figures.reversibility_fraction * scale * lens
-        + noise
+    gain, reversibility = (
+        random.normal(0.0, figure / 2.0) if figures.stated_by == "certificate" else random.uniform(-figure, figure)
+        for figure in (figures.gain_fraction, figures.reversibility_fraction)
     )
+    zero = random.uniform(-figures.zero_fraction, figures.zero_fraction)
+    noise = random.normal(0.0, figures.noise_fraction * scale, torque.size)
+    found: FloatArray = torque * (1.0 + gain) + zero * scale + reversibility * scale * lens + noise
     return found
 
 

@@ -1,7 +1,8 @@
 """A reducer in closed form, for studies: elastic wind-up, Dahl hysteresis, input friction. No time steps.
 
 Quasi-static: T = g(φ) + F_h with φ = T/K + b·sgn(T)(1 − exp(−|T|/T0)) + (j/2)·tanh(T/T_j) as the inverse of g, and on a
-monotone branch F = s·F_c + (F0 − s·F_c)·exp(−sigma·|Δφ|/F_c). The input torque sensor feels the
+monotone branch F = s·F_c + (F0 − s·F_c)·exp(−sigma·|Δφ|/F_c). φ is larger by half the side difference on the negative
+side and smaller on the positive one. The input torque sensor feels the
 friction of the input side.
 """
 
@@ -17,12 +18,17 @@ CURVE_POINTS = 20_001
 """Points of a branch: 0.05 N·m apart, and nearer where the branch turns."""
 
 
+SIDES = 0.05
+"""How far the two sides of a real unit differ in their wind-up: some per cent."""
+
+
 @dataclass(frozen=True)
 class SimulatedUnit:
     """Parameters of one unit; torques [N·m] and angles [arcmin] at the output. The defaults are an RV-40E-121.
 
-    It has a loop width of 0.94 arcmin and 115 N·m/arcmin at its rated torque of 412 N·m. friction_loading and
-    friction_unloading: input friction at zero load, N·m at the input; the fractions are of the torque that arrives.
+    Its sides are alike. It has a loop width of 0.94 arcmin and 115 N·m/arcmin at its rated torque of 412 N·m.
+    friction_loading and friction_unloading: input friction at zero load, N·m at the input; the fractions are of the
+    torque that arrives.
     """
 
     stiffness_nm_per_arcmin: float = 110.86950329
@@ -38,22 +44,26 @@ class SimulatedUnit:
     friction_unloading_fraction: float = 121.0 / 94.689 - 1.0
     bristle_nm: float = 30.0
     """Torque at which the input friction deflects one arcmin of output before it slides."""
+    side_difference: float = 0.0
+    """By how much more the negative side winds up than the positive one, elastically, as a fraction of their mean."""
 
-    def varied(self, random: np.random.Generator, spread: float = 0.2) -> SimulatedUnit:
-        """Return another unit: every parameter moved by a factor within 1 ± spread."""
-        return replace(self, **{one.name: getattr(self, one.name) * random.uniform(1 - spread, 1 + spread)
-                                for one in fields(self)})  # fmt: skip
+    def varied(self, random: np.random.Generator, spread: float = 0.2, sides: float = SIDES) -> SimulatedUnit:
+        """Return another unit: every parameter moved by a factor within 1 ± spread, its sides apart within ± sides."""
+        moved = {one.name: getattr(self, one.name) * random.uniform(1 - spread, 1 + spread)
+                 for one in fields(self) if one.name != "side_difference"}  # fmt: skip
+        return replace(self, **moved, side_difference=random.uniform(-sides, sides))
 
     def elastic_arcmin(self, torque_nm: FloatArray) -> FloatArray:
         """Wind-up without hysteresis [arcmin] over torque [N·m]."""
         magnitude = np.abs(torque_nm)
         soft = self.soft_arcmin * np.sign(torque_nm) * -np.expm1(-magnitude / self.soft_torque_nm)
-        windup: FloatArray = (
+        windup = (
             torque_nm / self.stiffness_nm_per_arcmin
             + soft
             + self.gap_arcmin / 2.0 * np.tanh(torque_nm / self.gap_torque_nm)
         )
-        return windup
+        sided: FloatArray = windup * (1.0 - self.side_difference / 2.0 * np.sign(torque_nm))
+        return sided
 
     def loop(self, peak_nm: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Wind-up [arcmin], torque rising and torque falling along it [N·m], of the closed loop to ±peak."""

@@ -18,7 +18,6 @@ from analysis.errors import AnalysisError
 from analysis.loop import Loop
 from analysis.uncertainty.chain import Move, moves_of
 from analysis.uncertainty.circumstances import Circumstances
-from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
 from analysis.uncertainty.lines import covariance_of, line_moves, quadrants_used, u_torque_nm
 from analysis.uncertainty.monte_carlo import Drawn, MonteCarlo, drawn_loops, monte_carlo
@@ -33,10 +32,11 @@ COVERAGE_FACTOR = 2.0
 SMOOTH_POINTS = 400
 """Points per branch, about, of the loop that errors are tried on."""
 
-NOISE = ("noise", "noise of the sensors, mean of the cycles")
-SCATTER = ("repeatability", "scatter between cycles beyond the noise, enlarged for few cycles (Student)")
+STUDENT = "Student's t"
+NOISE = ("noise", "noise of the sensors, mean of the cycles", "normal")
+SCATTER = ("repeatability", "scatter between cycles beyond the noise, enlarged for few cycles (Student)", STUDENT)
 TRANSFER = ("transfer", "friction about zero torque and after reversals that the calibration leaves over")
-ONLY_SCATTER = ("repeatability", "scatter between cycles, enlarged for few cycles (Student)")
+ONLY_SCATTER = ("repeatability", "scatter between cycles, enlarged for few cycles (Student)", STUDENT)
 
 Estimate = Callable[[Loop], float]
 
@@ -44,11 +44,13 @@ Estimate = Callable[[Loop], float]
 class BudgetRow(NamedTuple):
     """One quantity: its standard uncertainty in its unit, what a unit of it does to the metric, and its contribution.
 
-    contribution: standard uncertainty of the metric from it; share: its part of the variance, 0 to 1.
+    distribution: of `distributions`, or Student's t. contribution: standard uncertainty of the metric from it; share:
+    its part of the variance, 0 to 1.
     """
 
     quantity: str
     text: str
+    distribution: str
     u: float
     unit: str
     sensitivity: float
@@ -72,10 +74,11 @@ class Budget:
 
 
 class Entry(NamedTuple):
-    """One quantity before it is combined: id, words, standard uncertainty in its unit, contribution with its sign."""
+    """One quantity before it is combined: as in `BudgetRow`, its contribution with its sign."""
 
     quantity: str
     text: str
+    distribution: str
     u: float
     unit: str
     contribution: float
@@ -101,12 +104,14 @@ def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigure
     """Return the sources that enter a loop, in the order of their table, calibration lines last."""
     found = []
     for source in SOURCES:
-        limit = source.limit(figures, circumstances)
-        if limit is not None and limit > 0.0:
-            u = limit / DISTRIBUTIONS[source.distribution].divisor
-            moves = tuple(moves_of(source, loop, circumstances, figures))
-            if any(move.moves_anything for move in moves):
-                found.append(UsedSource(source.id, source.text, source.unit, source.distribution, limit, u, u, moves))
+        declared = source.declared(figures, circumstances)
+        if declared is None:
+            continue
+        limit, distribution = declared
+        moves = tuple(moves_of(source, loop, circumstances, figures))
+        if any(move.moves_anything for move in moves):
+            u = declared.u
+            found.append(UsedSource(source.id, source.text, source.unit, distribution, limit, u, u, moves))
     for name in quadrants_used(circumstances):
         line = covariance_of(name, circumstances, figures)
         if line is not None:
@@ -123,7 +128,7 @@ def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigure
 def _change(base: float, high: float, low: float) -> float:
     """Half the difference that an error of either sign makes; where both signs move a metric the same way, the larger.
 
-    A metric that is a magnitude does that near zero: its slope is nothing there, and says nothing.
+    The wider of two sides does that where they are alike: it has a kink there, and half the difference is nothing.
     """
     if (high - base) * (low - base) <= 0.0:
         return (high - low) / 2.0
@@ -168,7 +173,7 @@ class LoopUncertainty:
             changes = [_change(base, estimate(high), estimate(low)) for high, low in pairs]
             # one component keeps its sign; of several with unknown phase only the size means something
             contribution = changes[0] if len(changes) == 1 else math.hypot(*changes)
-            entries.append(Entry(one.id, one.text, one.u, one.unit, contribution))
+            entries.append(Entry(one.id, one.text, one.distribution, one.u, one.unit, contribution))
         noise = self.noise(estimate)
         found = combined(entries, noise, values, unit)
         if not self._drawn:
@@ -191,7 +196,7 @@ class LoopUncertainty:
 
 
 def combined(entries: Sequence[Entry], noise: float, values: Sequence[float], unit: str) -> Budget:
-    """Combine systematic entries (id, text, u, unit, contribution) with the noise and scatter of the cycles."""
+    """Combine systematic entries with the noise and scatter of the cycles."""
     cycles = max(len(values), 1)
     u_noise = noise / math.sqrt(cycles)
     known = math.hypot(u_noise, *(entry.contribution for entry in entries))
@@ -228,7 +233,9 @@ def _budget(entries: Sequence[Entry], kind: str) -> Budget:
         )
     variance = float(np.square(contributions).sum())
     rows = [
-        BudgetRow(name, text, u, row_unit, part / u if u else 0.0, abs(part), part**2 / variance if variance else 0.0)
-        for name, text, u, row_unit, part in entries
+        BudgetRow(
+            name, text, drawn, u, row_unit, part / u if u else 0.0, abs(part), part**2 / variance if variance else 0.0
+        )
+        for name, text, drawn, u, row_unit, part in entries
     ]
     return Budget(tuple(sorted(rows, key=lambda row: -row.contribution)), math.sqrt(variance), kind)

@@ -1,4 +1,4 @@
-"""Distributions of errors: standard uncertainty from a limit, and draws of the error's components.
+"""Distributions of errors: standard uncertainty from a declared figure, and draws of the error's components.
 
 A cyclic error has two components (sine and cosine of the shaft's angle), for nobody knows its phase.
 """
@@ -15,9 +15,9 @@ from analysis.units import FloatArray
 
 
 class Distribution(NamedTuple):
-    """Divisor that makes a limit a standard uncertainty (of each component), and how components are drawn.
+    """Divisor that makes a figure a standard uncertainty (of each component), and how components are drawn.
 
-    draw: (generator, limit, draws, components) → errors, shape (draws, components).
+    draw: (generator, figure, draws, components) → errors, shape (draws, components).
     """
 
     text: str
@@ -31,6 +31,10 @@ def _rectangular(random: np.random.Generator, limit: float, draws: int, componen
 
 def _normal(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:
     return random.normal(0.0, limit, (draws, components))
+
+
+def _expanded(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:
+    return _normal(random, limit / 2.0, draws, components)
 
 
 def _cyclic(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:  # noqa: ARG001
@@ -49,7 +53,11 @@ def _phased(random: np.random.Generator, amplitude: FloatArray) -> FloatArray:
 DISTRIBUTIONS: dict[str, Distribution] = {
     "normal": Distribution("normal, the figure is its standard deviation", 1.0, _normal),
     "rectangular": Distribution("anywhere within ± the figure", math.sqrt(3.0), _rectangular),
+    "normal, k = 2": Distribution("normal, the figure is an expanded uncertainty with k = 2", 2.0, _expanded),
     "cyclic": Distribution("a sine of any phase, amplitude anywhere up to the figure", math.sqrt(6.0), _cyclic),
     "quantised": Distribution("rounding to steps of twice the figure", math.sqrt(3.0), _quantised),
 }
-"""By name. GUM 4.3.7; cyclic: variance of r·sin(x) with r rectangular in 0…a is a²/6 for each of two components."""
+"""By name. GUM 4.3.3 (k = 2), 4.3.7; cyclic: variance of r·sin(x), r rectangular in 0…a, is a²/6 per component."""
+
+STATED_BY = {"data_sheet": "rectangular", "certificate": "normal, k = 2"}
+"""Distribution of a sensor's figure by who states it: limits of a whole series, or a calibration of this one piece."""

@@ -1,7 +1,8 @@
 """What is declared of the sensors, the fixture and the lock: the figures that an uncertainty is made of.
 
 Every figure is a limit ± unless it says otherwise: the error is somewhere within, and no value within is likelier than
-another (rectangular distribution, GUM 4.3.7).
+another (rectangular distribution, GUM 4.3.7). What a calibration certificate states is an expanded uncertainty with
+k = 2 (normal distribution, GUM 4.3.3).
 """
 
 from __future__ import annotations
@@ -9,8 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from analysis.errors import AnalysisError
+from analysis.uncertainty.distributions import STATED_BY
+
+StatedBy = Literal["data_sheet", "certificate"]
 
 INTERPOLATION = 512
 """Counts that an encoder of high resolution interpolates within one line of its graduation."""
@@ -20,10 +25,11 @@ INTERPOLATION = 512
 class TorqueFigures:
     """Torque sensor with its amplifier; fractions of full scale unless it says otherwise.
 
-    gain_fraction: of the reading. zero_fraction: what is left of the zero after the tare (drift of the zero since, and
-    the friction torque that stood on the sensor while it was tared). reversibility_fraction: half the difference
-    between the reading under falling and under rising torque, at mid-range. noise_fraction: standard deviation of one
-    sample.
+    stated_by: who states gain and reversibility. A certificate states nothing of the zero, which the bench tares by
+    itself, and nothing of the noise. gain_fraction: of the reading. zero_fraction: what is left of the zero after the
+    tare (drift of the zero since, and the friction torque that stood on the sensor while it was tared).
+    reversibility_fraction: half the difference between the reading under falling and under rising torque, at
+    mid-range. noise_fraction: standard deviation of one sample.
     """
 
     full_scale_nm: float
@@ -31,10 +37,13 @@ class TorqueFigures:
     zero_fraction: float = 2e-4
     reversibility_fraction: float = 2e-4
     noise_fraction: float = 2e-4
+    stated_by: StatedBy = "data_sheet"
 
     def __post_init__(self) -> None:
         """Refuse figures below zero or not finite, and a full scale that is not above zero."""
-        _check("torque sensor", vars(self))
+        _check("torque sensor", _numbers(self))
+        if self.stated_by not in STATED_BY:
+            raise AnalysisError(f"torque sensor: stated_by: found '{self.stated_by}'; allowed: {', '.join(STATED_BY)}")
         if not self.full_scale_nm > 0.0:
             raise AnalysisError(f"torque sensor: full_scale_nm: found {self.full_scale_nm}; needed is one above zero")
 
@@ -97,7 +106,11 @@ class SensorFigures:
 
     def __post_init__(self) -> None:
         """Refuse figures below zero or not finite."""
-        _check("figures", {name: value for name, value in vars(self).items() if isinstance(value, float)})
+        _check("figures", _numbers(self))
+
+
+def _numbers(figures: object) -> dict[str, float]:
+    return {name: value for name, value in vars(figures).items() if isinstance(value, int | float)}
 
 
 def _check(where: str, figures: Mapping[str, float]) -> None:

@@ -7,12 +7,11 @@ import math
 from analysis.uncertainty.budget import Budget, Entry, combined, only
 from analysis.uncertainty.chain import line_moves
 from analysis.uncertainty.circumstances import Circumstances
-from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
 from analysis.uncertainty.lines import covariance_of
 from analysis.uncertainty.sources import SOURCES
 
-FIT = ("line_fit", "scatter of the points about the fitted line")
+FIT = ("line_fit", "scatter of the points about the fitted line", "normal")
 
 
 def ratio_budget(
@@ -31,14 +30,12 @@ def ratio_budget(
         return only(fitted)
     entries = [fitted]
     for source in SOURCES:
-        limit = source.limit(figures, circumstances)
-        if not limit:
+        declared = source.declared(figures, circumstances)
+        if declared is None:
             continue
-        u = limit / DISTRIBUTIONS[source.distribution].divisor
         moves = [line_moves(shape, circumstances, figures)[name] for shape in source.shapes]
-        parts = [u * (move.slope if of_slope else move.offset_nm) for move in moves]
+        parts = [declared.u * (move.slope if of_slope else move.offset_nm) for move in moves]
         if any(parts):
-            entries.append(
-                Entry(source.id, source.text, u, source.unit, parts[0] if len(parts) == 1 else math.hypot(*parts))
-            )
+            part = parts[0] if len(parts) == 1 else math.hypot(*parts)
+            entries.append(Entry(source.id, source.text, declared.distribution, declared.u, source.unit, part))
     return combined(entries, 0.0, (), unit)

@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from analysis.uncertainty.circumstances import AngleName, Circumstances, Points
+from analysis.uncertainty.distributions import DISTRIBUTIONS, STATED_BY
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
 from analysis.units import RAD_PER_ARCMIN, FloatArray
 
@@ -41,8 +42,20 @@ NOTHING = Effect()
 Shape = Callable[[Setting], Effect]
 
 
+class Declared(NamedTuple):
+    """Figure of an error source in its unit, and its distribution (of `distributions`)."""
+
+    figure: float
+    distribution: str
+
+    @property
+    def u(self) -> float:
+        """Standard uncertainty of each component."""
+        return self.figure / DISTRIBUTIONS[self.distribution].divisor
+
+
 class ErrorSource(NamedTuple):
-    """One row: words, unit of the amount, distribution (of `distributions`), limit from the figures, its components.
+    """One row: words, unit of the amount, its distribution by the figures, its figure, its components.
 
     limit returns None where the bench has no such sensor, or where the error cannot enter. retared: each tare makes the
     error a new one, so a calibration that was stored earlier has another one.
@@ -51,10 +64,19 @@ class ErrorSource(NamedTuple):
     id: str
     text: str
     unit: str
-    distribution: str
+    distribution: Callable[[SensorFigures], str]
     limit: Callable[[SensorFigures, Circumstances], float | None]
     shapes: tuple[Shape, ...]
     retared: bool = False
+
+    def declared(self, figures: SensorFigures, circumstances: Circumstances) -> Declared | None:
+        """Return what is declared of this source; None where nothing of it enters."""
+        found = self.limit(figures, circumstances)
+        return Declared(found, self.distribution(figures)) if found else None
+
+
+def _rectangular(_: SensorFigures) -> str:
+    return "rectangular"
 
 
 def _lens(setting: Setting) -> FloatArray:
@@ -113,9 +135,16 @@ def _cyclic(
 def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
     """Gain, zero and reversibility of one torque sensor."""
 
+    def sensor_of(figures: SensorFigures) -> TorqueFigures | None:
+        return figures.torque_in if name == "torque_in" else figures.torque_out
+
+    def stated(figures: SensorFigures) -> str:
+        sensor = sensor_of(figures)
+        return _rectangular(figures) if sensor is None else STATED_BY[sensor.stated_by]
+
     def limit(fraction: Callable[[TorqueFigures], float], *, of_scale: bool) -> Callable[..., float | None]:
         def found(figures: SensorFigures, circumstances: Circumstances) -> float | None:
-            sensor = figures.torque_in if name == "torque_in" else figures.torque_out
+            sensor = sensor_of(figures)
             unused = name == "torque_in" and circumstances.quadrants is None
             if sensor is None or unused:
                 return None
@@ -131,15 +160,15 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
     reading = _torque_in if name == "torque_in" else (lambda setting: setting.points.torque_nm)
     return [
         ErrorSource(
-            f"{name}_gain", f"gain of the {words} torque sensor", "1", "rectangular",
+            f"{name}_gain", f"gain of the {words} torque sensor", "1", stated,
             limit(lambda sensor: sensor.gain_fraction, of_scale=False), shape(reading),
         ),
         ErrorSource(
-            f"{name}_zero", f"zero of the {words} torque sensor, what the tare left", "N·m", "rectangular",
+            f"{name}_zero", f"zero of the {words} torque sensor, what the tare left", "N·m", _rectangular,
             limit(lambda sensor: sensor.zero_fraction, of_scale=True), shape(lambda _: 1.0), retared=True,
         ),
         ErrorSource(
-            f"{name}_reversibility", f"reversibility (hysteresis) of the {words} torque sensor", "N·m", "rectangular",
+            f"{name}_reversibility", f"reversibility (hysteresis) of the {words} torque sensor", "N·m", stated,
             limit(lambda sensor: sensor.reversibility_fraction, of_scale=True), shape(_lens),
         ),
     ]  # fmt: skip
@@ -157,20 +186,23 @@ def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
 
         return found
 
+    def cyclic(_: SensorFigures) -> str:
+        return "cyclic"
+
     def both(period_rad: Callable[[AngleFigures], float]) -> tuple[Shape, ...]:
         return tuple(_cyclic(name, period_rad, wave) for wave in (np.sin, np.cos))
 
     return [
         ErrorSource(
-            f"{name}_turn", f"error of the {words} encoder over a turn", "arcsec", "cyclic",
+            f"{name}_turn", f"error of the {words} encoder over a turn", "arcsec", cyclic,
             limit(lambda encoder: encoder.accuracy_rad), both(lambda _: 2.0 * math.pi),
         ),
         ErrorSource(
-            f"{name}_line", f"error of the {words} encoder within one line", "arcsec", "cyclic",
+            f"{name}_line", f"error of the {words} encoder within one line", "arcsec", cyclic,
             limit(lambda encoder: encoder.interpolation_rad), both(lambda encoder: encoder.line_rad),
         ),
         ErrorSource(
-            f"{name}_step", f"counts of the {words} encoder (rounding)", "arcsec", "quantised",
+            f"{name}_step", f"counts of the {words} encoder (rounding)", "arcsec", lambda _: "quantised",
             limit(lambda encoder: encoder.step_rad / 2.0), both(lambda encoder: encoder.step_rad),
         ),
     ]  # fmt: skip
@@ -186,29 +218,29 @@ SOURCES: tuple[ErrorSource, ...] = (
     *_angle_rows("angle_in", "input"),
     *_angle_rows("angle_out", "output"),
     ErrorSource(
-        "skew", "delay of the torque against the angle that is left", "s", "rectangular",
+        "skew", "delay of the torque against the angle that is left", "s", _rectangular,
         lambda figures, circumstances: figures.skew_s if _timed(circumstances) else None, (_skew,),
     ),
     ErrorSource(
-        "drift", "drift of the wind-up that is left", "arcmin/min", "rectangular",
+        "drift", "drift of the wind-up that is left", "arcmin/min", _rectangular,
         lambda figures, circumstances: figures.drift_arcmin_per_min if _timed(circumstances) else None, (_drift,),
     ),
     ErrorSource(
-        "drift_unseen", "drift that a single cycle does not show: gap of the loop", "arcmin/min", "rectangular",
+        "drift_unseen", "drift that a single cycle does not show: gap of the loop", "arcmin/min", _rectangular,
         lambda _, circumstances: circumstances.unseen_drift_arcmin_per_min or None, (_drift,),
     ),
     ErrorSource(
-        "fixture", "stiffness of the fixture that the wind-up is corrected by", "1", "rectangular",
+        "fixture", "stiffness of the fixture that the wind-up is corrected by", "1", _rectangular,
         lambda figures, circumstances: figures.fixture_fraction if circumstances.fixture_corrected else None,
         (_fixture,),
     ),
     ErrorSource(
-        "lock_width", "teeth at which the shaft is locked: loop width", "arcmin", "rectangular",
+        "lock_width", "teeth at which the shaft is locked: loop width", "arcmin", _rectangular,
         lambda figures, _: figures.lock_width_arcmin,
         (lambda setting: Effect(angle_arcmin=0.5 * setting.points.direction),),
     ),
     ErrorSource(
-        "lock_windup", "teeth at which the shaft is locked: wind-up", "1", "rectangular",
+        "lock_windup", "teeth at which the shaft is locked: wind-up", "1", _rectangular,
         lambda figures, _: figures.lock_windup_fraction,
         (lambda setting: Effect(angle_arcmin=setting.points.angle_arcmin),),
     ),

@@ -15,7 +15,7 @@ from analysis.loop import Loop
 from analysis.quadrants import Leftover, Quadrants
 from analysis.uncertainty.chain import Move
 from analysis.uncertainty.circumstances import Circumstances, line_name
-from analysis.units import FloatArray
+from analysis.units import FloatArray, IntArray
 
 PATTERNS = 12
 """Patterns of signs that are tried; their contributions are averaged as variances."""
@@ -49,15 +49,23 @@ def _measured(loop: Loop, quadrants: Quadrants) -> tuple[float, tuple[Move, ...]
         size = _size(left)
         sizes.append(size)
         signs = random.choice((-1.0, 1.0), (PATTERNS, size.size)) / math.sqrt(PATTERNS)
-        parts[direction] = [(np.interp(branch.torque_nm, left.torque_nm, row * size), 0.0) for row in signs]
+        # each point has the error of its own bin: between two bins of unlike sign the error is not smaller than in them
+        here = _bins_at(branch.torque_nm, left)
+        parts[direction] = [((row * size)[here], 0.0) for row in signs]
     moves = tuple(Move(forward, backward) for forward, backward in zip(parts[1], parts[-1], strict=True))
     return float(np.sqrt(np.mean(np.square(np.concatenate(sizes))))), moves
+
+
+def _bins_at(torque_nm: FloatArray, left: Leftover) -> IntArray:
+    """Return the bin of the correction that is nearest to each torque."""
+    between = (left.torque_nm[1:] + left.torque_nm[:-1]) / 2.0
+    return np.searchsorted(between, torque_nm)
 
 
 def _size(left: Leftover) -> FloatArray:
     """Root mean square, per bin of the correction, of what the correction leaves over."""
     over = left.fine_error_nm - np.interp(left.fine_torque_nm, left.torque_nm, left.error_nm)
-    nearest = np.abs(left.fine_torque_nm[:, None] - left.torque_nm[None, :]).argmin(axis=1)
+    nearest = _bins_at(left.fine_torque_nm, left)
     count = np.maximum(np.bincount(nearest, minlength=left.torque_nm.size), 1)
     size: FloatArray = np.sqrt(np.bincount(nearest, weights=np.square(over), minlength=left.torque_nm.size) / count)
     return size

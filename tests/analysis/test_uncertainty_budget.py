@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -20,9 +21,14 @@ from analysis import (
     TorqueFigures,
     analyse,
 )
+from analysis.evaluate import SideValue, evaluate
+from analysis.pipeline import measure
+from analysis.uncertainty.budget import STUDENT
+from analysis.uncertainty.circumstances import circumstances_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
-from analysis.uncertainty.repeatability import enlarged, student_factor
+from analysis.uncertainty.repeatability import CONFIDENCE, enlarged, student_factor
 from analysis.uncertainty.sources import SOURCES
+from analysis.uncertainty.transfer import transfer_moves
 from analysis.units import ARCMIN_PER_RAD
 
 RATIO = 121.0
@@ -48,11 +54,26 @@ FIGURES = SensorFigures(
     lock_width_arcmin=0.002,
     lock_windup_fraction=5e-4,
 )
+CERTIFIED = dataclasses.replace(
+    FIGURES,
+    torque_in=TorqueFigures(5.0, stated_by="certificate"),
+    torque_out=TorqueFigures(1000.0, stated_by="certificate"),
+)
 EVERY = [MetricWanted(name) for name in METRICS]
 
 
 def metric(name: str, figures: SensorFigures | None, method: Method = METHOD, trace: object = QUIET) -> MetricResult:
     return analyse(trace, method, [MetricWanted(name)], figures=figures).metrics[0]
+
+
+def evaluate_magnitude(name: str, estimate: Callable[..., float]) -> SideValue:
+    """Evaluate a metric whose estimator gives what it is told, for one loop after the other."""
+    row = METRICS[name]._replace(estimate=estimate, sides=METRICS[name].sides[:1])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(METRICS, name, row)
+        loops = measure(QUIET, METHOD).loops[:1] * 3
+        found = evaluate(MetricWanted(name), loops, AnalysisError("none"), METHOD, Decision(), invalid=False)
+    return found.headline
 
 
 def contributions(found: MetricResult) -> dict[str, float]:
@@ -73,7 +94,10 @@ def test_every_metric_has_a_budget_whose_shares_are_one() -> None:
             assert all(row.contribution == pytest.approx(abs(row.sensitivity) * row.u) for row in rows)
             assert plain["sides"][side.side]["budget"] == side.budget_rows
         assert plain["budget"] == found.headline.budget_rows
-        assert set(plain["budget"][0]) == {"quantity", "text", "u", "unit", "sensitivity", "contribution", "share"}
+        assert set(plain["budget"][0]) == {
+            "quantity", "text", "distribution", "u", "unit", "sensitivity", "contribution", "share"
+        }  # fmt: skip
+        assert {row.distribution for row in found.headline.budget.rows} <= {*DISTRIBUTIONS, STUDENT}
 
 
 def slopes(torque: float) -> tuple[float, float]:
@@ -237,19 +261,102 @@ def test_monte_carlo_agrees_with_the_budget_where_the_metric_is_straight(method:
     assert again.metrics[0].headline.budget.monte_carlo == result.metrics[0].headline.budget.monte_carlo
 
 
-def test_magnitude_near_zero_has_an_uncertainty() -> None:
-    """Its slope is nothing there, and errors of either sign move it the same way."""
-    trace = exact_trace(UNIT, 480.0, points=3001)
-    found = metric("asymmetry_at_rated", FIGURES, trace=trace)
-    assert found.headline.value < found.headline.uncertainty
-    assert contributions(found)["torque_out_zero"] > 0.0
+MAGNITUDES = [name for name, row in METRICS.items() if row.magnitude]
+
+
+def test_magnitude_near_zero_has_the_uncertainty_of_its_signed_quantity() -> None:
+    """Sides that are alike have the contributions of sides that are not: the kink of |x| is not in them."""
+    alike = metric("asymmetry_at_rated", FIGURES, trace=exact_trace(UNIT, 480.0, points=3001))
+    assert alike.headline.value < alike.headline.uncertainty
+    other = ReferenceUnit(negative_softer=0.97)
+    unlike = metric("asymmetry_at_rated", FIGURES, trace=exact_trace(other, 480.0, points=3001))
+    assert unlike.headline.value > 20 * unlike.headline.uncertainty
+    first, second = contributions(alike), contributions(unlike)
+    for name in ("torque_out_zero", "noise"):
+        assert first[name] == pytest.approx(second[name], rel=0.05), name
+
+
+@pytest.mark.parametrize("name", MAGNITUDES)
+def test_a_magnitude_is_that_of_the_mean_and_not_the_mean_of_magnitudes(name: str) -> None:
+    """Cycles on both sides of zero: what scatters about it has the size of the scatter."""
+    row, side = METRICS[name], METRICS[name].sides[0]
+    calls = iter([-0.3, 0.1, -0.1])
+    found = evaluate_magnitude(name, lambda *_: next(calls))
+    assert row.estimate is not None
+    assert side in ("both", "+")
+    assert found.value == pytest.approx(0.1)
+    assert found.per_cycle == pytest.approx((0.3, -0.1, 0.1))
+    assert np.mean(found.per_cycle) == pytest.approx(found.value)
+    assert found.standard_deviation == pytest.approx(np.std([-0.3, 0.1, -0.1], ddof=1))
+
+
+def test_a_grade_by_the_wider_side_is_as_uncertain_as_a_side_where_both_are_alike() -> None:
+    """The wider of two has a kink where they are alike: errors that widen one and narrow the other count there."""
+    wanted = [MetricWanted("grade", variant="width_3pct"), MetricWanted("backlash_width_3pct")]
+    graded, width = analyse(exact_trace(UNIT, 480.0, points=3001), METHOD, wanted, figures=FIGURES).metrics
+    for quantity in ("torque_out_zero", "torque_out_gain"):
+        of_grade, of_width = contributions(graded)[quantity], contributions(width)[quantity]
+        assert of_grade == pytest.approx(of_width, rel=0.1), quantity
+
+
+@pytest.mark.parametrize("method", [METHOD, CALIBRATED], ids=["reaction", "calibrated"])
+def test_a_certificate_makes_gain_and_reversibility_smaller_and_nothing_else(method: Method) -> None:
+    """The same figure is 2 u on a certificate and √3 u on a data sheet."""
+    for name in ("windup", "backlash_width_3pct", "stiffness_lsq"):
+        limits, certified = (metric(name, figures, method).headline.budget for figures in (FIGURES, CERTIFIED))
+        assert certified.u < limits.u
+        of_limits = {row.quantity: row for row in limits.rows}
+        for row in certified.rows:
+            before = of_limits[row.quantity]
+            stated = row.quantity.startswith("torque_out") and not row.quantity.endswith("zero")
+            stated |= row.quantity == "torque_in_reversibility"
+            if stated:
+                assert (before.distribution, row.distribution) == ("rectangular", "normal, k = 2")
+                assert row.u == pytest.approx(before.u * math.sqrt(3) / 2)
+                expected = before.contribution * math.sqrt(3) / 2
+                assert row.contribution == pytest.approx(expected, rel=0.02, abs=0.01 * certified.u)
+            elif row.quantity not in ("torque_in_gain", "repeatability"):
+                assert row.distribution == before.distribution
+                assert row.contribution == pytest.approx(before.contribution), row.quantity
+
+
+def test_monte_carlo_draws_a_certificate_as_it_draws_its_budget() -> None:
+    """One error alone: ± U covers 95 % of a certificate's, and all of a data sheet's."""
+    only = dataclasses.replace(TorqueFigures(1000.0, **NO_ERRORS), gain_fraction=1e-3)
+    for stated_by, ends in (("data_sheet", math.sqrt(3) * CONFIDENCE), ("certificate", 2.0)):
+        figures = SensorFigures(torque_out=dataclasses.replace(only, stated_by=stated_by))
+        wanted = [MetricWanted("windup")]
+        trace = exact_trace(UNIT, 480.0, points=3001)
+        budget = analyse(trace, METHOD, wanted, figures=figures, draws=2000).metrics[0].headline.budget
+        half = (budget.monte_carlo.high - budget.monte_carlo.low) / 2
+        assert half == pytest.approx(ends * budget.u, rel=0.05), stated_by
+
+
+def test_what_a_calibration_leaves_over_is_as_large_between_its_bins_as_in_them() -> None:
+    """Zero torque lies between two bins: errors of unlike sign were averaged there, and U of the loop at zero small."""
+    found = measure(TRACE, CALIBRATED)
+    circumstances, loop = circumstances_of(found), found.loops[0]
+    _, moves = transfer_moves(loop, circumstances)
+    for side, branch, direction in ((0, loop.forward, 1), (1, loop.backward, -1)):
+        left = found.quadrants.left[direction]
+        over = left.fine_error_nm - np.interp(left.fine_torque_nm, left.torque_nm, left.error_nm)
+        fine, own = (
+            np.abs(torque[:, None] - left.torque_nm).argmin(axis=1)
+            for torque in (left.fine_torque_nm, branch.torque_nm)
+        )
+        u = np.sqrt(sum(np.square(move[side][0]) for move in moves))
+        about_zero = np.flatnonzero(np.abs(branch.torque_nm) < 10.0)
+        assert about_zero.size > 2
+        for point in about_zero:
+            expected = np.sqrt(np.mean(np.square(over[fine == own[point]])))
+            assert u[point] == pytest.approx(expected)
 
 
 def test_tables_are_complete() -> None:
     ids = [source.id for source in SOURCES]
     assert len(ids) == len(set(ids))
     for source in SOURCES:
-        assert source.distribution in DISTRIBUTIONS
+        assert {source.distribution(figures) for figures in (FIGURES, CERTIFIED, SensorFigures())} <= set(DISTRIBUTIONS)
         assert source.text
         assert source.unit
         assert source.shapes
@@ -272,6 +379,7 @@ def test_draws_have_the_standard_uncertainty_of_their_distribution(name: str) ->
         lambda: AngleFigures(math.nan),
         lambda: LineCovariance(0.1, 0.1, 1.5),
         lambda: SensorFigures(skew_s=-1e-3),
+        lambda: TorqueFigures(5.0, stated_by="hearsay"),
     ],
 )
 def test_figures_that_make_no_sense_are_refused(wrong: object) -> None:

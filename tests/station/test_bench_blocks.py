@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import GATES
+from analysis import GATES, LineCovariance
+from analysis.quadrants import QUADRANTS
 from recipes import (
     RecipeError,
     check,
@@ -24,9 +25,10 @@ from recipes import (
     shipped_benches,
     shipped_recipes,
 )
+from recipes.calibration_schema import QuadrantLine
 from station.cli import app
 from station.errors import StationError
-from station.evaluation import gate_limits_of, method_of
+from station.evaluation import figures_for, gate_limits_of, method_of
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
@@ -151,6 +153,33 @@ def test_a_measured_torque_ratio_becomes_a_stored_one(tmp_path: Path) -> None:
     recipe = parse_recipe(text.encode(), "r.yaml")
     assert check(recipe, bench, today=stored.made) == []
     assert method_of(recipe, bench).quadrants.load_positive.slope == stored.load_positive.slope
+    found = figures_for(recipe, bench).calibration
+    for name in QUADRANTS:
+        line = getattr(stored, name)
+        assert found[name] == LineCovariance(line.u_offset_nm, line.u_slope, line.correlation)
+    assert u_of_lines(tmp_path, text, block) == {
+        f"calibration_{name}": pytest.approx(u_torque(getattr(stored, name), name), rel=1e-6) for name in QUADRANTS
+    }
+
+
+def u_of_lines(data: Path, recipe: str, block: str) -> dict[str, float]:
+    """Evaluate the last run by stored lines; return the uncertainty of each line in the budget of the wind-up."""
+    files = {data / "stored.yaml": recipe, data / "bench.yaml": bench_with(block, "calibrations")}
+    for path, text in files.items():
+        path.write_text(text, encoding="utf-8")
+    own, bench = (str(path) for path in files)
+    result = json.loads(command("analyze", "last", "--recipe", own, "--bench", bench, "--json", "--data", str(data)))
+    (windup,) = (metric for metric in result["metrics"] if metric["id"] == "windup")
+    rows = [row for row in windup["budget"] if row["quantity"].startswith("calibration_")]
+    assert all(row["contribution"] > 0 for row in rows if "_load" in row["quantity"])
+    return {row["quantity"]: row["u"] for row in rows}
+
+
+def u_torque(line: QuadrantLine, name: str) -> float:
+    """u² = u_C² + T_in² u_m² + 2 T_in cov(C, m), at the rated torque."""
+    torque_in = ((412.0 if name.endswith("positive") else -412.0) - line.offset_nm) / line.slope
+    covariance = line.correlation * line.u_offset_nm * line.u_slope
+    return float(np.sqrt(line.u_offset_nm**2 + (torque_in * line.u_slope) ** 2 + 2 * torque_in * covariance))
 
 
 def test_the_recipe_sets_limits_of_gates() -> None:

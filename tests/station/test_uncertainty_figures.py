@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pyarrow as pa
@@ -11,7 +12,10 @@ import pytest
 from analysis import SegmentInfo, segment_name
 from analysis.studies.simulated_run import SimulatedBench, course_of, measured_trace
 from analysis.studies.simulated_unit import SimulatedUnit
-from recipes import load_bench, shipped_benches
+from analysis.uncertainty.distributions import DISTRIBUTIONS, STATED_BY
+from analysis.uncertainty.figures import StatedBy
+from recipes import RecipeError, load_bench, parse_bench, shipped_benches
+from recipes.bench_schema import TorqueSensor
 from station.command_analyze import elsewhere
 from station.figures import figures_of
 
@@ -27,6 +31,24 @@ def test_every_shipped_bench_declares_what_a_budget_needs(name: str) -> None:
     assert found.lock_width_arcmin == pytest.approx(0.002)
     assert all(line.u_slope > 0 and line.u_offset_nm > 0 for line in found.calibration.values())
     assert len(found.calibration) == (4 if bench.calibrations else 0)
+
+
+def test_who_states_the_figures_of_a_torque_sensor() -> None:
+    """Left out it is the data sheet; the virtual benches have certificates; anything else is refused with its place."""
+    text = shipped_benches()["virtual"].read_text(encoding="utf-8")
+    plain = text.replace(", stated_by: certificate", "")
+    assert plain.count("stated_by: certificate") == text.count("stated_by: certificate") - 2
+    for source, by in ((plain, "data_sheet"), (text, "certificate")):
+        found = figures_of(parse_bench(source.encode(), "b.yaml"))
+        assert (found.torque_in.stated_by, found.torque_out.stated_by) == (by, by)
+    with pytest.raises(RecipeError, match=r"torque_in.stated_by: .*hearsay.*certificate"):
+        parse_bench(text.replace("stated_by: certificate", "stated_by: hearsay", 1).encode(), "b.yaml")
+
+
+def test_every_word_of_the_option_has_a_distribution() -> None:
+    words = get_args(TorqueSensor.model_fields["stated_by"].annotation)
+    assert set(words) == set(get_args(StatedBy)) == set(STATED_BY)
+    assert set(STATED_BY.values()) <= set(DISTRIBUTIONS)
 
 
 def test_trace_from_elsewhere_has_a_budget_only_with_its_bench(tmp_path: Path) -> None:

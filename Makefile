@@ -72,7 +72,7 @@ docs: $(STAMP)
 	$(BIN)/python -m docs.generate
 
 kill-tests: $(STAMP)
-	$(BIN)/python tests/end_to_end/kills.py $(KILLS)
+	$(BIN)/python tests/end_to_end/kill_drill.py $(KILLS)
 
 power-cuts: $(STAMP)
 	$(BIN)/python tests/end_to_end/power_cuts.py $(CUTS)

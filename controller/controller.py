@@ -139,7 +139,8 @@ class Controller:
         measured.locked_motion_rad = context.locked_angle_rad(image) - context.lock_zero_rad
         measured.drive_apart_rad = image.drive_angle_rad - context.drive_angle_zero_rad - travel_rad
         measured.speed_rad_s = image.drive_velocity_rad_s
-        measured.counter_stands = image.sample_counter == self._last_counter
+        # an answer of this scan or the one before; where none comes, the age tells (`sample_stale`)
+        measured.counter_stands = image.sample_age_scans <= 1 and image.sample_counter == self._last_counter
         self._last_counter = image.sample_counter
 
     # --- the state that is on

@@ -15,8 +15,8 @@ class Fault(NamedTuple):
     """Row of the fault table.
 
     `number` is 1..63, `id` its name in records, `reaction` what the bench does, `debounce_scans` for how many
-    scans in a row the condition may hold before it counts (0: it counts at once), `text` what happened, `cause`
-    the usual reasons, `next_action` what the person does next.
+    scans in a row the condition may hold before it counts (0: it counts at once, or after a time that stands in
+    `controller.debounce`), `text` what happened, `cause` the usual reasons, `next_action` what the person does next.
     """
 
     number: int
@@ -58,7 +58,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(8, "sample_stale", R.QUICK_STOP, 0, "No fresh torque and angle samples",
           "The measuring amplifier answers late or not at all",
           "Check the amplifier and what else loads its network"),
-    Fault(9, "sample_frozen", R.QUICK_STOP, 20, "Torque and angle samples are frozen",
+    Fault(9, "sample_frozen", R.QUICK_STOP, 0, "Torque and angle samples are frozen",
           "The amplifier answers, but its sample counter stands still",
           "Restart the measuring amplifier"),
     Fault(10, "brake_link_lost", R.UNLOAD, 0, "Connection to the brake supply lost",
@@ -124,7 +124,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(29, "sensor_saturated", R.QUICK_STOP, 2, "Torque sensor saturated",
           "Torque beyond the measuring range, or a broken sensor cable",
           "Check the sensor's zero and the peak torque of the recipe"),
-    Fault(30, "torque_channels_disagree", R.QUICK_STOP, 20, "Input and output torque do not fit together",
+    Fault(30, "torque_channels_disagree", R.QUICK_STOP, 0, "Input and output torque do not fit together",
           "A torque sensor is stuck or disconnected, a coupling is broken, the unit is jammed, or the ratio is wrong",
           "Check torque sensors, couplings and the recipe's ratio; a jammed unit stays wound up: turn it back by hand"),
     # --- steps that did not end
@@ -158,13 +158,13 @@ FAULTS: tuple[Fault, ...] = (
     Fault(40, "brake_stays_closed", R.POWER_OFF, 0, "Lock brake did not open, or was closed before the start",
           "Brake supply does not switch off, or was left on by hand",
           "Switch the brake supply off, check that no torque is stored in the unit"),
-    Fault(41, "sample_not_ready", R.QUICK_STOP, 5, "Measuring amplifier says that its samples are not ready",
+    Fault(41, "sample_not_ready", R.QUICK_STOP, 0, "Measuring amplifier says that its samples are not ready",
           "Amplifier in start-up, in calibration, or a sensor channel off",
           "Check the amplifier's display and sensor channels"),
-    Fault(42, "drive_not_following", R.QUICK_STOP, 10, "Servo drive does not follow its set-point",
+    Fault(42, "drive_not_following", R.QUICK_STOP, 0, "Servo drive does not follow its set-point",
           "The drive ignores the cyclic set-points although it is enabled",
           "Check the drive's mode, its PDO mapping and that no other master sends set-points"),
-    Fault(43, "angle_channels_disagree", R.QUICK_STOP, 20, "Drive and angle sensor of the loaded shaft do not fit",
+    Fault(43, "angle_channels_disagree", R.QUICK_STOP, 0, "Drive and angle sensor of the loaded shaft do not fit",
           "Angle sensor stuck, drifting or slipping on its shaft, broken coupling, or wrong gear_ratio in the bench",
           "Check the angle sensor, its mounting and the couplings; compare the bench's gear_ratio with the type plate"),
 )

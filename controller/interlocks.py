@@ -1,8 +1,9 @@
 """The interlocks: conditions that are looked at in every scan, in the states where they mean something.
 
-One row per interlock: the fault it raises (`controller.faults` holds reaction, debounce and wording), the states in
-which it is live, and the check. A check sees the image, what was measured from it and the limits; it answers True when
-the condition is present. It keeps nothing: debouncing is done in one place, here.
+One row per interlock: the fault it raises (`controller.faults` holds reaction and wording, `controller.debounce` how
+long a condition must hold), the states in which it is live, and the check. A check sees the image, what was measured
+from it and the limits; it answers True when the condition is present. It keeps nothing: conditions are debounced in one
+place, here.
 
 Ages are judged less the periods that the controller itself missed: nobody asked the devices in that time. A hold-up has
 an interlock of its own.
@@ -14,6 +15,7 @@ from collections.abc import Callable
 from math import inf, isfinite
 from typing import NamedTuple
 
+from controller.debounce import debounce_scans
 from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from controller.image import (
     AGE_NEVER,
@@ -327,13 +329,12 @@ class Watch:
     def __init__(self, program: Program) -> None:
         self._program = program
         self._limits = program.limits
-        debounce = {"drive_internal_limit": program.limits.internal_limit_scans}
         self._rows: dict[State, tuple[tuple[Check, int, int, int], ...]] = {
             state: tuple(
                 (
                     row.check,
                     FAULT_BY_ID[row.fault].number,
-                    debounce.get(row.fault, FAULT_BY_ID[row.fault].debounce_scans),
+                    debounce_scans(FAULT_BY_ID[row.fault], program),
                     int(FAULT_BY_ID[row.fault].reaction),
                 )
                 for row in INTERLOCKS

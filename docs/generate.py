@@ -7,6 +7,7 @@ from pathlib import Path
 
 from analysis import GATES, STAGES
 from controller.budgets import BUDGETS
+from controller.debounce import debounce_text
 from controller.faults import FAULTS
 from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
 from controller.interlocks import INTERLOCKS
@@ -56,14 +57,14 @@ def faults() -> str:
             f.number,
             f"`{f.id}`",
             f.reaction.name.lower(),
-            f.debounce_scans,
+            debounce_text(f),
             f"{f.text}. {f.cause}.",
             f.next_action,
             where(f.id),
         )
         for f in FAULTS
     )
-    head = ("no.", "fault", "reaction", "debounce [scans]", "what happened and why", "what to do", "watched in")
+    head = ("no.", "fault", "reaction", "debounce", "what happened and why", "what to do", "watched in")
     return (
         "# Faults\n\n" + NOTE + "\nReactions by severity: warn < hold < unload < quick stop < power off; the strongest of all"
         " active faults wins. From unload upwards a fault is latched: it stays until its cause is gone **and** a person has"

@@ -11,6 +11,7 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 
 from recipes.bench_schema import Bench
+from recipes.bus_load import check_bus, check_line
 from recipes.check_measurement import (
     check_ages,
     check_angle_agreement,
@@ -56,6 +57,8 @@ CHECKS: tuple[Check, ...] = (
     check_calibration,
     check_metrics,
     check_ages,
+    check_bus,
+    check_line,
 )
 """All checks that need a recipe and a bench that load the same side."""
 

@@ -127,7 +127,11 @@ def _no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
     text = f"the record could not be kept, so there is no verdict: {error}"
     sys.stderr.write(f"{text}\n")
     if as_json:
-        result = stored_result(record) | {"state": "interrupted", "verdict": "NOT DECIDABLE", "reasons": [text]}
+        try:
+            stored = stored_result(record)
+        except (OSError, StationError):  # a disk that takes nothing may give nothing back either
+            stored = {"run": record.id, "record": str(record.folder)}
+        result = stored | {"state": "interrupted", "verdict": "NOT DECIDABLE", "reasons": [text]}
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
     return EXIT_BENCH
 

@@ -7,9 +7,10 @@ import sys
 from dataclasses import replace
 from typing import Any
 
+from recipes.bus_load import bus_us
 from station.request import load_job
 from station.scan_times import CAUSES, PARTS
-from station.timing_rates import HEAD, MISSED_ALLOWED, Rate, bus_us, limit, measured
+from station.timing_rates import HEAD, MISSED_ALLOWED, Rate, limit, measured
 from station.timing_run import Asked, measure
 
 DEFAULT_RECIPE = "rv-40e-121-quick"

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis import AnalysisError, Evidence, Result, RunFacts, Trace, gate_reasons, judge_gates
 from controller.image import State
-from station.desk_watch import DESK_SILENT
+from station.desk_watch import DESK_GONE, DESK_SILENT
 from station.durable import read_from_disk
 from station.errors import RecordError, StationError
 from station.evaluation import calibration_of, evaluate_trace, trace_of
@@ -156,6 +156,10 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
     if state == "fault":
         causes = [alarm for alarm in alarms_in(events) if alarm["first"]]
         reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
+    elif state == "stopped" and any(note["text"] == DESK_GONE for note in ending.notes):
+        reasons.append(
+            "the desk was gone before it had started the run, so the scan process ended it; nothing has moved"
+        )
     elif state == "stopped":
         silent = any(note["text"] == DESK_SILENT for note in ending.notes)
         who = "the desk was gone and the scan process" if silent else ending.stopped_because or "the operator"

@@ -11,6 +11,7 @@ LONGEST_SILENCE_S = 2.0
 """A desk looks 50 times per second; a desk that takes a run over has this long to begin."""
 
 DESK_SILENT = f"the desk gave no sign for {LONGEST_SILENCE_S:g} s: stop ordered, so that the unit is unloaded"
+DESK_GONE = "the desk was gone before it had started the run: stop ordered, nothing has moved"
 STRANGE_COMMANDS = "the mailbox held {} number(s) that are no command: ignored"
 
 
@@ -41,6 +42,8 @@ class DeskWatch:
     def notes(self) -> list[dict[str, Any]]:
         """Return what the record has to say of the desk, in the form of the controller's notes."""
         said = [] if self.silent_at is None else [(max(self.silent_at, 0), DESK_SILENT)]
+        if self._stop.desk_gone:
+            said.append((max(self._ring.last_scan, 0), DESK_GONE))
         if self._ring.strange_commands:
             said.append((max(self._ring.last_scan, 0), STRANGE_COMMANDS.format(self._ring.strange_commands)))
         return [{"scan": scan, "kind": "note", "state": "", "text": text} for scan, text in said]

@@ -11,9 +11,10 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from controller.image import Command
 from station.durable import Appender
@@ -125,6 +126,14 @@ class Ended:
     finished: bool = False
 
 
+def _report_of(run: RunRecord) -> dict[str, Any]:
+    """Return what the scan process said at its end; nothing where a failing disk kept none of it, or half."""
+    with suppress(OSError, ValueError):
+        said = json.loads((run.folder / SCAN_REPORT).read_bytes())
+        return said if isinstance(said, dict) else {}
+    return {}
+
+
 def _conclude(run: RunRecord, ended: Ended) -> None:
     """Give the run its state, and its verdict when its scan came to its end."""
     # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
@@ -132,8 +141,7 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
     from station.conclusion import Ending, conclude  # noqa: PLC0415
     from station.request import load_job  # noqa: PLC0415
 
-    report = run.folder / SCAN_REPORT
-    said = json.loads(report.read_bytes()) if report.exists() else {}
+    said = _report_of(run)
     finished = ended.finished or said.get("state") == "finished"
     run.samples.touch()
     try:

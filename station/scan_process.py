@@ -134,6 +134,7 @@ def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:
 
     def desk_died(*_: object) -> None:
         if os.getppid() != desk and ring.commands_given == 0:
+            stop.desk_gone = True
             stop.ask()
 
     signal.signal(signal.SIGUSR1, desk_died)

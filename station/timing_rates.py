@@ -9,25 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from recipes.bus_load import bus_us
 from station.scan_times import CAUSES
 
 PERIODS_US = (1000, 667, 500, 400, 333, 250, 200, 167, 125, 100)
 """Periods that are tried, slowest first."""
 
 MISSED_ALLOWED = 0.001
-FRAME_BITS = 135
-"""An 8-byte frame with worst-case bit stuffing and the gap after it."""
-
-SYNC_BITS = 55
-"""A SYNC without data, likewise."""
-
-PDOS_PER_SCAN = 3
 HEAD = f"  {'rate':>9}{'missed':>10}{'work p99':>11}{'of period':>11}{'bench CPU':>11}{'bus':>7}   outcome"
-
-
-def bus_us(bitrate: int) -> float:
-    """Return how long the frames of one scan occupy a CAN bus, at worst [µs]."""
-    return (SYNC_BITS + PDOS_PER_SCAN * FRAME_BITS) * 1e6 / bitrate
 
 
 class Rate(NamedTuple):

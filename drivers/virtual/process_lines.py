@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import sys
@@ -19,10 +20,11 @@ LogLine = Callable[..., None]
 
 
 def log_line(kind: str, text: str, **more: Any) -> None:
-    """Write one JSON line to standard error."""
+    """Write one JSON line to standard error; a disk that refuses it must not take the bench away under load."""
     line = {"t_s": round(time.time(), 6), "event": kind, "text": text, **more}
-    sys.stderr.write(json.dumps(line, ensure_ascii=False) + "\n")
-    sys.stderr.flush()
+    with contextlib.suppress(OSError):
+        sys.stderr.write(json.dumps(line, ensure_ascii=False) + "\n")
+        sys.stderr.flush()
 
 
 def tell_acted(log: LogLine, acted: Acted) -> None:

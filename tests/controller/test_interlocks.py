@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 from programs import short_program
 from timeline import Timeline
 
+from controller.debounce import DEBOUNCE_TIMES, debounce_scans
 from controller.faults import FAULT_BY_ID, FAULTS
 from controller.image import (
     AGE_NEVER,
@@ -95,8 +97,7 @@ def test_interlock_reacts_in_the_scan_of_its_detection(fault_id):
     fault = FAULT_BY_ID[fault_id]
     run = mid_ramp()
     run.bench.frozen = dict(SHOWN[fault_id])
-    debounce = run.controller.program.limits.internal_limit_scans if fault_id == "drive_internal_limit" else None
-    debounce = fault.debounce_scans if debounce is None else debounce
+    debounce = debounce_scans(fault, run.controller.program)
     if fault_id == "sample_frozen":
         debounce += 1  # the first repetition is what makes it stand still
     for _ in range(debounce):
@@ -453,10 +454,32 @@ def test_a_reset_does_not_give_a_counting_condition_new_time():
     assert "overspeed" in run.alarms()
 
 
+def test_a_debounce_time_is_the_same_time_in_every_recipe():
+    program = short_program()
+    for name, milliseconds in (("torque_channels_disagree", 20), ("drive_not_following", 10)):
+        for period_s in (0.0005, 0.001, 0.002, 0.004):
+            scans = debounce_scans(FAULT_BY_ID[name], replace(program, period_s=period_s))
+            assert scans == max(2, math.ceil(round(milliseconds / (period_s * 1000.0), 6))), (name, period_s)
+
+
+def test_a_debounce_stands_in_one_place():
+    assert {fault.id for fault in FAULTS if fault.debounce_scans}.isdisjoint(DEBOUNCE_TIMES)
+    assert set(DEBOUNCE_TIMES) <= {row.fault for row in INTERLOCKS}
+
+
+def test_samples_that_do_not_come_are_stale_not_frozen():
+    run = mid_ramp()
+    stale_scans = run.controller.program.limits.sample_stale_scans
+    for age in range(1, 3 * stale_scans):
+        run.bench.frozen = {"sample_counter": 7, "sample_age_scans": age}
+        run.go()
+    assert run.alarms() == ["sample_late", "sample_stale"]
+
+
 def test_torque_channels_of_opposite_sign_disagree_at_once():
     run = mid_ramp()
     run.bench.frozen = {"torque_out_nm": -200.0}
-    run.go(FAULT_BY_ID["torque_channels_disagree"].debounce_scans + 1)
+    run.go(debounce_scans(FAULT_BY_ID["torque_channels_disagree"], run.controller.program) + 1)
     assert run.alarms() == ["torque_channels_disagree"]
 
 

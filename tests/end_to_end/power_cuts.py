@@ -21,7 +21,8 @@ from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 
-from kills import COMMAND, LASTS_S, ROOT, short_recipe  # noqa: E402 - after the path of a script run by hand
+from kills import LASTS_S, short_recipe  # noqa: E402 - after the path of a script run by hand
+from warm_desk import COMMAND, ROOT  # noqa: E402
 
 from station.record_check import check_file, read_table  # noqa: E402
 

@@ -102,10 +102,6 @@ NOT_ASKED_FOR: dict[tuple[str, State], str] = {
         (fault, State.FAULT): "its reaction is the weakest of a fault: in force already; it stands against a reset"
         for fault in ("brake_current_lost", "housing_temperature")
     },
-    **{
-        (fault, State.UNLOAD): "an unloading of the small programs is shorter than its debounce"
-        for fault in ("drive_not_following", "angle_channels_disagree")
-    },
 }
 """Where a row is live and no rule wants it, so that there is no mutant of it."""
 

@@ -10,6 +10,7 @@ from small_bench import Choice, Shown
 from stepper import LONGEST_RUN, Node, Stepper
 
 from controller.aftermath import FaultReaction
+from controller.debounce import debounce_scans
 from controller.faults import FAULT_BY_ID
 from controller.image import Reaction, State
 from controller.interlocks import Measured, Watch
@@ -132,7 +133,7 @@ def check_agreement(program: Program) -> None:
         watch, measured = Watch(program), Measured()
         measured.agreement_live, measured.torque_out_nm = True, 2.0 * program.limits.torque_agreement_nm
         measured.torque_out_nm = min(measured.torque_out_nm, program.limits.torque_out_trip_nm)
-        for _ in range(FAULT_BY_ID["torque_channels_disagree"].debounce_scans):
+        for _ in range(debounce_scans(FAULT_BY_ID["torque_channels_disagree"], program)):
             watch.look(READY, measured, state)
         strongest = watch.look(READY, measured, state)
         require(10, f"torque_channels_disagree in {state.name}: {strongest}", holds=strongest >= Reaction.QUICK_STOP)

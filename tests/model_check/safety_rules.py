@@ -49,7 +49,7 @@ CONDITIONS: dict[str, Condition] = {
     "amplifier_lost": Condition({"links_lost": Link.AMPLIFIER}, ALWAYS, 1, R.QUICK_STOP),
     "sample_stale": Condition({"sample_age_scans": AGE_NEVER}, ALWAYS, 1, R.QUICK_STOP),
     "sample_late": Condition({"sample_age_scans": 6}, LOADED, 1, R.HOLD),
-    "sample_frozen": Condition({"sample_counter": 7}, RUNNING, 22, R.QUICK_STOP),
+    "sample_frozen": Condition({"sample_counter": 7}, RUNNING, 12, R.QUICK_STOP),
     "brake_link_lost": Condition({"brake_age_scans": AGE_NEVER}, ALWAYS, 1, R.UNLOAD),
     "brake_link_lost (link)": Condition({"links_lost": Link.BRAKE}, ALWAYS, 1, R.UNLOAD),
     "remote_io_lost": Condition({"io_age_scans": AGE_NEVER}, ALWAYS, 1, R.QUICK_STOP),
@@ -75,8 +75,8 @@ CONDITIONS: dict[str, Condition] = {
     "sensor_not_a_number (in)": Condition({"torque_in_nm": math.inf}, ALWAYS, 1, R.QUICK_STOP),
     "sensor_saturated": Condition({"sample_status": 2}, ALWAYS, 3, R.QUICK_STOP),
     "sample_not_ready": Condition({"sample_status": 4}, ALWAYS, 6, R.QUICK_STOP),
-    "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 11, R.QUICK_STOP),
-    "angle_channels_disagree": Condition({"drive_angle_rad": 0.4}, (S.LOCK, *LOADED), 21, R.QUICK_STOP),
+    "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 3, R.QUICK_STOP, (S.UNLOAD,)),
+    "angle_channels_disagree": Condition({"drive_angle_rad": 0.4}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,)),
     "brake_stays_closed": Condition({"brake_on": 1, "brake_current_a": 6.0}, (S.HOME,), 1, R.POWER_OFF),
 }
 """Brake and drive conditions are asked for where what they contradict has been established."""

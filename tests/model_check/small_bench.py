@@ -49,7 +49,7 @@ LIMITS = Limits(
     missed_in_a_row=2, internal_limit_scans=1, torque_agreement_nm=WILD_NM, torque_agreement_ratio=1.7,
     angle_agreement_rad=0.3, angle_lag_scans=0.0, coupling_rad_per_nm=0.0,
 )  # fmt: skip
-"""The two torque channels never disagree in the walks: twenty scans of debounce would be twenty copies of the space."""
+"""The two torque channels never disagree in the walks: each scan of their debounce would copy the space."""
 
 
 def small_program(*, by_speed: bool = False, loading_input: bool = True) -> Program:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from controller.aftermath import FaultReaction
 from controller.controller import Controller
+from controller.debounce import debounce_scans
 from controller.faults import FAULT_BY_ID, FAULTS
 from controller.image import State
 from controller.unloading import Unloading
@@ -120,7 +121,8 @@ class Freezer:
         # a condition that has counted beyond its debounce is the same as one that has counted longer
         self._enough = [0] * 64
         for fault in FAULTS:
-            self._enough[fault.number] = fault.debounce_scans + 1 if fault.debounce_scans else 0
+            scans = debounce_scans(fault, controller.program)
+            self._enough[fault.number] = scans + 1 if scans else 0
         self._enough[FAULT_BY_ID["drive_internal_limit"].number] = CAP
 
     def _walk(self, thing: Any, path: str, seen: set[int], list_paths: list[str]) -> None:

@@ -8,6 +8,7 @@ from datetime import date
 import pytest
 
 from recipes import (
+    bus_load,
     check,
     check_measurement,
     check_ratings,
@@ -122,6 +123,19 @@ CASES = {
     "implausible rate": (
         INVERSE, {"travel: 60 deg": "torque_rate: 50 N·m/s\n  travel: 60 deg"}, {}, "torque_cycles.torque_rate",
         "below 50 N·m/s, interlocks.torque_rate",
+    ),
+    "period shorter than the bus": (
+        INVERSE, {"period: 1 ms": "period: 500 µs"}, {"bitrate: 1000000": "bitrate: 800000"}, "sampling.period",
+        "(SYNC and 3 PDOs, 460 bits at worst) take 0.575 ms on a CAN bus of 800 kbit/s; allowed: at least 0.575 ms",
+    ),
+    "bus slower than the period": (
+        INVERSE, {}, {"bitrate: 1000000": "bitrate: 125000"}, "sampling.period",
+        "take 3.68 ms on a CAN bus of 125 kbit/s; allowed: at least 3.68 ms",
+    ),
+    "serial line slower than the period": (
+        INVERSE, {},
+        {"transport: tcp": "transport: rtu", "port: 1502": "serial_port: /dev/ttyUSB0\n  baudrate: 19200"},
+        "sampling.period", "one sample over /dev/ttyUSB0 takes at least 15.62 ms at 19200 baud",
     ),
     "steps too small": (MEASUREMENT, {"steps: 11": "steps: 300"}, {}, "step_cycles.steps", "300 steps of 1.51 N·m"),
     "trip beyond the output sensor": (
@@ -239,7 +253,7 @@ def test_recipe_made_without_a_file_has_its_problems_too():
 def test_every_check_is_in_the_table():
     written = {
         value
-        for module in (check_measurement, check_ratings)
+        for module in (bus_load, check_measurement, check_ratings)
         for name, value in vars(module).items()
         if name.startswith("check_")
     }

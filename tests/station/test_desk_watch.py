@@ -8,7 +8,7 @@ from station_samples import IMAGE, ORDERS
 
 import station.ring
 from controller.image import Command
-from station.desk_watch import LONGEST_SILENCE_S, DeskWatch
+from station.desk_watch import DESK_GONE, LONGEST_SILENCE_S, DeskWatch
 from station.ring import RingReader, RingWriter, create
 from station.scan_loop import Stop
 
@@ -55,3 +55,9 @@ def test_a_silent_desk_stops_the_run_once_and_the_record_says_so(ends: tuple[Rin
     assert [note["scan"] for note in watch.notes()] == [41]
     reader.send(Command.QUICK_STOP)
     assert watch.take_command() == Command.QUICK_STOP
+
+
+def test_a_desk_that_was_gone_before_the_start_is_told_as_the_cause(ends: tuple[RingWriter, RingReader]) -> None:
+    stop = Stop()
+    stop.desk_gone = True
+    assert [note["text"] for note in DeskWatch(ends[0], stop, PERIOD_NS).notes()] == [DESK_GONE]

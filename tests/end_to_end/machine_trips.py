@@ -1,0 +1,43 @@
+"""Runs that the machine tripped: it gave the scan or the virtual bench no time, and the record of the run proves it.
+
+A killed run is asked for its records, not for the time that a busy machine gave it. But a trip counts as the machine's
+only where the records before the alarm show the hold-up itself: periods that the scan missed, or a bench whose drive
+and amplifier, two devices on two wires, were silent together while the scan went on asking.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.image import AGE_NEVER
+from station.record_check import Table
+
+LOOKED_AT = 200
+"""Records before the alarm that are looked at: a hold-up acts at once, or by a device's time-out of up to 100 ms."""
+
+HELD_UP = frozenset({"missed_periods", "drive_emergency", "drive_fault", "drive_dropped_out", "drive_data_stale"})
+"""What a scan that was held up leads to: its own interlock, and the drive's supervision of the controller."""
+
+BENCH_STOOD = frozenset({
+    "sample_stale", "sample_frozen", "drive_data_stale", "drive_heartbeat_lost", "remote_io_lost", "brake_link_lost",
+})  # fmt: skip
+"""What a virtual bench that stood still leads to."""
+
+LEAST_SCANS = 10
+"""A silence shorter than this trips nothing in the recipe of the drills."""
+
+
+def tripped_by_the_machine(table: Table, cause: str) -> str:
+    """Return in words how the machine tripped a run, "" where its record does not prove it."""
+    alarms = np.flatnonzero(table["orders"]["fault"])
+    if not len(alarms):
+        return ""
+    before = table["image"][max(int(alarms[0]) + 1 - LOOKED_AT, 0) : int(alarms[0]) + 1]
+    missed = int(before["missed_periods"].max())
+    if cause in HELD_UP and missed >= LEAST_SCANS // 2:
+        return f"{cause}: the scan was held up for {missed} periods"
+    ages = np.minimum(before["drive_age_scans"], before["sample_age_scans"]).astype(np.int64)
+    silent = int(ages[ages < AGE_NEVER].max(initial=0))
+    if cause in BENCH_STOOD and silent >= LEAST_SCANS:
+        return f"{cause}: the whole bench stood still for {silent} scans"
+    return ""

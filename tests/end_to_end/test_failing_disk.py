@@ -1,0 +1,88 @@
+"""A disk that fails in the middle of a run: an ext4 on a loop device, shut down as the kernel does after an error."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import struct
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from conftest import Running
+from test_disks import GOLDEN, command, recording
+
+from station.record_check import check_file
+
+pytestmark = pytest.mark.wires
+EXT4_IOC_SHUTDOWN = 0x8004587D
+WITHOUT_JOURNAL = struct.pack("I", 2)
+DISK_MB = 64
+
+
+def mounted(image: Path, place: Path) -> None:
+    done = subprocess.run(["mount", "-o", "loop", str(image), str(place)], capture_output=True, text=True, check=False)  # noqa: S607
+    if done.returncode:
+        pytest.skip(f"a disk of its own cannot be mounted here: {done.stderr.strip()}")
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    """An ext4 in a file."""
+    path = tmp_path / "disk.img"
+    path.touch()
+    os.truncate(path, DISK_MB << 20)
+    try:
+        subprocess.run(["mkfs.ext4", "-q", str(path)], check=True)  # noqa: S607
+    except FileNotFoundError:
+        pytest.skip("an ext4 cannot be made here: mkfs.ext4 is not installed")
+    return path
+
+
+@pytest.fixture
+def disk(image: Path, tmp_path: Path) -> Iterator[Path]:
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted(image, place)
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)  # noqa: S607
+
+
+def fail(disk: Path) -> None:
+    """Make every read and write of the disk fail with an input/output error from now on, to the next mount."""
+    handle = os.open(disk, os.O_RDONLY)
+    fcntl.ioctl(handle, EXT4_IOC_SHUTDOWN, WITHOUT_JOURNAL)
+    os.close(handle)
+    with pytest.raises(OSError, match="Input/output error"):
+        (disk / "probe").touch()
+
+
+def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(disk, image):
+    run = Running(("run", GOLDEN, "--serial", "D", "--json", "--data", str(disk)), disk)
+    try:
+        run.wait_for(lambda: recording(disk))
+        (folder,) = (path.parent for path in disk.glob("*/run.json"))
+        fail(disk)
+        ran = run.finish()
+    finally:
+        if run.process.poll() is None:
+            os.killpg(run.process.pid, 9)
+            run.process.wait()
+    assert "Traceback" not in ran.err, ran.err
+    assert ran.exit_code == 4, ran.err
+    for words in ("Input/output error", "torque was brought to zero", "records wait in memory", f"show {folder.name}"):
+        assert words in ran.err
+
+    subprocess.run(["umount", str(disk)], check=True)  # noqa: S607
+    mounted(image, disk)
+    done = command("show", folder.name, "--data", str(disk), "--json")
+    assert done.returncode == 0, done.stderr
+    shown = json.loads(done.stdout)
+    assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
+    assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
+    # what the desk had written, but the disk had not yet taken for good, is lost as in a power cut: one gap, and told
+    gaps = check_file(folder / "samples.bin").problems
+    assert len(gaps) <= 1
+    assert all("the sequence has a gap" in gap for gap in gaps)

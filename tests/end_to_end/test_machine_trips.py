@@ -1,0 +1,46 @@
+"""A run counts as tripped by the machine only where its record proves it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from machine_trips import tripped_by_the_machine
+
+from controller.image import AGE_NEVER
+from station.record_check import RECORD_DTYPE
+
+ALARM_AT = 300
+
+
+def records(**image: list[int]):
+    """Four hundred records with a fault from ALARM_AT on; values of the image end at the alarm."""
+    table = np.zeros(400, RECORD_DTYPE)
+    table["orders"]["fault"][ALARM_AT:] = 9
+    for name, values in image.items():
+        table["image"][name][ALARM_AT + 1 - len(values) : ALARM_AT + 1] = values
+    return table
+
+
+GROWS = list(range(21))
+
+
+@pytest.mark.parametrize(
+    ("cause", "image", "proven"),
+    [
+        ("missed_periods", {"missed_periods": [6]}, True),
+        ("missed_periods", {}, False),
+        ("drive_emergency", {"missed_periods": [120, *[0] * 100]}, True),
+        ("drive_emergency", {"missed_periods": [120, *[0] * 250]}, False),
+        ("sample_stale", {"drive_age_scans": GROWS, "sample_age_scans": GROWS}, True),
+        ("sample_stale", {"sample_age_scans": GROWS}, False),
+        ("drive_data_stale", {"drive_age_scans": GROWS}, False),
+        ("sample_stale", {"drive_age_scans": [AGE_NEVER], "sample_age_scans": [AGE_NEVER]}, False),
+        ("lock_slip", {"drive_age_scans": GROWS, "sample_age_scans": GROWS, "missed_periods": [60]}, False),
+    ],
+)
+def test_a_hold_up_must_stand_in_the_record(cause, image, proven):
+    assert bool(tripped_by_the_machine(records(**image), cause)) is proven
+
+
+def test_a_run_without_an_alarm_was_tripped_by_nobody():
+    assert not tripped_by_the_machine(np.zeros(10, RECORD_DTYPE), "missed_periods")

@@ -5,19 +5,17 @@ Each returns a Reading, or the reason in words why the figure does not apply her
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from analysis.alignment import windup_speed
 from analysis.branches import Blocks
 from analysis.closure import closure_gaps_arcmin
 from analysis.measured import Evidence, Measured
+from analysis.reading import NOT_EVALUATED, Reading
 from analysis.samples import BranchSamples
 from analysis.standing_angle import angle_stands, windup_stands
 from analysis.units import BoolArray, FloatArray
 
-NOT_EVALUATED = "the trace could not be evaluated"
 NO_RECORD = "the trace comes from elsewhere: nothing is known of how it was recorded"
 GRID_POINTS = 81
 MIDDLE = 0.8
@@ -28,16 +26,6 @@ RATE_BLOCKS = 60
 
 BIN_FRACTION = 0.02
 """Width of a torque bin, of the reference torque."""
-
-LOADED_FRACTION = 0.5
-"""Share of the reference torque above which the two torque channels are compared."""
-
-
-class Reading(NamedTuple):
-    """Figure of a gate in its unit, and words that say more than the gate's own; infinity where there is no number."""
-
-    figure: float
-    words: str = ""
 
 
 def objections(evidence: Evidence) -> Reading | str:
@@ -272,29 +260,6 @@ def locked_angle(evidence: Evidence) -> Reading | str:
     method, curve = found.method, found.method.fixture_curve
     known = method.fixture_stiffness_nm_per_arcmin is not None or (curve is not None and curve.angles == "loaded")
     return Reading(0.0 if known or found.angles != "loaded" else 1.0)
-
-
-def torque_agreement(evidence: Evidence) -> Reading | str:
-    """How far T_out / (i·T_in) is from one under load, %: friction takes some of it, a wrong channel much more."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
-    trace, method = found.trace, found.method
-    if trace.torque_in_nm is None or trace.torque_out_nm is None:
-        return "one torque channel has none to agree with"
-    ratios = []
-    for one in _sides(found):
-        torque_in, torque_out = one.run.take(trace.torque_in_nm), one.run.take(trace.torque_out_nm)
-        step = -(-torque_in.size // 2000)
-        torque_in, torque_out = torque_in[::step], torque_out[::step]
-        # Of the shaft that the servo does not drive, the torque is what friction lets through: loading only.
-        loading = one.run.direction * torque_out > LOADED_FRACTION * method.reference_nm
-        ratios.append(torque_out[loading] / (method.ratio * torque_in[loading]))
-    under_load = np.concatenate(ratios)
-    if not under_load.size:
-        return "the reference torque is not half reached"
-    ratio = float(np.median(under_load))
-    return Reading(100.0 * abs(ratio - 1.0), f"T_out / (ratio · T_in) is {ratio:.3g} under load")
 
 
 def _sides(found: Measured) -> list[BranchSamples]:

@@ -12,9 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from analysis import gate_figures as figures
+from analysis import torque_gates
 from analysis.errors import AnalysisError
-from analysis.gate_figures import Reading
 from analysis.measured import Evidence
+from analysis.reading import Reading
+
+CHECK_RATIO = "compare the ratio in the recipe with the unit's plate, then check range and gain of both torque sensors"
 
 
 class Gate(NamedTuple):
@@ -119,9 +122,25 @@ GATES: dict[str, Gate] = {
         "the torque goes back within a branch", "check drive and torque sensor, and the segments of the trace",
     ),
     "torque_agreement": _row(
-        "deviation of T_out / (ratio · T_in) under load from 1", "%", 60.0, figures.torque_agreement,
+        "deviation of T_out / (ratio · T_in) under load from 1", "%", 60.0, torque_gates.torque_agreement,
         "input and output torque do not belong together",
         "check sign, range and calibration of both sensors, and the ratio in the recipe",
+    ),
+    "efficiency_low": _row(
+        "efficiency while loading, slope of T_out over T_in over the ratio; the lower side", "%", 50.0,
+        torque_gates.efficiency_low,
+        "less torque arrives at the output than a unit of this ratio lets through", CHECK_RATIO, least=True,
+    ),
+    "efficiency_high": _row(
+        "efficiency while loading, slope of T_out over T_in over the ratio; the higher side", "%", 102.0,
+        torque_gates.efficiency_high,
+        "more torque arrives at the output than a unit of this ratio can give", CHECK_RATIO,
+    ),
+    "ratio_agreement": _row(
+        "deviation of the ratio that the torques show (harmonic mean of the slopes of loading and unloading) from that "
+        "of the recipe",
+        "%", 5.0, torque_gates.ratio_agreement,
+        "the torques show another ratio than the recipe says", CHECK_RATIO,
     ),
     "temperature_change": _row(
         "range of the housing temperature", "K", 5.0, figures.temperature_change,

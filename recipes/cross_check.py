@@ -18,6 +18,7 @@ from recipes.check_measurement import (
     check_metrics,
     check_sensors,
     check_stored_calibration,
+    check_torque_ratio,
 )
 from recipes.check_ratings import (
     check_brake,
@@ -52,6 +53,7 @@ CHECKS: tuple[Check, ...] = (
     check_release,
     check_sensors,
     check_calibration,
+    check_torque_ratio,
     check_metrics,
     check_ages,
 )

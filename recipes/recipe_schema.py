@@ -9,7 +9,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from recipes.metric_presets import PRESETS, PresetMetric
 from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
 from recipes.problems import Problem, did_you_mean, excerpt, one_of
-from recipes.quantity import TEMPERATURE, TORQUE, QuantityError, read_quantity, show
+from recipes.quantity import FRACTION, TEMPERATURE, TORQUE, QuantityError, read_quantity, show
 from recipes.section import (
     FROM_DOCUMENT,
     Age,
@@ -259,9 +259,20 @@ class Validity(Section):
     points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3
     monotone_loading_fraction: Fraction = 0.05
     torque_agreement_fraction: Fraction = 0.6
+    efficiency_low_fraction: Fraction = 0.5
+    efficiency_high_fraction: Fraction = 1.02
+    ratio_agreement_fraction: Fraction = 0.05
     temperature_change_k: TemperatureChange = 5.0
     temperature_low_c: Temperature = 10.0
     temperature_high_c: Temperature = 50.0
+
+    @model_validator(mode="after")
+    def _efficiencies_in_order(self) -> Validity:
+        if self.efficiency_low_fraction >= self.efficiency_high_fraction:
+            found = f"a lowest efficiency of {show(self.efficiency_low_fraction, FRACTION)}"
+            allowed = f"one below efficiency_high, {show(self.efficiency_high_fraction, FRACTION)}"
+            raise refusal(found, allowed, "Exchange the two or correct one.", at="efficiency_low")
+        return self
 
     @model_validator(mode="after")
     def _temperatures_in_order(self) -> Validity:

@@ -133,17 +133,17 @@ def _no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
 
 
 def recipe_notes(store: Store, job: Job) -> list[str]:
-    """Return what is to be noted of a recipe: that its name and revision have meant something else before."""
+    """Return what is to be noted of a recipe: unusual limits, and that its name has meant something else before."""
     recipe, sha256 = job.recipe.recipe, job.recipe_source.sha256
     before = store.another_recipe(recipe.name, recipe.revision, sha256)
     if before is None:
-        return []
+        return job.warnings
     note = (
         f"recipe {recipe.name} revision {recipe.revision} ({sha256[:8]}) is not the one of that name and revision that "
         f"run {before['id']} used ({before['recipe']['sha256'][:8]}): their verdicts cannot be compared. "
         "Raise the revision when a recipe is changed"
     )
-    return [note]
+    return [note, *job.warnings]
 
 
 def _serial(options: Options, job: Job) -> str:

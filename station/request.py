@@ -24,6 +24,7 @@ from recipes import (
     parse_recipe,
     read_bytes,
     shipped_recipes,
+    warnings,
 )
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
@@ -68,6 +69,11 @@ class Job:
     def program(self) -> Program:
         """What the controller steps through."""
         return compile_program(self.recipe, self.bench)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What of the recipe may be meant, but is not usual."""
+        return [f"recipe {one.as_warning()}" for one in warnings(self.recipe, self.recipe_source.path)]
 
     @property
     def profile_names(self) -> tuple[str, ...]:

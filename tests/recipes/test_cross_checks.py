@@ -9,6 +9,7 @@ import pytest
 
 from recipes import (
     check,
+    check_limits,
     check_measurement,
     check_ratings,
     default_bench,
@@ -239,7 +240,7 @@ def test_recipe_made_without_a_file_has_its_problems_too():
 def test_every_check_is_in_the_table():
     written = {
         value
-        for module in (check_measurement, check_ratings)
+        for module in (check_limits, check_measurement, check_ratings)
         for name, value in vars(module).items()
         if name.startswith("check_")
     }

@@ -44,6 +44,7 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
 
     Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
     """
+    trace.channel("torque_in_nm", "the torque ratio")
     torque_out = trace.channel("torque_out_nm", "the torque ratio")
     calibration = [run for run in runs if run.role == "calibrate"]
     if not calibration:

@@ -14,6 +14,7 @@ from recipes.section import (
     AngleNoise,
     Deflection,
     Drift,
+    FixtureError,
     Fraction,
     Name,
     Section,
@@ -65,7 +66,7 @@ class Fixture(Section):
 
     stiffness_nm_per_arcmin: Stiffness
     curve: FixtureCurve | None = None
-    accuracy_fraction: Fraction = 0.05
+    accuracy_fraction: FixtureError = 0.05
     drift_arcmin_min: Drift = 0.005
     lock_width_rad: AngleNoise = 0.12 * ARCSEC_RAD
     lock_windup_fraction: Fraction = 0.0005

@@ -14,6 +14,7 @@ from recipes.section import (
     FROM_DOCUMENT,
     Age,
     Band,
+    Efficiency,
     Fraction,
     Name,
     PeriodNs,
@@ -259,8 +260,8 @@ class Validity(Section):
     points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3
     monotone_loading_fraction: Fraction = 0.05
     torque_agreement_fraction: Fraction = 0.6
-    efficiency_low_fraction: Fraction = 0.5
-    efficiency_high_fraction: Fraction = 1.02
+    efficiency_low_fraction: Efficiency = 0.5
+    efficiency_high_fraction: Efficiency = 1.02
     ratio_agreement_fraction: Fraction = 0.05
     temperature_change_k: TemperatureChange = 5.0
     temperature_low_c: Temperature = 10.0

@@ -186,6 +186,18 @@ BENCH_CASES = {
     "time-out below heartbeat": ("timeout: 100 ms ", "timeout: 30 ms ", "at least twice controller_heartbeat, 40 ms"),
     "bits": ("20 bit", "20.5 bit", "Write a whole number of it."),
     "unknown sensor": ("torque_out:", "torque_uot:", "Did you mean 'torque_out'?"),
+    "torque sensor without error": ("accuracy: 0.1 %", "accuracy: 0 %", "allowed: a fraction such as '0.1 %', above 0"),
+    "torque sensor of any error": ("accuracy: 0.1 %", "accuracy: 100 %", "above 0 and up to 10 %. This is too large"),
+    "no hysteresis": ("noise: 0.02 %", "noise: 0.02 %, reversibility: 0 %", "reversibility: found '0 %'"),
+    "nothing left by the tare": ("noise: 0.02 %", "noise: 0.02 %, tared_zero: 0 %", "tared_zero: found '0 %'"),
+    "all noise": ("noise: 0.02 %", "noise: 100 %", "noise: found '100 %'"),
+    "encoder without error": ("noise: 0 arcsec", "noise: 0 arcsec, accuracy: 0 arcsec", "accuracy: found '0 arcsec'"),
+    "encoder of perfect lines": ("noise: 0 arcsec", "noise: 0 arcsec, interpolation: 0 arcsec", "interpolation: found"),
+    "fixture without error": (
+        "10000 N·m/arcmin ",
+        "10000 N·m/arcmin\n  accuracy: 0 % ",
+        "fixture.accuracy: found '0 %'",
+    ),
     "bitrate": ("bitrate: 1000000", "bitrate: 1000", "found 1000"),
     "date": (
         "calibrations: []",

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.alignment import windup_speed
+from analysis.alignment import skew_of_cycles, windup_speed
 from analysis.branches import Blocks
 from analysis.closure import closure_gaps_arcmin
+from analysis.errors import AnalysisError
 from analysis.measured import Evidence, Measured
 from analysis.reading import NOT_EVALUATED, Reading
 from analysis.samples import BranchSamples
@@ -17,6 +18,9 @@ from analysis.standing_angle import angle_stands, windup_stands
 from analysis.units import BoolArray, FloatArray
 
 NO_RECORD = "the trace comes from elsewhere: nothing is known of how it was recorded"
+EXAMPLE_LAG_S = 0.01
+"""Lag whose effect is told where the lag is not known."""
+
 GRID_POINTS = 81
 MIDDLE = 0.8
 """Share of the peak torque up to which branches are compared: beyond it friction may still be reversing."""
@@ -145,7 +149,7 @@ def lag(evidence: Evidence) -> Reading | str:
         return NOT_EVALUATED
     skew = found.skew
     if skew.corrected_s is None or skew.left_s is None:
-        return "the lags of the channels are not known"
+        return _lag_from_speeds(found)
     delay = abs(skew.corrected_s) + abs(skew.left_s)
     if delay == 0.0:
         return Reading(0.0)
@@ -154,6 +158,29 @@ def lag(evidence: Evidence) -> Reading | str:
         return Reading(np.inf, "torque and angle lag differently and the trace has no time to say what it makes")
     width = 2.0 * speed * delay
     words = f"{delay * 1e3:.3g} ms between torque and angle move the width of the loop by {width:.3g} arcmin"
+    return Reading(100.0 * width / _span(found), words)
+
+
+def _lag_from_speeds(found: Measured) -> Reading | str:
+    """Figure of the gate where nobody has said how late the channels are: two speeds show it, one does not."""
+    ramps = [number for number, pair in enumerate(found.pairs) if all(len(one.run.pieces) == 1 for one in pair)]
+    loops, pairs = [found.loops[number] for number in ramps], [found.pairs[number] for number in ramps]
+    unknown = "not measured: the lags of the channels are not known"
+    speeds = [windup_speed(one) for pair in pairs for one in pair]
+    if not speeds or not np.isfinite(speeds).all():
+        return f"{unknown}, and the trace has no time to say what they would make"
+    try:
+        estimated = skew_of_cycles(loops, pairs)
+    except AnalysisError:
+        each = 2.0 * max(speeds) * EXAMPLE_LAG_S
+        return (
+            f"{unknown}, and one speed does not show them: at {max(speeds):.3g} arcmin/s each "
+            f"{EXAMPLE_LAG_S * 1e3:g} ms between torque and angle move the width of the loop by {each:.2g} arcmin"
+        )
+    width = 2.0 * max(speeds) * abs(estimated.skew_s)
+    words = (
+        f"the width of the loop changes with the speed as by {estimated.skew_s * 1e3:.3g} ms between torque and angle"
+    )
     return Reading(100.0 * width / _span(found), words)
 
 

@@ -106,7 +106,8 @@ GATES: dict[str, Gate] = {
     "lag": _row(
         "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",
         "%", 1.0, figures.lag,
-        "torque and angle lag differently", "load slower, or set both channels to the same filter",
+        "torque and angle lag differently",
+        "load slower, set both channels to the same filter, or name the bench that knows them",
     ),
     "ramp_rate": _row(
         "deviation from the steady rate that nine tenths of a branch stay within", "%", 50.0, figures.ramp_rate,

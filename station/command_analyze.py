@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from analysis import Method, analyse, read_trace
+from analysis import Method, Result, analyse, read_trace
 from recipes import PRESETS, Bench, Recipe, RecipeError, check_alone, find_bench, load_bench, load_recipe, warnings
 from station.command_run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.command_show import stored_result
@@ -29,6 +29,9 @@ from station.result_view import result_console, show_result
 from station.run_analysis import evaluate_run
 from station.seal import alterations
 from station.trace_origin import check_recipe_fits, objections_to_bench
+
+TRACE_SUFFIXES = (".csv", ".parquet", ".tdms")
+"""Ends of names that mean a file, never a run."""
 
 
 def analyze(
@@ -57,8 +60,9 @@ def analyze(
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the trace is evaluated")
         result = elsewhere(path, recipe, bench, preset, draws=draws)
-    elif path.suffix in (".csv", ".parquet"):
-        raise StationError(f"{trace}: there is no such file")
+    elif path.suffix in TRACE_SUFFIXES:
+        what = "is a folder; name the file in it" if path.is_dir() else "there is no such file"
+        raise StationError(f"{trace}: {what}")
     else:
         run = Store(data).find(trace)
         if run.state() != "complete" and not alterations(run):
@@ -160,19 +164,26 @@ def elsewhere(
     today = datetime.now(tz=UTC).date()
     objections = [] if bench is None else objections_to_bench(recipe, bench, today)
     found = analyse(read_trace(path), method, wanted, decision_of(recipe), objections, figures=figures, draws=draws)
+    plain = _judged_without_bench(_judged_by_preset(found.to_dict(), recipe, preset), bench)
+    if bench is None:
+        plain = _with_unknown_lag(plain, found)
     return {
         "run": None,
         "serial": None,
         "recipe": _head(recipe, recipe_file),
         "state": "analyzed",
         "preset": preset,
-        **_with_warnings(
-            _judged_without_bench(_judged_by_preset(found.to_dict(), recipe, preset), bench), recipe, recipe_file
-        ),
+        **_with_warnings(plain, recipe, recipe_file),
         "timing": None,
         "alarms": [],
         "record": str(path),
     }
+
+
+def _with_unknown_lag(plain: dict[str, Any], found: Result) -> dict[str, Any]:
+    """Return a result that says so when nobody knows how late torque and angle are against each other."""
+    said = [gate.text for gate in found.gates if gate.id == "lag" and gate.passed is None]
+    return plain | {"notes": [*(f"{text}; name the bench (--bench)" for text in said), *plain["notes"]]}
 
 
 def _deciding_recipe(recipe_file: Path) -> Recipe:

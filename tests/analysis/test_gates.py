@@ -261,6 +261,27 @@ def test_different_lags_without_time_are_not_passed() -> None:
     assert "no time" in found.text
 
 
+def lagging(trace: Trace, lag_s: float) -> Trace:
+    """A trace whose torque comes later than its angle."""
+    return dataclasses.replace(trace, torque_out_nm=np.interp(trace.t_s - lag_s, trace.t_s, trace.torque_out_nm))
+
+
+def test_a_lag_that_nobody_declared_is_measured_by_two_speeds() -> None:
+    wanted = {"trace": timed_trace(P1, 480.0, cycles=2, speed_arcmin_s=(0.2, 2.0)), "method": METHOD, "facts": None}
+    even, late = judged(**wanted), judged(**wanted | {"trace": lagging(wanted["trace"], 0.05)})
+    assert of(even, "lag").figure < 0.01
+    assert of(late, "lag").passed is False
+    assert "as by -50" in of(late, "lag").text
+    assert late.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_a_lag_that_cannot_be_measured_is_said_with_what_it_would_make() -> None:
+    text = of(judged(lagging(timed_trace(P1, 480.0), 0.05), METHOD, None), "lag").text
+    assert "not measured: the lags of the channels are not known, and one speed does not show them" in text
+    assert "at 0.385 arcmin/s each 10 ms between torque and angle move the width of the loop by 0.0077 arcmin" in text
+    assert "the trace has no time" in of(analyse(exact_trace(P1, 480.0), METHOD, WANTED), "lag").text
+
+
 def test_the_locked_angle_may_be_replaced_by_the_fixture() -> None:
     alone = dataclasses.replace(GOOD, angle_out_rad=None)
     curve = FixtureCurve((-500.0, 500.0), (-0.05, 0.05))

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from recipes import RecipeError, find_bench, find_recipe
-from station.command_analyze import elsewhere
+from station.command_analyze import analyze, elsewhere
 from station.command_check import check
+from station.errors import StationError
 from station.report_content import uncertainty_kind
 from station.result_notes import note_lines
 
@@ -97,10 +98,23 @@ def test_an_unusual_limit_is_a_note_of_the_result_and_a_warning_of_check(
     assert "WARNING  recipe " in capsys.readouterr().out
 
 
+def test_a_lag_that_nobody_knows_is_a_note_of_the_result(tmp_path: Path) -> None:
+    alone, known = (elsewhere(TRACE, recipe(tmp_path, "simple"), name, None) for name in (None, "virtual"))
+    assert any("the lags of the channels are not known" in line for line in note_lines(alone))
+    assert not any("lags of the channels are not known" in line for line in note_lines(known))
+
+
 def test_what_is_out_of_date_on_the_bench_decides_nothing(tmp_path: Path) -> None:
     found = elsewhere(TRACE, recipe(tmp_path, "simple"), bench(tmp_path, CURVE), None)
     assert found["verdict"] == "NOT DECIDABLE"
     assert "blank test 'old' of bench 'virtual', which was due on 2020-01-01" in found["reasons"][0]
+
+
+@pytest.mark.parametrize("name", ["folder.csv", "folder.tdms"])
+def test_a_folder_that_is_named_like_a_trace_is_told(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).mkdir()
+    with pytest.raises(StationError, match="is a folder; name the file in it"):
+        analyze(str(tmp_path / name), "rv-40e-121-inverse", None, tmp_path, as_json=True)
 
 
 def test_a_bench_that_loads_the_other_shaft_is_refused(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from analysis.branches import Blocks
 from analysis.closure import closure_gaps_arcmin
 from analysis.errors import AnalysisError
 from analysis.measured import Evidence, Measured
-from analysis.reading import NOT_EVALUATED, Reading
+from analysis.reading import NOT_EVALUATED, Reading, span_arcmin
 from analysis.samples import BranchSamples
 from analysis.standing_angle import angle_stands, windup_stands
 from analysis.units import BoolArray, FloatArray
@@ -110,7 +110,7 @@ def loop_closure(evidence: Evidence) -> Reading | str:
     gaps = closure_gaps_arcmin(found.pairs, found.blocks)
     if gaps is None:
         return "the torque after a reversal is masked: the cycle has no start to compare"
-    return Reading(100.0 * max(gaps) / _span(found))
+    return Reading(100.0 * max(gaps) / span_arcmin(found))
 
 
 def drift(evidence: Evidence) -> Reading | str:
@@ -121,7 +121,7 @@ def drift(evidence: Evidence) -> Reading | str:
     shift = found.drift.per_cycle_arcmin
     if shift is None:
         return "one cycle of a kind shows no drift"
-    return Reading(100.0 * abs(shift) / _span(found), f"the wind-up drifts by {abs(shift):.3g} arcmin in a cycle")
+    return Reading(100.0 * abs(shift) / span_arcmin(found), f"the wind-up drifts by {abs(shift):.3g} arcmin in a cycle")
 
 
 def repeat(evidence: Evidence) -> Reading | str:
@@ -139,7 +139,7 @@ def repeat(evidence: Evidence) -> Reading | str:
     for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):
         angles = np.array([branch.at(grid) for branch in branches])
         worst = max(worst, float(np.sqrt(np.square(angles - angles.mean(axis=0)).mean(axis=1)).max()))
-    return Reading(100.0 * worst / _span(found))
+    return Reading(100.0 * worst / span_arcmin(found))
 
 
 def lag(evidence: Evidence) -> Reading | str:
@@ -158,7 +158,7 @@ def lag(evidence: Evidence) -> Reading | str:
         return Reading(np.inf, "torque and angle lag differently and the trace has no time to say what it makes")
     width = 2.0 * speed * delay
     words = f"{delay * 1e3:.3g} ms between torque and angle move the width of the loop by {width:.3g} arcmin"
-    return Reading(100.0 * width / _span(found), words)
+    return Reading(100.0 * width / span_arcmin(found), words)
 
 
 def _lag_from_speeds(found: Measured) -> Reading | str:
@@ -181,7 +181,7 @@ def _lag_from_speeds(found: Measured) -> Reading | str:
     words = (
         f"the width of the loop changes with the speed as by {estimated.skew_s * 1e3:.3g} ms between torque and angle"
     )
-    return Reading(100.0 * width / _span(found), words)
+    return Reading(100.0 * width / span_arcmin(found), words)
 
 
 def ramp_rate(evidence: Evidence) -> Reading | str:
@@ -279,23 +279,5 @@ def temperature_high(evidence: Evidence) -> Reading | str:
     return "no temperature was measured" if values is None else Reading(float(values.max()))
 
 
-def locked_angle(evidence: Evidence) -> Reading | str:
-    """Count deflections that are in the wind-up and that nobody knows."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
-    method, curve = found.method, found.method.fixture_curve
-    known = method.fixture_stiffness_nm_per_arcmin is not None or (curve is not None and curve.angles == "loaded")
-    return Reading(0.0 if known or found.angles != "loaded" else 1.0)
-
-
 def _sides(found: Measured) -> list[BranchSamples]:
     return [one for pair in found.pairs for one in pair]
-
-
-def _span(found: Measured) -> float:
-    """Wind-up between the turning points of the first cycle, arcmin."""
-    loop = found.loops[0]
-    top = max(float(loop.forward.angle_arcmin[-1]), float(loop.backward.angle_arcmin[-1]))
-    bottom = min(float(loop.forward.angle_arcmin[0]), float(loop.backward.angle_arcmin[0]))
-    return max(top - bottom, 1e-12)

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from analysis import fixture_gates, torque_gates
 from analysis import gate_figures as figures
-from analysis import torque_gates
 from analysis.errors import AnalysisError
 from analysis.measured import Evidence
 from analysis.reading import Reading
@@ -156,10 +156,21 @@ GATES: dict[str, Gate] = {
         "the unit is too hot", "let it cool down; check the sensor",
     ),
     "locked_angle": _row(
-        "deflections of lock and couplings that are in the wind-up and not known", "1", 0.0, figures.locked_angle,
+        "deflections of lock and couplings that are in the wind-up and not known", "1", 0.0, fixture_gates.locked_angle,
         "the angle of the locked shaft was not measured and the stiffness of the fixture is not known: their "
         "deflection is in the wind-up",
         "measure that angle, or name a bench with its fixture", configurable=False,
+    ),
+    "locked_motion": _row(
+        "motion of the locked shaft that its torque does not explain, of the whole wind-up", "%", 2.0,
+        fixture_gates.locked_motion,
+        "the locked shaft moves", "check the lock, its encoder, and that both angles belong to this unit",
+    ),
+    "fixture_share": _row(
+        "deflection of the fixture that is taken from the wind-up, of the wind-up with it", "%", 25.0,
+        fixture_gates.fixture_share,
+        "most of what is judged would be what the fixture leaves",
+        "check stiffness and curve of the fixture in the bench file, or clamp the unit stiffer",
     ),
 }  # fmt: skip
 """All gates by id."""

@@ -266,6 +266,8 @@ class Validity(Section):
     temperature_change_k: TemperatureChange = 5.0
     temperature_low_c: Temperature = 10.0
     temperature_high_c: Temperature = 50.0
+    locked_motion_fraction: Fraction = 0.02
+    fixture_share_fraction: Fraction = 0.25
 
     @model_validator(mode="after")
     def _efficiencies_in_order(self) -> Validity:

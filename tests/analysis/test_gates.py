@@ -91,10 +91,20 @@ def back_and_forth() -> dict[str, Any]:
     return changed(torque_out_nm=GOOD.torque_out_nm + bump)
 
 
+def slipped() -> dict[str, Any]:
+    """The lock slips in the middle of the cycles and both shafts stay there: the wind-up shows nothing."""
+    last = [index for index, info in GOOD.segments.items() if info.role == "measure"][2:]
+    slip = np.isin(GOOD.segment, last) * 0.5 * ARC
+    return changed(angle_in_rad=GOOD.angle_in_rad + slip * RATIO, angle_out_rad=GOOD.angle_out_rad + slip)
+
+
+def loaded_alone(method: Method) -> dict[str, Any]:
+    return {"trace": dataclasses.replace(GOOD, angle_out_rad=None), "method": method}
+
+
 def wrong_ratio(ratio: float, **limits: float) -> dict[str, Any]:
     """Evaluate the run of a unit of 121 by another ratio, its wind-up with it."""
-    locked = dataclasses.replace(GOOD, angle_out_rad=None)
-    return {"trace": locked, "method": dataclasses.replace(KNOWN, ratio=ratio, gate_limits=limits)}
+    return loaded_alone(dataclasses.replace(KNOWN, ratio=ratio, gate_limits=limits))
 
 
 BAD: dict[str, Bad] = {
@@ -124,6 +134,8 @@ BAD: dict[str, Bad] = {
         "trace": dataclasses.replace(GOOD, angle_out_rad=None),
         "method": dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=None),
     },
+    "locked_motion": slipped,
+    "fixture_share": lambda: loaded_alone(dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=300.0)),
 }
 """What makes each gate fail."""
 
@@ -192,7 +204,7 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     assert set(why) == {
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
         "lag", "ramp_rate", "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
-        "temperature_change", "temperature_low", "temperature_high",
+        "temperature_change", "temperature_low", "temperature_high", "locked_motion",
     }  # fmt: skip
     assert "one cycle" in why["drift"]
     assert "no time" in why["ramp_rate"]

@@ -180,6 +180,10 @@ def test_no_recipe_at_all(name):
     assert words in message
 
 
+CURVE = """  curve:
+    {id: a, made: 2026-01-01, due: 2027-01-01, angles: loaded,
+     points: [{torque: -480 N·m, deflection: -0.5 arcmin}, {torque: 480 N·m, deflection: 0.5 arcmin}]}
+"""
 BENCH_CASES = {
     "rtu without a port": ("transport: tcp", "transport: rtu", "rtu without a serial port"),
     "one node for two": ("node_id: 126 ", "node_id: 5 ", "5 for both"),
@@ -197,6 +201,11 @@ BENCH_CASES = {
         "10000 N·m/arcmin ",
         "10000 N·m/arcmin\n  accuracy: 0 % ",
         "fixture.accuracy: found '0 %'",
+    ),
+    "curve of another fixture": (
+        "calibrations: []",
+        CURVE + "calibrations: []",
+        "a curve of 960 N·m/arcmin beside a stiffness of 10000 N·m/arcmin; allowed: a curve of 5000 N·m/arcmin to",
     ),
     "bitrate": ("bitrate: 1000000", "bitrate: 1000", "found 1000"),
     "date": (

@@ -6,27 +6,15 @@ A fit gives three curves of wind-up over torque: forward branch, return branch, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from analysis.loop import Curve, FittedCurves, Loop
 from analysis.method import Method
-from analysis.region_fit import REGION_BORDERS, RegionCurve, fit_three_regions, mean_of
+from analysis.region_fit import REGION_BORDERS, fit_three_regions, mean_of
 from analysis.segment_fit import MeanCurve, SixSegmentFit, fit_six_segments
-
-if TYPE_CHECKING:
-    from analysis.loop import Loop
-
-Curve = MeanCurve | RegionCurve
 
 BREAK_20_PERCENT = 0.2
 """Break torque of the six-segment fit by "inverse loading test system", of the reference torque."""
-
-
-class FittedCurves(NamedTuple):
-    """Curves of both branches and of their mean."""
-
-    forward: Curve
-    backward: Curve
-    mean: Curve
 
 
 class Fit(NamedTuple):

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.conversions import ARCSEC_PER_ARCMIN
-from analysis.curves import DEFAULT_FIT, Curve, fitted_curve
+from analysis.curves import DEFAULT_FIT, fitted_curve
 from analysis.errors import AnalysisError
-from analysis.loop import Loop
+from analysis.loop import Curve, Loop
 from analysis.segment_stiffness import three_segments
 
 LSQ_BAND = (0.2, 0.8)

@@ -9,26 +9,34 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from analysis.branches import Branch
 from analysis.errors import AnalysisError
 from analysis.method import Method
-from analysis.segment_fit import SixSegmentFit, fit_six_segments
+from analysis.region_fit import RegionCurve
+from analysis.segment_fit import MeanCurve, SixSegmentFit, fit_six_segments
 from analysis.stages import Figure, StageRecord
 from analysis.units import FloatArray
-
-if TYPE_CHECKING:
-    from analysis.curves import FittedCurves
 
 MIDDLE_OF_LOOP = (0.25, 0.75)
 """Share of the angle between the turning points over which the friction torque is read."""
 
-
 STEEP = 3.0
 """A branch leaves its turn steeply when it is this much stiffer than the one that arrived, over twice the friction."""
+
+Curve = MeanCurve | RegionCurve
+"""What a fit makes of wind-up over torque."""
+
+
+class FittedCurves(NamedTuple):
+    """Fitted curves of both branches and of their mean."""
+
+    forward: Curve
+    backward: Curve
+    mean: Curve
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ from recipes.calibration_schema import Calibration
 from recipes.cross_check import check, check_alone, check_side, out_of_date, warnings
 from recipes.loader import load_document, parse_document
 from recipes.metric_presets import PRESETS
+from recipes.metric_schema import MetricWanted
 from recipes.metric_units import METRIC_UNITS
 from recipes.problems import Problem, RecipeError
-from recipes.recipe_schema import Decision, MetricWanted, Recipe
+from recipes.recipe_schema import Decision, Recipe
 from recipes.shipped import (
     default_bench,
     find_bench,

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from recipes.bench_schema import Bench
 from recipes.expectations import Finding
 from recipes.limit_kinds import LIMIT_KINDS, LimitKind
+from recipes.metric_schema import MetricWanted
 from recipes.metric_units import METRIC_UNITS
-from recipes.recipe_schema import MetricWanted, Recipe
+from recipes.recipe_schema import Recipe
 
 SIDES = ("min", "max")
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from recipes.document import OptionPath
 from recipes.recipe_schema import Recipe
 from recipes.sequence_schema import Calibrate, Cycles, FatigueCycles, SpeedCycles, StepCycles, TorqueCycles
-from recipes.yaml_source import OptionPath
 
 ARCMIN_PER_RAD = 10800.0 / math.pi
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from recipes.yaml_source import OptionPath
+from recipes.document import OptionPath
 
 
 def options_at(model: type[BaseModel], place: OptionPath) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo
 
+from recipes.document import Source
 from recipes.problems import Problem, did_you_mean, excerpt, nearest, one_of
 from recipes.section import (
     FROM_DOCUMENT,
@@ -26,7 +27,6 @@ from recipes.section import (
     TorqueRate,
     refusal,
 )
-from recipes.yaml_source import Source
 
 MeasuredCount = Annotated[int, Field(ge=1, le=1000)]
 FatigueCount = Annotated[int, Field(ge=1, le=1_000_000)]

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from recipes.bench_schema import Bench
+from recipes.document import Source
 from recipes.loader import load_source
 from recipes.problems import Problem, RecipeError, nearest, one_of
 from recipes.quantity import TORQUE, QuantityError, read_quantity
 from recipes.recipe_schema import Recipe
 from recipes.section import RATED, REFERENCE
 from recipes.sequence_schema import sequence_order
-from recipes.yaml_source import Source, parse_source, read_source
+from recipes.yaml_source import parse_source, read_source
 
 HERE = Path(__file__).parent
 

@@ -13,9 +13,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from recipes.document import OptionPath, Source
 from recipes.option_names import options_at
 from recipes.problems import Problem, did_you_mean, excerpt, one_of
-from recipes.yaml_source import OptionPath, Source
 
 WHOLE = "a whole number"
 NUMBER = "a number"

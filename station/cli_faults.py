@@ -9,12 +9,8 @@ from typing import Annotated
 
 import typer
 
-from station.cli_options import JsonOption
+from station.cli_options import JsonOption, UnitOption
 
-UnitOption = Annotated[
-    str | None,
-    typer.Option("--unit", metavar="NAME[:SEED]", help="Unit on the virtual bench: P1, worn, soft, tight, cracked ..."),
-]
 FaultDataOption = Annotated[
     Path | None,
     typer.Option("--data", metavar="DIR", help="Keep the records there; 'lostmotion show' and 'replay' read them."),

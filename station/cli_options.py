@@ -1,4 +1,4 @@
-"""Options that several commands of the command line share."""
+"""Arguments and options that several commands of the command line share."""
 
 from __future__ import annotations
 
@@ -9,13 +9,36 @@ import typer
 
 DEFAULT_DATA = Path("runs")
 
-DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
 RunArgument = Annotated[
     str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")
 ]
+TraceArgument = Annotated[str, typer.Argument(metavar="TRACE", help="Stored run, or a CSV, Parquet or TDMS file.")]
 FileArgument = Annotated[
     Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Without it, the stored runs are taken.")
+]
+
+DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+BenchOption = Annotated[
+    str | None,
+    typer.Option("--bench", metavar="FILE", help="Bench file or shipped bench. Default: the embedded virtual bench."),
+]
+UnitOption = Annotated[
+    str | None,
+    typer.Option("--unit", metavar="NAME[:SEED]", help="Unit on the virtual bench: P1, worn, soft, tight, cracked ..."),
+]
+ScenarioOption = Annotated[
+    Path | None,
+    typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
+]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        metavar="NAME",
+        help="Definitions of static, inverse, measurement, output, nabtesco, spinea or harmonic.",
+    ),
 ]
 MetricOption = Annotated[
     str | None, typer.Option("--metric", metavar="ID", help="Metric of the stored runs, as 'metrics' lists it.")

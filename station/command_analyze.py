@@ -1,4 +1,4 @@
-"""`lostmotion analyze`: metrics of a stored run, or of a CSV or Parquet trace measured elsewhere."""
+"""`lostmotion analyze`: metrics of a stored run, or of a CSV, Parquet or TDMS trace measured elsewhere."""
 
 from __future__ import annotations
 
@@ -24,14 +24,11 @@ from station.evaluation import (
     wanted_of,
 )
 from station.record_store import INTERRUPTED, RECORDING, RESULT, RunRecord, Store
-from station.request import recipe_path
+from station.request import recipe_path, trace_file
 from station.result_view import result_console, show_result
 from station.run_analysis import evaluate_run
 from station.seal import alterations
 from station.trace_origin import check_recipe_fits, objections_to_bench
-
-TRACE_SUFFIXES = (".csv", ".parquet", ".tdms")
-"""Ends of names that mean a file, never a run."""
 
 
 def analyze(
@@ -53,16 +50,13 @@ def analyze(
         StationError, RecipeError, AnalysisError: what cannot be read, or what the method needs and the trace lacks.
 
     """
-    path = Path(trace)
     if preset is not None:
         known_preset(preset)
-    if path.is_file():
+    path = trace_file(trace)
+    if path is not None:
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the trace is evaluated")
         result = elsewhere(path, recipe, bench, preset, draws=draws)
-    elif path.suffix in TRACE_SUFFIXES:
-        what = "is a folder; name the file in it" if path.is_dir() else "there is no such file"
-        raise StationError(f"{trace}: {what}")
     else:
         run = Store(data).find(trace)
         if run.state() != "complete" and not alterations(run):

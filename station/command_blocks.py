@@ -16,7 +16,7 @@ from station.errors import StationError
 from station.evaluation import trace_of
 from station.record_check import read_table
 from station.record_store import RunRecord, Store
-from station.request import recipe_path
+from station.request import recipe_path, trace_file
 
 YEAR = timedelta(days=365)
 DIGITS = 6
@@ -89,15 +89,13 @@ def _source(
     trace: str, recipe: str | None, bench: str | None, data: Path
 ) -> tuple[Trace, date, Recipe, Bench | None, str]:
     """Return trace, day, recipe and bench of a file or a stored run, and a name for the blank test."""
-    path = Path(trace)
-    if path.is_file():
+    path = trace_file(trace)
+    if path is not None:
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the dummy was loaded, and the ratio")
         own = None if bench is None else load_bench(find_bench(bench))
         made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
         return read_trace(path), made, load_recipe(recipe_path(recipe)), own, f"blank-{made.isoformat()}"
-    if path.suffix in (".csv", ".parquet", ".tdms"):
-        raise StationError(f"{trace}: there is no such file")
     run = Store(data).find(trace)
     return _of_run(run, recipe, bench)
 

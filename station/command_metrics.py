@@ -12,7 +12,7 @@ from rich.text import Text
 from analysis import METRICS, Definition
 from analysis.curves import FITS
 from recipes import PRESETS
-from recipes.recipe_schema import MetricWanted, preset_metrics
+from recipes.metric_schema import MetricWanted, preset_metrics
 from station.command_analyze import known_preset
 from station.result_view import result_console
 

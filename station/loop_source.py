@@ -17,10 +17,8 @@ from station.errors import StationError
 from station.evaluation import decision_of, method_of, wanted_of
 from station.figures import figures_of
 from station.record_store import RunRecord, Store
-from station.request import recipe_path
+from station.request import recipe_path, trace_file
 from station.run_analysis import complete_run
-
-TRACE_ENDINGS = (".csv", ".parquet", ".tdms")
 
 
 @dataclass(frozen=True)
@@ -47,10 +45,8 @@ def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = 
         StationError, RecipeError, AnalysisError: what cannot be found or read.
 
     """
-    path = Path(name)
-    if not path.is_file():
-        if path.suffix in TRACE_ENDINGS:
-            raise StationError(f"{name}: there is no such file")
+    path = trace_file(name)
+    if path is None:
         if recipe is not None or bench is not None:
             raise StationError("--recipe and --bench are for files; a stored run has its own. Leave them out")
         return _of_run(Store(data).find(name))

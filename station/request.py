@@ -26,8 +26,12 @@ from recipes import (
     shipped_recipes,
     warnings,
 )
+from station.errors import StationError
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
+
+TRACE_ENDINGS = (".csv", ".parquet", ".tdms")
+"""By which a name is that of a file, and not of a stored run."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +123,22 @@ def recipe_path(name_or_path: str) -> Path:
     """Return a recipe's file by path or by the name of a shipped one."""
     path = Path(name_or_path)
     return path if path.exists() else shipped_recipes().get(name_or_path, path)
+
+
+def trace_file(name: str) -> Path | None:
+    """Return the file of a trace that was measured elsewhere; None for the name of a stored run.
+
+    Raises:
+        StationError: what is named is a file by its ending, and is not there.
+
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    if path.suffix in TRACE_ENDINGS:
+        what = "is a folder; name the file in it" if path.is_dir() else "there is no such file"
+        raise StationError(f"{name}: {what}")
+    return None
 
 
 def _bench_file(name: str | None, recipe: Recipe | None) -> Path:

@@ -29,8 +29,9 @@ from drivers.virtual.drive_axis import DriveAxis
 from drivers.virtual.fault_injector import FaultInjector
 from drivers.virtual.fault_schedule import LOST
 from drivers.virtual.frame_faults import TPDO1_BASE
-from drivers.virtual.plant import Plant, Sample
+from drivers.virtual.plant import Plant
 from drivers.virtual.scenario import Scenario
+from drivers.virtual.slow_devices import SlowDevices
 
 CONTROLWORDS: dict[int, int] = {
     DriveCommand.DISABLE_VOLTAGE: 0x0000,
@@ -51,11 +52,6 @@ DRIVE_STATES: dict[PowerState, int] = {
     PowerState.FAULT_REACTION_ACTIVE: int(DriveState.FAULT_REACTION_ACTIVE),
     PowerState.FAULT: int(DriveState.FAULT),
 }
-LINKS: dict[str, int] = {
-    "amplifier": int(Link.AMPLIFIER),
-    "brake": int(Link.BRAKE),
-    "remote_io": int(Link.REMOTE_IO),
-}
 # Asked in every scan: a member looked up by its class costs twenty times as much.
 HOMING, VELOCITY_MODE = DriveMode.HOMING, DriveMode.CYCLIC_SYNC_VELOCITY
 CYCLIC = (VELOCITY_MODE, DriveMode.CYCLIC_SYNC_TORQUE)
@@ -64,9 +60,6 @@ _image_of = partial(tuple.__new__, Image)
 INT32 = 0x7FFFFFFF
 STATUS = struct.Struct("<HbhB")  # transmit PDO 1 of the shipped drive profile, for faults that change its bytes
 POWER_ON_NS = 100_000_000  # the devices have been on for a while when the first scan comes
-NO_SAMPLE = Sample(0.0, 0.0, 0.0, 0.0, 0, 0, 4)
-CURRENT_STEP_A = 1e-3
-TEMPERATURE_STEP_C = 0.1
 
 
 class VirtualTimeBench:
@@ -79,31 +72,23 @@ class VirtualTimeBench:
         self.axis.protect(config.drive.protections, config.drive.controller_node_id)
         drive = config.drive
         self.faults = FaultInjector(scenario, self.plant, self.axis, (drive.node_id, drive.controller_node_id))
+        self.slow = SlowDevices(config, self.plant, self.faults, period_ns)
         self._tpdo1_cob = TPDO1_BASE + drive.node_id
         self._period_ns = period_ns
-        self._config = config
         self._torque_unit_nm = drive.rated_torque_nm / 1000.0 * drive.gear_ratio
         self._rad_per_count = 2.0 * pi / drive.profile.position_counts_per_motor_rev / drive.gear_ratio
         self._rad_s_per_count = 1.0 / drive.profile.velocity_counts_per_rad_s / drive.gear_ratio
         self._node = drive.controller_node_id
         self._beat_every = max(round(drive.controller_heartbeat_s * 1e9 / period_ns), 1)
         self._drive_beat_every = max(round(drive.protections.drive_heartbeat_s * 1e9 / period_ns), 1)
-        self._sample_every = max(round(config.amplifier_poll.every_s * 1e9 / period_ns), 1)
-        self._brake_every = max(round(config.brake_poll.every_s * 1e9 / period_ns), 1)
-        self._io_every = max(round(config.remote_io_poll.every_s * 1e9 / period_ns), 1)
         # Values as the devices last sent them, and the scans at which they arrive.
         self._status = (0, 0, 0, 0, 0)  # state, word, mode, torque, error register
         self._motion = (0, 0)
         self._late_status: list[tuple[int, bytes]] = []  # arrival [ns] and data of delayed frames
         self._emcy = 0
-        self._sample = NO_SAMPLE
-        self._brake_values = (0.0, 0)
-        self._io_values = (0, 0, 0.0, 0.0)
         self._status_scan = self._motion_scan = -AGE_NEVER
-        self._sample_scan = self._brake_scan = self._io_scan = -AGE_NEVER
         self._beat_scan = 0
         self._nmt_state = NmtState.OPERATIONAL.value
-        self._orders_brake: tuple[int, float] = (0, 0.0)
 
     def read(self, scan: int, missed_periods: int, command: int) -> Image:
         """Let the time since the last scan pass and return what has arrived from the devices."""
@@ -115,9 +100,10 @@ class VirtualTimeBench:
         self.faults.step(now_ns)
         state, word, mode, torque, register = self._status
         position, velocity = self._motion
-        sample = self._sample
-        current, brake_on = self._brake_values
-        estop, guard, housing, ambient = self._io_values
+        slow = self.slow
+        sample = slow.sample
+        current, brake_on = slow.brake_values
+        estop, guard, housing, ambient = slow.io_values
         cyclic = mode in CYCLIC
         homing = mode == HOMING
         image: Image = _image_of(
@@ -146,15 +132,15 @@ class VirtualTimeBench:
                 sample.counter,
                 sample.time_us,
                 sample.status,
-                age if (age := scan - self._sample_scan) < AGE_NEVER else AGE_NEVER,
+                age if (age := scan - slow.sample_scan) < AGE_NEVER else AGE_NEVER,
                 current,
                 brake_on,
-                age if (age := scan - self._brake_scan) < AGE_NEVER else AGE_NEVER,
+                age if (age := scan - slow.brake_scan) < AGE_NEVER else AGE_NEVER,
                 estop,
                 guard,
                 housing,
                 ambient,
-                age if (age := scan - self._io_scan) < AGE_NEVER else AGE_NEVER,
+                age if (age := scan - slow.io_scan) < AGE_NEVER else AGE_NEVER,
                 self._links_lost() if self.faults.active else 0,
             )
         )
@@ -181,9 +167,9 @@ class VirtualTimeBench:
         if arrived and synced:  # what is not followed by SYNC waits, and the next set-point takes its place
             self._write_drive(orders, now_ns)
         axis.apply()
-        self._write_brake(orders)
+        self.slow.write_brake(orders)
         self._answer_drive(scan, synced=synced)
-        self._answer_slow(scan)
+        self.slow.answer(scan)
 
     def close(self) -> None:
         """Release nothing: there are no wires."""
@@ -199,16 +185,6 @@ class VirtualTimeBench:
         word = CONTROLWORDS[orders.drive_command]
         if faults.takes_controlword(word, machine.controlword):
             machine.write_controlword(word, now_ns)
-
-    def _write_brake(self, orders: Orders) -> None:
-        wanted = (orders.brake_on, orders.brake_current_a)
-        if wanted == self._orders_brake:
-            return
-        if self.faults.device("brake")[0] in ("off", "exception", "silence"):
-            return
-        self._orders_brake = wanted
-        current = round(orders.brake_current_a / CURRENT_STEP_A) * CURRENT_STEP_A if orders.brake_on else 0.0
-        self.plant.set_brake_current(current)
 
     def _answer_drive(self, scan: int, *, synced: bool) -> None:
         machine, faults = self.axis.machine, self.faults
@@ -251,43 +227,9 @@ class VirtualTimeBench:
         self._status = (state, word, mode, torque, register)
         self._status_scan = scan + 1
 
-    def _answer_slow(self, scan: int) -> None:
-        plant = self.plant
-        undisturbed = not self.faults.active
-        if scan % self._sample_every == 0 and (undisturbed or self._answers("amplifier", scan)):
-            if undisturbed or not self._frozen("amplifier"):
-                self._sample = plant.sample()
-            self._sample_scan = scan + 1
-        if scan % self._brake_every == 0 and self._answers("brake", scan):
-            if not self._frozen("brake"):
-                self._brake_values = (plant.brake_current_a, self._orders_brake[0])
-            self._brake_scan = scan + 1
-        # values of a device whose life counter stands still go on ageing, as in the driver
-        if scan % self._io_every == 0 and self._answers("remote_io", scan) and not self._frozen("remote_io"):
-            wires = self.faults.wires
-            housing_c = plant.housing_temp_c + wires.housing_offset_k
-            self._io_values = (
-                int(wires.estop_released),
-                int(wires.guard_closed),
-                round(housing_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
-                round(plant.ambient_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
-            )
-            self._io_scan = scan + 1
-
-    def _answers(self, device: str, scan: int) -> bool:
-        """Whether a request of this scan is answered before the next; a slow device is asked again when it has."""
-        verb, value = self.faults.device(device)
-        if verb == "slow":
-            every = max(round(value * 1e6 / self._period_ns), 1)
-            return scan % every == 0
-        return verb in ("", "freeze")
-
-    def _frozen(self, device: str) -> bool:
-        return self.faults.device(device)[0] == "freeze"
-
     def _links_lost(self) -> int:
         cut = int(Link.CAN) if ("can.bus", "cut") in self.faults.active else 0
-        return cut + sum(bit for device, bit in LINKS.items() if self.faults.device(device)[0] in ("off", "exception"))
+        return cut + self.slow.links_lost()
 
 
 def _arrival(late: tuple[int, bytes]) -> int:

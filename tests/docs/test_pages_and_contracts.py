@@ -1,17 +1,17 @@
 """The reference pages say what the tables of the code say."""
 
-import importlib.util
+import re
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
-from station.cli import app
+from docs import generate
+from station.cli import COMMANDS, app
 
 ROOT = Path(__file__).parents[2]
-SPEC = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
-generate = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(generate)
 
 
 @pytest.mark.parametrize("page", sorted(generate.PAGES))
@@ -28,8 +28,13 @@ def test_drivers_are_kept_from_every_module_of_the_controller_but_the_image():
     assert modules - {"controller.__init__", "controller.image"} <= set(contract["forbidden_modules"])
 
 
-def test_every_command_is_on_the_page_of_the_command_line():
+def test_the_page_of_the_command_line_has_every_command_once_and_in_the_order_of_the_help():
     page = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8")
-    names = [info.name or info.callback.__name__.replace("_", "-") for info in app.registered_commands]
-    missing = [name for name in names if f"`{name}" not in page]
-    assert missing == []
+    rows = re.findall(r"^\| `([^`]+)`(.*)", page.partition("\n## ")[0], re.MULTILINE)
+    listed = [what.split()[0] for what, _ in rows]
+    assert list(dict.fromkeys(listed)) == [name for commands in COMMANDS.values() for name in commands]
+    assert [name for name, times in Counter(listed).items() if times > 1] == ["faults"]
+    for group in ("study", "faults"):
+        row = " ".join(what + rest for what, rest in rows if what.startswith(group))
+        missing = [name for name in get_command(app).commands[group].commands if name not in row]
+        assert missing == []

@@ -27,9 +27,9 @@ from recipes import (
     shipped_benches,
     shipped_recipes,
 )
+from recipes.metric_schema import PresetName, preset_metrics
 from recipes.metric_units import FITS as FITS_OF_RECIPES
 from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
-from recipes.recipe_schema import PresetName, preset_metrics
 from recipes.section import option_name
 from recipes.sequence_schema import STAGES
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import subprocess
 import sys
-import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,10 +28,17 @@ def command(*args: str, encoding: str = "utf-8") -> subprocess.CompletedProcess[
 def test_help_answers_at_once() -> None:
     took = []
     for _ in range(3):
-        before = time.perf_counter()
+        before = _processor_s()
         assert command("--help").returncode == 0
-        took.append(time.perf_counter() - before)
+        took.append(_processor_s() - before)
+    # Of the processor and not of the clock: a busy machine is not what is tested.
     assert min(took) < 0.4
+
+
+def _processor_s() -> float:
+    """Processor time of all child processes that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 @pytest.mark.parametrize("name", ["run", "check", "analyze", "show", "list", "virtual-bench", "recover"])
@@ -53,6 +60,9 @@ BAD = (
     (("run", RECIPE, "--bench", "example-socketcan"), "--serial is missing: scan the unit's label"),
     (("check", "nothing.yaml"), "nothing.yaml"),
     (("analyze", "nothing.csv", "--recipe", RECIPE), "nothing.csv"),
+    (("analyze", "nothing.tdms", "--recipe", RECIPE), "nothing.tdms: there is no such file"),
+    (("blank", "nothing.tdms", "--recipe", RECIPE), "nothing.tdms: there is no such file"),
+    (("model", "nothing.tdms"), "nothing.tdms: there is no such file"),
     (("analyze", "tests/data/loop_published_curve.csv"), "--recipe"),
     (("show", "nothing"), "holds no runs"),
     (("virtual-bench", "--can", "here"), "HOST:PORT"),

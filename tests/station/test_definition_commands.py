@@ -11,7 +11,7 @@ import pytest
 
 from analysis import METRICS, Method, MetricWanted, analyse, read_trace
 from recipes import PRESETS, find_recipe, load_bench, parse_recipe
-from recipes.recipe_schema import preset_metrics
+from recipes.metric_schema import preset_metrics
 from station.command_analyze import analyze
 from station.command_metrics import metrics
 from station.command_repeatability import repeat

@@ -16,7 +16,7 @@ import pytest
 from analysis import AnalysisError
 from analysis.models import model_from_json
 from drivers.virtual.units import P1
-from station import command_analyze, command_model, command_report
+from station import command_analyze, command_model, command_play_model, command_report
 from station.command_model import Asked, fixed_values
 from station.errors import StationError
 from station.headline import virtual_badges
@@ -181,7 +181,7 @@ def test_a_model_of_the_run_is_identified_exported_and_played(
     assert (found["virtual"], found["refused"]) == (True, [])
     angles = tmp_path / "angles.csv"
     angles.write_text("angle_arcmin\n0\n1.5\n-1\n")
-    command_model.play_model(out, angles, tmp_path / "torques.csv", as_json=False)
+    command_play_model.play_model(out, angles, tmp_path / "torques.csv", as_json=False)
     played = np.loadtxt(tmp_path / "torques.csv", delimiter=",", skiprows=1)
     direct, _ = model_from_json(out.read_text(encoding="utf-8")).play(np.array([0.0, 1.5, -1.0]))
     assert played[:, 1] == pytest.approx(direct, rel=1e-8)
@@ -233,7 +233,7 @@ def test_a_file_that_is_no_model_is_told(text: str, tmp_path: Path) -> None:
     path = tmp_path / "m.json"
     path.write_bytes(text.encode(errors="surrogatepass"))
     with pytest.raises((AnalysisError, StationError), match=r"m\.json"):
-        command_model.play_model(path, path, None, as_json=False)
+        command_play_model.play_model(path, path, None, as_json=False)
 
 
 def test_gates_budgets_and_stages_become_rows() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.virtual.plant import elastic_windup_arcmin
+from drivers.virtual.plant_parameters import elastic_windup_arcmin
 from drivers.virtual.units import UNITS, Unit, find_unit
 
 

@@ -1,10 +1,9 @@
-"""Models, line statistics and reports on the command line."""
+"""Commands on many runs: the line, the gage, the master part, the rule of decision."""
 
 # ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,8 +17,8 @@ from station.cli_options import (
     JsonOption,
     LevelOption,
     MetricOption,
+    PresetOption,
     RecipeFilter,
-    RunArgument,
     SerialFilter,
     SideOption,
 )
@@ -29,65 +28,20 @@ AttemptsOption = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module to the command line."""
-    for command in (report, model, play_model, capability, units, gage, master_part, decision):
-        app.command()(command)
-
-
-def report(
-    name: RunArgument,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to. Default: that of the run.")
-    ] = None,
-    open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
-    data: DataOption = DEFAULT_DATA,
-    as_json: JsonOption = False,
-) -> None:
-    """Write the report of a stored run, as HTML that stands alone and as PDF."""
-    from station import command_report
-
-    raise typer.Exit(command_report.report(name, data, out, open_it=open_it, as_json=as_json))
-
-
-def model(
-    trace: Annotated[str, typer.Argument(metavar="TRACE", help="Stored run, or a CSV, Parquet or TDMS file.")],
-    kind: Annotated[
-        str, typer.Option("--kind", metavar="NAME", help="cubic, dahl, bouc-wen, maxwell-slip, or all to compare.")
-    ] = "all",
-    fix: Annotated[
-        list[str] | None,
-        typer.Option("--fix", metavar="NAME=VALUE", help="A parameter that is known; may be repeated."),
-    ] = None,
+def repeatability(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN...", help="Runs or traces of one unit, or its serial.")],
     recipe: Annotated[
-        str | None, typer.Option("--recipe", metavar="RECIPE", help="How to evaluate a file. A run has its own.")
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="Evaluate all by this recipe. Default: each run's own."),
     ] = None,
-    bench: Annotated[
-        str | None, typer.Option("--bench", metavar="FILE", help="Bench that a file comes from: its fixture.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write the parameters as JSON, for a simulator.")
-    ] = None,
+    preset: PresetOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Identify a model of the reducer from its loop, with uncertainties, for a robot simulator."""
-    from station.command_model import Asked
-    from station.command_model import model as identify
+    """Show mean and standard deviation of each metric over cycles and over runs of a unit. Exit code: 0, or 2."""
+    from station import command_repeatability
 
-    raise typer.Exit(identify(Asked(trace, kind, fix or [], recipe, bench, data, out), as_json=as_json))
-
-
-def play_model(
-    file: Annotated[Path, typer.Argument(metavar="MODEL", help="Model that 'model --out' wrote.")],
-    angles: Annotated[Path, typer.Argument(metavar="ANGLES", help="CSV file with a column angle_arcmin.")],
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="CSV file. Default: the screen.")] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Play an exported model: wind-ups in, torques out, as a simulator would."""
-    from station import command_model
-
-    raise typer.Exit(command_model.play_model(file, angles, out, as_json=as_json))
+    raise typer.Exit(command_repeatability.repeat(runs, recipe, preset, data, as_json=as_json))
 
 
 def capability(

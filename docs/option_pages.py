@@ -1,0 +1,129 @@
+"""The pages of every option of a recipe and of a bench file, read off their schemas."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from docs.markdown import NOTE, table
+from recipes.bench_schema import (
+    AngleSensor,
+    BenchHeader,
+    BrakeDevice,
+    CanBus,
+    Drive,
+    ModbusDevice,
+    Sensors,
+    TorqueSensor,
+)
+from recipes.calibration_schema import Calibration, Fixture, FixtureCurve, QuadrantLine
+from recipes.metric_schema import MetricWanted
+from recipes.quantity import show
+from recipes.recipe_schema import (
+    Decision,
+    Header,
+    Interlocks,
+    LoadingTorqueRatio,
+    Measurement,
+    Sampling,
+    UnitUnderTest,
+    Validity,
+)
+from recipes.section import Quantity
+from recipes.sequence_schema import (
+    Calibrate,
+    FatigueCycles,
+    Home,
+    Lock,
+    Release,
+    SpeedCycles,
+    StepCycles,
+    TorqueCycles,
+    Unload,
+)
+
+
+def _quantity(field: FieldInfo) -> Quantity | None:
+    """The kind of quantity that an option takes, None when it takes something else."""
+    arguments = get_args(field.annotation)
+    parts = [*field.metadata, *(part for item in arguments for part in getattr(item, "__metadata__", ()))]
+    return next((part for part in parts if isinstance(part, Quantity)), None)
+
+
+def _default(field: FieldInfo) -> str:
+    """The default of an option, with its unit."""
+    quantity = _quantity(field)
+    if field.is_required() or field.default in (None, ""):
+        return "required" if field.is_required() else ""
+    if quantity is not None and isinstance(field.default, float):
+        return f"default {show(field.default / quantity.scale, quantity.kind)}"
+    return f"default `{field.default}`"
+
+
+def _allowed(field: FieldInfo) -> str:
+    """What an option takes, in words."""
+    if field.description:
+        return field.description
+    quantity = _quantity(field)
+    if quantity is not None:
+        return quantity.allowed()
+    arguments = [item for item in get_args(field.annotation) if item is not type(None)]
+    for item in (field.annotation, *arguments):
+        if get_origin(item) is Literal:
+            return " or ".join(f"`{value}`" for value in get_args(item))
+    limits = {
+        key: value
+        for part in field.metadata
+        for key, value in ((key, getattr(part, key, None)) for key in ("ge", "gt", "le", "lt"))
+        if value is not None
+    }
+    words = {"ge": "from", "gt": "above", "le": "up to", "lt": "below"}
+    bounds = " ".join(f"{words[key]} {value:g}" for key, value in limits.items())
+    plain = {int: "whole number", float: "number", str: "text", bool: "`true` or `false`", date: "date"}
+    bare = [getattr(item, "__origin__", item) for item in (field.annotation, *arguments)]
+    kind = next((plain[item] for item in bare if item in plain), "section or list, see there")
+    return f"{kind} {bounds}".strip()
+
+
+def _options(model: type[BaseModel]) -> str:
+    """Table of the options of a section."""
+    options = ((field.alias or key, field) for key, field in model.model_fields.items() if key != "kind")
+    rows = ((f"`{option}`", _allowed(field), _default(field)) for option, field in options)
+    return table(("option", "what it takes", ""), rows)
+
+
+def recipe_options() -> str:
+    """The page of every option of a recipe."""
+    sections = {
+        "recipe": Header, "unit_under_test": UnitUnderTest, "unit_under_test.loading_torque_ratio": LoadingTorqueRatio,
+        "measurement": Measurement, "sampling": Sampling, "interlocks": Interlocks, "metrics (each)": MetricWanted,
+        "decision": Decision, "validity": Validity,
+    }  # fmt: skip
+    steps = {
+        "home": Home, "lock": Lock, "calibrate": Calibrate, "torque_cycles": TorqueCycles, "speed_cycles": SpeedCycles,
+        "step_cycles": StepCycles, "fatigue_cycles": FatigueCycles, "unload": Unload, "release": Release,
+    }  # fmt: skip
+    text = "# Every option of a recipe\n\n" + NOTE
+    text += "\n`loading` is `input` or `output`. Times, ages and speeds without default must be given.\n"
+    for name_of, model in sections.items():
+        text += f"\n## {name_of}\n\n{_options(model)}"
+    for name_of, model in steps.items():
+        text += f"\n## sequence: {name_of}\n\n{(model.__doc__ or '').strip()}\n\n{_options(model)}"
+    return text
+
+
+def bench_options() -> str:
+    """The page of every option of a bench file."""
+    sections = {
+        "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
+        "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
+        "fixture": Fixture, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine,
+    }  # fmt: skip
+    text = "# Every option of a bench file\n\n" + NOTE
+    for name_of, model in sections.items():
+        about = " ".join((model.__doc__ or "").split())
+        text += f"\n## {name_of}\n\n{about}\n\n{_options(model)}"
+    return text

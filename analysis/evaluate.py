@@ -17,10 +17,17 @@ from analysis.loop import Loop
 from analysis.method import Decision, Method, MetricWanted
 from analysis.metrics import Definition, definition
 from analysis.quadrants import Quadrants, TorqueLine
-from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, of_scatter
-from analysis.uncertainty.measurement import Measurement
+from analysis.uncertainty.budget import COVERAGE_FACTOR, NOISE, SCATTER, Budget, of_scatter
+from analysis.uncertainty.measurement import ONE_CYCLE, Measurement
 from analysis.units import RAD_PER_ARCMIN
 from analysis.verdict import Verdict, check_limits, judge, worst
+
+UNTIMED = (
+    "delay and drift are not in its uncertainty, for the trace has no time; the guard band needs them: record the time "
+    "(t_s)"
+)
+OF_CYCLES = (NOISE[0], SCATTER[0], "drift_unseen")
+"""Rows of a budget that more cycles make smaller."""
 
 __all__ = ["COVERAGE_FACTOR", "MetricResult", "SideValue", "evaluate"]
 
@@ -31,6 +38,8 @@ class _Measured(NamedTuple):
     values: tuple[float, ...]
     budget: Budget | None
     trouble: str
+    why_none: str = ONE_CYCLE
+    """Why there is no budget where there are values."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +65,7 @@ class SideValue:
 
     @property
     def uncertainty_kind(self) -> str | None:
-        """What the uncertainty contains: "budget" every source, "repeatability" scatter alone; None without any."""
+        """What the uncertainty contains, the kind of `Budget`; None without any."""
         return None if self.budget is None else self.budget.kind
 
 
@@ -212,7 +221,8 @@ def _from_loops(row: Definition, ask: Ask, loops: Sequence[Loop], measurement: M
     values = tuple(turn * value for value in values)
     if measurement is None:
         return _Measured(values, of_scatter(values, unit), "")
-    return _Measured(values, measurement.of_loops(lambda loop: turn * estimate(loop, ask), values, unit), "")
+    budget = measurement.of_loops(lambda loop: turn * estimate(loop, ask), values, unit)
+    return _Measured(values, budget, "", measurement.why_none)
 
 
 def _from_ratio(
@@ -229,7 +239,7 @@ def _from_ratio(
 
 def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:
     """Judge one side and word the reason when it does not pass."""
-    values, budget, trouble = measured
+    values, budget, trouble, why_none = measured
     expanded = None if budget is None else budget.expanded
     value = float(np.mean(values)) if values else None
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
@@ -241,9 +251,13 @@ def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Deci
         verdict, reason = Verdict.PASS, ""
     elif invalid:
         verdict, reason = Verdict.NOT_DECIDABLE, ""
+    elif decision.rule == "guard_band" and budget is not None and budget.kind == "untimed":
+        verdict, reason = Verdict.NOT_DECIDABLE, f"{name}: {UNTIMED}"
     else:
         verdict, limit = judge(value, expanded, (wanted.min, wanted.max), decision)
-        reason = "" if verdict is Verdict.PASS else f"{name}: {_because(wanted, value, expanded, verdict, limit)}"
+        reason = (
+            "" if verdict is Verdict.PASS else f"{name}: {_because(wanted, value, budget, verdict, limit, why_none)}"
+        )
     return SideValue(side, value, expanded, deviation, values, verdict, reason, budget)
 
 
@@ -270,16 +284,26 @@ def _judged_grade(
     )
 
 
-def _because(wanted: MetricWanted, value: float, expanded: float | None, verdict: Verdict, limit: str) -> str:
+def _because(  # noqa: PLR0917 - what was found, and what it was held against
+    wanted: MetricWanted, value: float, budget: Budget | None, verdict: Verdict, limit: str, why_none: str
+) -> str:
     row = definition(wanted)
     unit = "" if row.unit == "1" else f" {row.unit}"
-    if expanded is None and verdict is Verdict.NOT_DECIDABLE:
-        return f"{value:.4g}{unit} has no uncertainty, which the guard band needs; measure two cycles or more"
+    if budget is None and verdict is Verdict.NOT_DECIDABLE:
+        return f"{value:.4g}{unit}: its uncertainty, which the guard band needs, {why_none}"
     bound = wanted.min if limit == "min" else wanted.max
-    if verdict is Verdict.NOT_DECIDABLE:
+    if budget is not None and verdict is Verdict.NOT_DECIDABLE:
         return (
             f"{value:.4g}{unit} is too near to the limit of {bound:g}{unit} for its uncertainty of "
-            f"{expanded:.2g}{unit}: neither PASS nor FAIL can be defended; measure more cycles"
+            f"{budget.expanded:.2g}{unit}: neither PASS nor FAIL can be defended; {_what_helps(budget)}"
         )
     where, meaning = ("below", row.too_low) if limit == "min" else ("above", row.too_high)
     return f"{value:.4g}{unit} is {where} the limit of {bound:g}{unit}: {meaning}"
+
+
+def _what_helps(budget: Budget) -> str:
+    """Say what makes an uncertainty smaller: more cycles, unless most of it is in all cycles alike."""
+    largest = budget.rows[0] if budget.rows else None
+    if largest is None or largest.quantity in OF_CYCLES:
+        return "measure more cycles"
+    return f"the largest part is {largest.text}, which more cycles do not lower"

@@ -5,20 +5,22 @@ Each returns a Reading, or the reason in words why the figure does not apply her
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from analysis.alignment import windup_speed
+from analysis.alignment import skew_of_cycles, windup_speed
 from analysis.branches import Blocks
 from analysis.closure import closure_gaps_arcmin
+from analysis.errors import AnalysisError
 from analysis.measured import Evidence, Measured
+from analysis.reading import NOT_EVALUATED, Reading, span_arcmin
 from analysis.samples import BranchSamples
 from analysis.standing_angle import angle_stands, windup_stands
 from analysis.units import BoolArray, FloatArray
 
-NOT_EVALUATED = "the trace could not be evaluated"
 NO_RECORD = "the trace comes from elsewhere: nothing is known of how it was recorded"
+EXAMPLE_LAG_S = 0.01
+"""Lag whose effect is told where the lag is not known."""
+
 GRID_POINTS = 81
 MIDDLE = 0.8
 """Share of the peak torque up to which branches are compared: beyond it friction may still be reversing."""
@@ -28,16 +30,6 @@ RATE_BLOCKS = 60
 
 BIN_FRACTION = 0.02
 """Width of a torque bin, of the reference torque."""
-
-LOADED_FRACTION = 0.5
-"""Share of the reference torque above which the two torque channels are compared."""
-
-
-class Reading(NamedTuple):
-    """Figure of a gate in its unit, and words that say more than the gate's own; infinity where there is no number."""
-
-    figure: float
-    words: str = ""
 
 
 def objections(evidence: Evidence) -> Reading | str:
@@ -118,7 +110,7 @@ def loop_closure(evidence: Evidence) -> Reading | str:
     gaps = closure_gaps_arcmin(found.pairs, found.blocks)
     if gaps is None:
         return "the torque after a reversal is masked: the cycle has no start to compare"
-    return Reading(100.0 * max(gaps) / _span(found))
+    return Reading(100.0 * max(gaps) / span_arcmin(found))
 
 
 def drift(evidence: Evidence) -> Reading | str:
@@ -129,7 +121,7 @@ def drift(evidence: Evidence) -> Reading | str:
     shift = found.drift.per_cycle_arcmin
     if shift is None:
         return "one cycle of a kind shows no drift"
-    return Reading(100.0 * abs(shift) / _span(found), f"the wind-up drifts by {abs(shift):.3g} arcmin in a cycle")
+    return Reading(100.0 * abs(shift) / span_arcmin(found), f"the wind-up drifts by {abs(shift):.3g} arcmin in a cycle")
 
 
 def repeat(evidence: Evidence) -> Reading | str:
@@ -147,7 +139,7 @@ def repeat(evidence: Evidence) -> Reading | str:
     for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):
         angles = np.array([branch.at(grid) for branch in branches])
         worst = max(worst, float(np.sqrt(np.square(angles - angles.mean(axis=0)).mean(axis=1)).max()))
-    return Reading(100.0 * worst / _span(found))
+    return Reading(100.0 * worst / span_arcmin(found))
 
 
 def lag(evidence: Evidence) -> Reading | str:
@@ -157,7 +149,7 @@ def lag(evidence: Evidence) -> Reading | str:
         return NOT_EVALUATED
     skew = found.skew
     if skew.corrected_s is None or skew.left_s is None:
-        return "the lags of the channels are not known"
+        return _lag_from_speeds(found)
     delay = abs(skew.corrected_s) + abs(skew.left_s)
     if delay == 0.0:
         return Reading(0.0)
@@ -166,7 +158,30 @@ def lag(evidence: Evidence) -> Reading | str:
         return Reading(np.inf, "torque and angle lag differently and the trace has no time to say what it makes")
     width = 2.0 * speed * delay
     words = f"{delay * 1e3:.3g} ms between torque and angle move the width of the loop by {width:.3g} arcmin"
-    return Reading(100.0 * width / _span(found), words)
+    return Reading(100.0 * width / span_arcmin(found), words)
+
+
+def _lag_from_speeds(found: Measured) -> Reading | str:
+    """Figure of the gate where nobody has said how late the channels are: two speeds show it, one does not."""
+    ramps = [number for number, pair in enumerate(found.pairs) if all(len(one.run.pieces) == 1 for one in pair)]
+    loops, pairs = [found.loops[number] for number in ramps], [found.pairs[number] for number in ramps]
+    unknown = "not measured: the lags of the channels are not known"
+    speeds = [windup_speed(one) for pair in pairs for one in pair]
+    if not speeds or not np.isfinite(speeds).all():
+        return f"{unknown}, and the trace has no time to say what they would make"
+    try:
+        estimated = skew_of_cycles(loops, pairs)
+    except AnalysisError:
+        each = 2.0 * max(speeds) * EXAMPLE_LAG_S
+        return (
+            f"{unknown}, and one speed does not show them: at {max(speeds):.3g} arcmin/s each "
+            f"{EXAMPLE_LAG_S * 1e3:g} ms between torque and angle move the width of the loop by {each:.2g} arcmin"
+        )
+    width = 2.0 * max(speeds) * abs(estimated.skew_s)
+    words = (
+        f"the width of the loop changes with the speed as by {estimated.skew_s * 1e3:.3g} ms between torque and angle"
+    )
+    return Reading(100.0 * width / span_arcmin(found), words)
 
 
 def ramp_rate(evidence: Evidence) -> Reading | str:
@@ -264,46 +279,5 @@ def temperature_high(evidence: Evidence) -> Reading | str:
     return "no temperature was measured" if values is None else Reading(float(values.max()))
 
 
-def locked_angle(evidence: Evidence) -> Reading | str:
-    """Count deflections that are in the wind-up and that nobody knows."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
-    method, curve = found.method, found.method.fixture_curve
-    known = method.fixture_stiffness_nm_per_arcmin is not None or (curve is not None and curve.angles == "loaded")
-    return Reading(0.0 if known or found.angles != "loaded" else 1.0)
-
-
-def torque_agreement(evidence: Evidence) -> Reading | str:
-    """How far T_out / (i·T_in) is from one under load, %: friction takes some of it, a wrong channel much more."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
-    trace, method = found.trace, found.method
-    if trace.torque_in_nm is None or trace.torque_out_nm is None:
-        return "one torque channel has none to agree with"
-    ratios = []
-    for one in _sides(found):
-        torque_in, torque_out = one.run.take(trace.torque_in_nm), one.run.take(trace.torque_out_nm)
-        step = -(-torque_in.size // 2000)
-        torque_in, torque_out = torque_in[::step], torque_out[::step]
-        # Of the shaft that the servo does not drive, the torque is what friction lets through: loading only.
-        loading = one.run.direction * torque_out > LOADED_FRACTION * method.reference_nm
-        ratios.append(torque_out[loading] / (method.ratio * torque_in[loading]))
-    under_load = np.concatenate(ratios)
-    if not under_load.size:
-        return "the reference torque is not half reached"
-    ratio = float(np.median(under_load))
-    return Reading(100.0 * abs(ratio - 1.0), f"T_out / (ratio · T_in) is {ratio:.3g} under load")
-
-
 def _sides(found: Measured) -> list[BranchSamples]:
     return [one for pair in found.pairs for one in pair]
-
-
-def _span(found: Measured) -> float:
-    """Wind-up between the turning points of the first cycle, arcmin."""
-    loop = found.loops[0]
-    top = max(float(loop.forward.angle_arcmin[-1]), float(loop.backward.angle_arcmin[-1]))
-    bottom = min(float(loop.forward.angle_arcmin[0]), float(loop.backward.angle_arcmin[0]))
-    return max(top - bottom, 1e-12)

@@ -11,10 +11,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from analysis import fixture_gates, torque_gates
 from analysis import gate_figures as figures
 from analysis.errors import AnalysisError
-from analysis.gate_figures import Reading
 from analysis.measured import Evidence
+from analysis.reading import Reading
+
+CHECK_RATIO = "compare the ratio in the recipe with the unit's plate, then check range and gain of both torque sensors"
 
 
 class Gate(NamedTuple):
@@ -103,7 +106,8 @@ GATES: dict[str, Gate] = {
     "lag": _row(
         "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",
         "%", 1.0, figures.lag,
-        "torque and angle lag differently", "load slower, or set both channels to the same filter",
+        "torque and angle lag differently",
+        "load slower, set both channels to the same filter, or name the bench that knows them",
     ),
     "ramp_rate": _row(
         "deviation from the steady rate that nine tenths of a branch stay within", "%", 50.0, figures.ramp_rate,
@@ -119,9 +123,25 @@ GATES: dict[str, Gate] = {
         "the torque goes back within a branch", "check drive and torque sensor, and the segments of the trace",
     ),
     "torque_agreement": _row(
-        "deviation of T_out / (ratio · T_in) under load from 1", "%", 60.0, figures.torque_agreement,
+        "deviation of T_out / (ratio · T_in) under load from 1", "%", 60.0, torque_gates.torque_agreement,
         "input and output torque do not belong together",
         "check sign, range and calibration of both sensors, and the ratio in the recipe",
+    ),
+    "efficiency_low": _row(
+        "efficiency while loading, slope of T_out over T_in over the ratio; the lower side", "%", 50.0,
+        torque_gates.efficiency_low,
+        "less torque arrives at the output than a unit of this ratio lets through", CHECK_RATIO, least=True,
+    ),
+    "efficiency_high": _row(
+        "efficiency while loading, slope of T_out over T_in over the ratio; the higher side", "%", 102.0,
+        torque_gates.efficiency_high,
+        "more torque arrives at the output than a unit of this ratio can give", CHECK_RATIO,
+    ),
+    "ratio_agreement": _row(
+        "deviation of the ratio that the torques show (harmonic mean of the slopes of loading and unloading) from that "
+        "of the recipe",
+        "%", 5.0, torque_gates.ratio_agreement,
+        "the torques show another ratio than the recipe says", CHECK_RATIO,
     ),
     "temperature_change": _row(
         "range of the housing temperature", "K", 5.0, figures.temperature_change,
@@ -136,10 +156,21 @@ GATES: dict[str, Gate] = {
         "the unit is too hot", "let it cool down; check the sensor",
     ),
     "locked_angle": _row(
-        "deflections of lock and couplings that are in the wind-up and not known", "1", 0.0, figures.locked_angle,
+        "deflections of lock and couplings that are in the wind-up and not known", "1", 0.0, fixture_gates.locked_angle,
         "the angle of the locked shaft was not measured and the stiffness of the fixture is not known: their "
         "deflection is in the wind-up",
         "measure that angle, or name a bench with its fixture", configurable=False,
+    ),
+    "locked_motion": _row(
+        "motion of the locked shaft that its torque does not explain, of the whole wind-up", "%", 2.0,
+        fixture_gates.locked_motion,
+        "the locked shaft moves", "check the lock, its encoder, and that both angles belong to this unit",
+    ),
+    "fixture_share": _row(
+        "deflection of the fixture that is taken from the wind-up, of the wind-up with it", "%", 25.0,
+        fixture_gates.fixture_share,
+        "most of what is judged would be what the fixture leaves",
+        "check stiffness and curve of the fixture in the bench file, or clamp the unit stiffer",
     ),
 }  # fmt: skip
 """All gates by id."""

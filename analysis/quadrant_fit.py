@@ -11,7 +11,7 @@ from scipy import optimize
 from analysis.errors import AnalysisError
 from analysis.quadrants import QUADRANTS, Leftover, Quadrants, TorqueLine, blended, by_lines, turn_lines
 from analysis.runs import Run
-from analysis.torque_ratio import fit_torque_ratio
+from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import Trace
 from analysis.units import FloatArray
 
@@ -44,7 +44,7 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
 
     Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
     """
-    torque_in = trace.channel("torque_in_nm", "the torque ratio")
+    trace.channel("torque_in_nm", "the torque ratio")
     torque_out = trace.channel("torque_out_nm", "the torque ratio")
     calibration = [run for run in runs if run.role == "calibrate"]
     if not calibration:
@@ -53,11 +53,27 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
             "calibrate in the sequence, or give a stored calibration"
         )
     peak = max(float(np.abs(run.take(torque_out)).max()) for run in calibration)
+    fits = fit_lines(trace, calibration)
+    lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
+    steady = Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)
+    length = _fit_transition(trace, calibration, steady, peak)
+    with_length = replace(steady, transition_rad=length)
+    return replace(with_length, left=_leftovers(trace, calibration, with_length, peak))
+
+
+def fit_lines(trace: Trace, runs: Sequence[Run]) -> dict[str, RatioFit]:
+    """Fit the line of each quadrant to runs, of any role, in which both torques were measured.
+
+    Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
+    """
+    torque_in = trace.channel("torque_in_nm", "the torque ratio")
+    torque_out = trace.channel("torque_out_nm", "the torque ratio")
+    peak = max(float(np.abs(run.take(torque_out)).max()) for run in runs)
     fits = {}
     for name in QUADRANTS:
         sign = 1 if name.endswith("positive") else -1
         loading = name.startswith("load")
-        pairs = [_points(run, torque_in, torque_out, sign, peak, loading=loading) for run in calibration]
+        pairs = [_points(run, torque_in, torque_out, sign, peak, loading=loading) for run in runs]
         x, y = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         if x.size < 3:
             raise AnalysisError(
@@ -65,11 +81,7 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
                 "up and down on both sides of zero"
             )
         fits[name] = fit_torque_ratio(x, y)
-    lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
-    steady = Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)
-    length = _fit_transition(trace, calibration, steady, peak)
-    with_length = replace(steady, transition_rad=length)
-    return replace(with_length, left=_leftovers(trace, calibration, with_length, peak))
+    return fits
 
 
 def _points(

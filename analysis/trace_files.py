@@ -19,6 +19,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 
 from analysis.errors import AnalysisError
+from analysis.file_kinds import not_a_table, printable
 from analysis.trace import ROLES, SegmentInfo, Trace, first_bad_row
 from analysis.units import RAD_PER_ARCMIN, FloatArray, IntArray
 
@@ -94,10 +95,13 @@ def _read_table(file: Path) -> Any:
             from analysis.tdms_files import read_tdms_table  # noqa: PLC0415 - half a second for one kind of file
 
             return read_tdms_table(file, frozenset([*COLUMNS, *SEGMENT_COLUMNS]))
+        wrong = "" if start == PARQUET_MAGIC else not_a_table(file)
+        if wrong:
+            raise AnalysisError(f"{file}: cannot be read as CSV, Parquet or TDMS: {wrong}")
         table = pa_parquet.read_table(file) if start == PARQUET_MAGIC else _read_csv(file)
         _ = table.column_names  # Arrow checks names when they are asked for: UnicodeDecodeError here, not later
     except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
-        reason = " ".join(str(error).split())
+        reason = printable(str(error))
         raise AnalysisError(
             f"{file}: cannot be read as CSV, Parquet or TDMS: {reason}; needed is a table with a header row, "
             "commas between columns and points in numbers"

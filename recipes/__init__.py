@@ -7,7 +7,7 @@ problems = check(recipe, bench)                     # empty when this bench can 
 
 from recipes.bench_schema import Bench
 from recipes.calibration_schema import Calibration
-from recipes.cross_check import check, check_side, out_of_date
+from recipes.cross_check import check, check_alone, check_side, out_of_date, warnings
 from recipes.loader import load_document, parse_document
 from recipes.metric_presets import PRESETS
 from recipes.metric_schema import MetricWanted
@@ -38,6 +38,7 @@ __all__ = [
     "Recipe",
     "RecipeError",
     "check",
+    "check_alone",
     "check_side",
     "default_bench",
     "find_bench",
@@ -52,4 +53,5 @@ __all__ = [
     "read_bytes",
     "shipped_benches",
     "shipped_recipes",
+    "warnings",
 ]

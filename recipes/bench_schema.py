@@ -11,16 +11,18 @@ from recipes.quantity import PERIOD, show
 from recipes.section import (
     ARCSEC_RAD,
     Age,
+    AngleError,
     AngleNoise,
     BitCount,
     Current,
-    Fraction,
     Host,
     Lag,
     Name,
     Port,
     Revision,
     Section,
+    SensorError,
+    SensorNoise,
     SmallAngle,
     Speed,
     Stiffness,
@@ -147,11 +149,11 @@ class TorqueSensor(Section):
 
     full_scale_nm: Torque
     usable_fraction: UsableRange = 1.0
-    accuracy_fraction: Fraction
-    noise_fraction: Fraction
+    accuracy_fraction: SensorError
+    noise_fraction: SensorNoise
     lag_s: Lag
-    tared_zero_fraction: Fraction = 0.0002
-    reversibility_fraction: Fraction = 0.0002
+    tared_zero_fraction: SensorError = 0.0002
+    reversibility_fraction: SensorError = 0.0002
     stated_by: Literal["data_sheet", "certificate"] = "data_sheet"
 
     @property
@@ -166,8 +168,8 @@ class AngleSensor(Section):
     resolution_bits: BitCount
     noise_rad: AngleNoise
     lag_s: Lag
-    accuracy_rad: AngleNoise = 10 * ARCSEC_RAD
-    interpolation_rad: AngleNoise = 0.5 * ARCSEC_RAD
+    accuracy_rad: AngleError = 10 * ARCSEC_RAD
+    interpolation_rad: AngleError = 0.5 * ARCSEC_RAD
 
 
 class Sensors(Section):

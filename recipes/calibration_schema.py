@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from datetime import date
 from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from recipes.quantity import ARCMINUTES, TORQUE, show
+from recipes.quantity import ARCMINUTES, STIFFNESS, TORQUE, show
 from recipes.section import (
     ARCSEC_RAD,
     AngleNoise,
     Deflection,
     Drift,
+    FixtureError,
     Fraction,
     Name,
     Section,
@@ -22,6 +24,9 @@ from recipes.section import (
     Travel,
     refusal,
 )
+
+ALIKE = 2.0
+"""How far stiffness and curve of one fixture may differ."""
 
 
 class FixturePoint(Section):
@@ -65,10 +70,29 @@ class Fixture(Section):
 
     stiffness_nm_per_arcmin: Stiffness
     curve: FixtureCurve | None = None
-    accuracy_fraction: Fraction = 0.05
+    accuracy_fraction: FixtureError = 0.05
     drift_arcmin_min: Drift = 0.005
     lock_width_rad: AngleNoise = 0.12 * ARCSEC_RAD
     lock_windup_fraction: Fraction = 0.0005
+
+    @model_validator(mode="after")
+    def _one_fixture(self) -> Fixture:
+        """The curve of a wind-up by the loaded shaft alone is that of the fixture whose stiffness stands beside it."""
+        if self.curve is None or self.curve.angles != "loaded":
+            return self
+        first, last = self.curve.points[0], self.curve.points[-1]
+        deflection = last.deflection_arcmin - first.deflection_arcmin
+        by_curve = (last.torque_nm - first.torque_nm) / deflection if deflection else math.inf
+        stated = self.stiffness_nm_per_arcmin
+        if not stated / ALIKE <= by_curve <= stated * ALIKE:
+            shown = f"{by_curve:.4g} {STIFFNESS.shown}" if deflection else "no deflection at all"
+            found = f"a curve of {shown} beside a stiffness of {show(stated, STIFFNESS)}"
+            allowed = (
+                f"a curve of {show(stated / ALIKE, STIFFNESS)} to {show(stated * ALIKE, STIFFNESS)} from end to end"
+            )
+            hint = "One of the two is of another fixture: enter 'lostmotion blank' and the stiffness that it shows."
+            raise refusal(found, allowed, hint, at="curve")
+        return self
 
 
 class QuadrantLine(Section):

@@ -9,7 +9,7 @@ from recipes.bench_schema import Bench
 from recipes.expectations import Finding, loaded_steps, windup_rad
 from recipes.metric_units import METRIC_NEEDS
 from recipes.problems import one_of
-from recipes.quantity import ANGLE, PERIOD, TORQUE, show
+from recipes.quantity import ANGLE, FRACTION, PERIOD, TORQUE, show
 from recipes.recipe_schema import Recipe
 from recipes.sequence_schema import Calibrate, SpeedCycles, StepCycles, TorqueCycles
 
@@ -73,6 +73,23 @@ def check_calibration(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
         if bench.sensors.torque_in is None or bench.sensors.torque_out is None:
             found = f"a step calibrate on bench '{bench.bench.name}', which lacks a torque sensor"
             yield Finding(place, found, "a torque sensor at input and output", "Use a stored calibration.")
+
+
+def check_torque_ratio(recipe: Recipe, _bench: Bench) -> Iterator[Finding]:
+    """The catalogue's loading line and the ratio make an efficiency that the validity gates let pass."""
+    if recipe.loading != "input":
+        return
+    unit, validity = recipe.unit_under_test, recipe.validity
+    efficiency = unit.loading_torque_ratio.slope / unit.ratio
+    low, high = validity.efficiency_low_fraction, validity.efficiency_high_fraction
+    if not low <= efficiency <= high:
+        found = (
+            f"a slope of {unit.loading_torque_ratio.slope:g} with a ratio of {unit.ratio:g}, which is an efficiency of "
+        )
+        found += show(efficiency, FRACTION, 3)
+        allowed = f"one from {show(low, FRACTION)} to {show(high, FRACTION)} (validity.efficiency_low, efficiency_high)"
+        hint = "Compare ratio and slope with the unit's plate and catalogue: no run of this recipe would be judged."
+        yield Finding(("unit_under_test", "loading_torque_ratio", "slope"), found, allowed, hint)
 
 
 def check_stored_calibration(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding]:

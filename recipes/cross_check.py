@@ -6,12 +6,14 @@ refused at once, since none of its torques could be judged.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 
 from recipes.bench_schema import Bench
 from recipes.bus_load import check_bus, check_line
+from recipes.check_limits import check_limits, idle_limits, implausible_limits
 from recipes.check_measurement import (
     check_ages,
     check_angle_agreement,
@@ -20,6 +22,7 @@ from recipes.check_measurement import (
     check_metrics,
     check_sensors,
     check_stored_calibration,
+    check_torque_ratio,
 )
 from recipes.check_ratings import (
     check_brake,
@@ -55,7 +58,9 @@ CHECKS: tuple[Check, ...] = (
     check_sensors,
     check_angle_agreement,
     check_calibration,
+    check_torque_ratio,
     check_metrics,
+    check_limits,
     check_ages,
     check_bus,
     check_line,
@@ -79,11 +84,23 @@ def check(recipe: Recipe, bench: Bench, path: str | Path | None = None, today: d
         findings += [finding for row in CHECKS for finding in row(recipe, bench)]
         day = today or datetime.now(tz=UTC).date()
         findings += [finding for row in DATED_CHECKS for finding in row(recipe, bench, day)]
+    return _problems(recipe, findings, path)
+
+
+def check_alone(recipe: Recipe, path: str | Path | None = None) -> list[Problem]:
+    """Return what speaks against a recipe whatever the bench: limits that no unit can fail."""
+    return _problems(recipe, idle_limits(recipe), path)
+
+
+def warnings(recipe: Recipe, path: str | Path | None = None) -> list[Problem]:
+    """Return what may be meant, but is not usual: limits of another magnitude, or on the side that decides nothing."""
+    return _problems(recipe, implausible_limits(recipe), path)
+
+
+def _problems(recipe: Recipe, findings: Iterable[Finding], path: str | Path | None) -> list[Problem]:
     problems = {recipe.problem(*finding) for finding in findings}
     if path is not None:
-        problems = {
-            Problem(str(path), one.line, one.column, one.option, one.found, one.allowed, one.hint) for one in problems
-        }
+        problems = {replace(one, path=str(path)) for one in problems}
     return sorted(problems, key=place)
 
 

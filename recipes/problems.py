@@ -27,9 +27,18 @@ class Problem:
     hint: str = ""
 
     def __str__(self) -> str:
+        return self._said("allowed: ")
+
+    def as_warning(self) -> str:
+        """Say what may be meant as it stands, but is not usual."""
+        return self._said("usual is ")
+
+    def _said(self, before_allowed: str) -> str:
         option = f" {self.option}:" if self.option else ""
         hint = f". {self.hint}" if self.hint else ""
-        return f"{self.path}:{self.line}:{self.column}:{option} found {self.found}; allowed: {self.allowed}{hint}"
+        return (
+            f"{self.path}:{self.line}:{self.column}:{option} found {self.found}; {before_allowed}{self.allowed}{hint}"
+        )
 
 
 class RecipeError(Exception):

@@ -10,10 +10,11 @@ from recipes.document import OptionPath, Source, dotted
 from recipes.metric_presets import PRESETS
 from recipes.metric_schema import MetricWanted, PresetName, preset_metrics
 from recipes.problems import Problem, excerpt
-from recipes.quantity import TEMPERATURE, TORQUE, show
+from recipes.quantity import FRACTION, TEMPERATURE, TORQUE, show
 from recipes.section import (
     FROM_DOCUMENT,
     Age,
+    Efficiency,
     Fraction,
     Name,
     PeriodNs,
@@ -173,9 +174,22 @@ class Validity(Section):
     points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3
     monotone_loading_fraction: Fraction = 0.05
     torque_agreement_fraction: Fraction = 0.6
+    efficiency_low_fraction: Efficiency = 0.5
+    efficiency_high_fraction: Efficiency = 1.02
+    ratio_agreement_fraction: Fraction = 0.05
     temperature_change_k: TemperatureChange = 5.0
     temperature_low_c: Temperature = 10.0
     temperature_high_c: Temperature = 50.0
+    locked_motion_fraction: Fraction = 0.02
+    fixture_share_fraction: Fraction = 0.25
+
+    @model_validator(mode="after")
+    def _efficiencies_in_order(self) -> Validity:
+        if self.efficiency_low_fraction >= self.efficiency_high_fraction:
+            found = f"a lowest efficiency of {show(self.efficiency_low_fraction, FRACTION)}"
+            allowed = f"one below efficiency_high, {show(self.efficiency_high_fraction, FRACTION)}"
+            raise refusal(found, allowed, "Exchange the two or correct one.", at="efficiency_low")
+        return self
 
     @model_validator(mode="after")
     def _temperatures_in_order(self) -> Validity:

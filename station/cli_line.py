@@ -101,7 +101,8 @@ def gage(
     side: SideOption = None,
     branch: BranchOption = None,
     by: Annotated[
-        str, typer.Option("--by", metavar="WHAT", help="What stands for the operator in stored runs: day or bench.")
+        str,
+        typer.Option("--by", metavar="WHAT", help="What tells the operators of stored runs: day, bench, operator."),
     ] = "day",
     tolerance: Annotated[
         float | None, typer.Option("--tolerance", metavar="X", help="Upper minus lower limit. Default: the recipe's.")

@@ -41,6 +41,9 @@ def run(
         bool,
         typer.Option("--virtual-time", help="Against the plant in process, faster than real time."),
     ] = False,
+    operator: Annotated[
+        str | None, typer.Option("--operator", metavar="NAME", help="Who measures, for 'lostmotion gage'.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run a recipe: measure a unit, judge it, store the record.
@@ -51,7 +54,7 @@ def run(
     """
     from station import command_run
 
-    options = command_run.Options(recipe, serial, bench, data, unit, scenario, virtual_time, as_json)
+    options = command_run.Options(recipe, serial, bench, data, unit, scenario, virtual_time, as_json, operator)
     raise typer.Exit(command_run.run(options))
 
 

@@ -10,8 +10,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from analysis import Method, analyse, read_trace
-from recipes import PRESETS, Bench, Recipe, find_bench, load_bench, load_recipe
+from analysis import Method, Result, analyse, read_trace
+from recipes import PRESETS, Bench, Recipe, RecipeError, check_alone, find_bench, load_bench, load_recipe, warnings
 from station.command_run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.command_show import stored_result
 from station.conclusion import NOT_DECIDABLE
@@ -151,7 +151,7 @@ def elsewhere(
 ) -> dict[str, Any]:
     """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset."""
     recipe_file = recipe_path(recipe_name)
-    recipe = load_recipe(recipe_file)
+    recipe = _deciding_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
     method, wanted = method_without_run(recipe, bench), wanted_of(recipe, preset)
     figures = None if bench is None else figures_for(recipe, bench)
@@ -159,17 +159,40 @@ def elsewhere(
     today = WALL_CLOCK.now().date()
     objections = [] if bench is None else objections_to_bench(recipe, bench, today)
     found = analyse(read_trace(path), method, wanted, decision_of(recipe), objections, figures=figures, draws=draws)
+    plain = _judged_without_bench(_judged_by_preset(found.to_dict(), recipe, preset), bench)
+    if bench is None:
+        plain = _with_unknown_lag(plain, found)
     return {
         "run": None,
         "serial": None,
         "recipe": _head(recipe, recipe_file),
         "state": "analyzed",
         "preset": preset,
-        **_judged_without_bench(_judged_by_preset(found.to_dict(), recipe, preset), bench),
+        **_with_warnings(plain, recipe, recipe_file),
         "timing": None,
         "alarms": [],
         "record": str(path),
     }
+
+
+def _with_unknown_lag(plain: dict[str, Any], found: Result) -> dict[str, Any]:
+    """Return a result that says so when nobody knows how late torque and angle are against each other."""
+    said = [gate.text for gate in found.gates if gate.id == "lag" and gate.passed is None]
+    return plain | {"notes": [*(f"{text}; name the bench (--bench)" for text in said), *plain["notes"]]}
+
+
+def _deciding_recipe(recipe_file: Path) -> Recipe:
+    """Load a recipe that is named for a measurement; RecipeError also for one with a limit that no unit can fail."""
+    recipe = load_recipe(recipe_file)
+    idle = check_alone(recipe, recipe_file)
+    if idle:
+        raise RecipeError(idle)
+    return recipe
+
+
+def _with_warnings(plain: dict[str, Any], recipe: Recipe, recipe_file: Path) -> dict[str, Any]:
+    said = [f"recipe {one.as_warning()}" for one in warnings(recipe, recipe_file)]
+    return plain | {"notes": [*said, *plain["notes"]]}
 
 
 def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
@@ -197,14 +220,15 @@ def reevaluate(
     own_recipe, own_bench = run.folder / "recipe.yaml", run.folder / "bench.yaml"
     recipe_file = own_recipe if recipe_name is None else recipe_path(recipe_name)
     bench_file = own_bench if bench_name is None else find_bench(bench_name)
-    recipe, bench = load_recipe(recipe_file), load_bench(bench_file)
+    recipe = load_recipe(recipe_file) if recipe_name is None else _deciding_recipe(recipe_file)
+    bench = load_bench(bench_file)
     check_recipe_fits(recipe, recipe_file, load_recipe(own_recipe), run)
     other_bench = bench_file.read_bytes() != own_bench.read_bytes()
     reevaluated = preset is not None or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
     day = date.fromisoformat(manifest["started"][:10])
     objections = objections_to_bench(recipe, bench, day) if reevaluated else []
     _, found = evaluate_run(run, recipe, bench, preset, objections, draws=draws)
-    plain = _judged_by_preset(found.to_dict(), recipe, preset)
+    plain = _with_warnings(_judged_by_preset(found.to_dict(), recipe, preset), recipe, recipe_file)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:
         said = f"the run's own verdict is {original}, evaluated anew it is {plain['verdict']}: {_software(manifest)}"

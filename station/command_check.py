@@ -34,6 +34,7 @@ def summary(job: Job) -> dict[str, Any]:
         "load_profile": [{"t_s": round(t_s, 3), "torque_nm": torque_nm} for t_s, torque_nm in program.load_profile()],
         "steps": steps(program),
         "metrics": [one.id for _, one in recipe.wanted()],
+        "warnings": job.warnings,
     }
 
 
@@ -132,6 +133,7 @@ def check(recipe: str, bench: str | None, *, as_json: bool) -> int:
         ),
         "",
         plot(job.program.load_profile(), ("s", "N·m"), plain=not knows_braille(sys.stdout)),
+        *(f"WARNING  {text}" for text in job.warnings),
     ]
     sys.stdout.write("\n".join(lines) + "\n")
     return 0

@@ -23,8 +23,8 @@ from station.errors import StationError
 from station.say import Grid, say
 from station.stored_values import Ask, StoredValue, StoredValues, stored_values
 
-BY = ("day", "bench")
-"""What can stand for the operator where an automatic bench has none."""
+BY = ("day", "bench", "operator")
+"""What can stand for the operator: an automatic bench has none, unless the runs name one."""
 
 NO_SPREAD = "The gage is not judged: every repeat of a part reads the same. Rows were copied, or rounded too much"
 
@@ -116,8 +116,14 @@ def _listed(file: Path, ask: Ask | None, data: Path) -> tuple[GageDesign, Stored
 
 def _of_runs(stored: StoredValues, by: str) -> GageDesign:
     def operator(one: StoredValue) -> str:
-        return one.started.date().isoformat() if by == "day" else one.bench
+        return {"day": one.started.date().isoformat(), "bench": one.bench, "operator": one.operator}[by]
 
+    nobody = [one.run.id for one in stored.values if by == "operator" and not one.operator]
+    if nobody:
+        raise StationError(
+            f"gage study: {len(nobody)} of {len(stored.values)} runs have no operator, {nobody[0]} for one; measure "
+            "with 'lostmotion run --operator NAME', or list the runs in a CSV file with the columns operator, part, run"
+        )
     names = [operator(one) for one in stored.values]
     if len(set(names)) < 2:
         raise StationError(

@@ -20,7 +20,7 @@ from station.live import LiveReader
 from station.log import open_log
 from station.program_file import PROGRAM, plain_program
 from station.progress import Progress
-from station.record_store import RunRecord, Store, check_serial, now_text
+from station.record_store import RunRecord, Store, check_operator, check_serial, now_text
 from station.request import Job, Source, load_job
 from station.result_view import result_console, show_report, show_result
 
@@ -44,6 +44,8 @@ class Options:
     scenario: Path | None
     virtual_time: bool
     json: bool
+    operator: str | None = None
+    """Who measures, for gage studies; not everybody is asked."""
 
 
 def exit_code(result: dict[str, Any]) -> int:
@@ -62,6 +64,8 @@ def run(options: Options) -> int:
     """
     if options.serial is not None:
         check_serial(options.serial)
+    operator = None if options.operator is None else check_operator(options.operator)
+    options = dataclasses.replace(options, operator=operator)
     job = load_job(options.recipe, options.bench)
     unit = _unit(options, job)
     scenario = _scenario(options)
@@ -137,17 +141,17 @@ def _no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
 
 
 def recipe_notes(store: Store, job: Job) -> list[str]:
-    """Return what is to be noted of a recipe: that its name and revision have meant something else before."""
+    """Return what is to be noted of a recipe: unusual limits, and that its name has meant something else before."""
     recipe, sha256 = job.recipe.recipe, job.recipe_source.sha256
     before = store.another_recipe(recipe.name, recipe.revision, sha256)
     if before is None:
-        return []
+        return job.warnings
     note = (
         f"recipe {recipe.name} revision {recipe.revision} ({sha256[:8]}) is not the one of that name and revision that "
         f"run {before['id']} used ({before['recipe']['sha256'][:8]}): their verdicts cannot be compared. "
         "Raise the revision when a recipe is changed"
     )
-    return [note]
+    return [note, *job.warnings]
 
 
 def _serial(options: Options, job: Job) -> str:
@@ -224,6 +228,7 @@ def create(
         },
         "unit": {"model": recipe.unit_under_test.model, "virtual": unit},
         "scenario": None if scenario is None else str(scenario.path),
+        "operator": options.operator,
         "clock": "virtual" if options.virtual_time else "real",
         "period_ns": recipe.sampling.period_ns,
         "verdict": None,

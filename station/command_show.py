@@ -74,6 +74,7 @@ def stored_result(run: RunRecord) -> dict[str, Any]:
         result |= run.read_json(RESULT)
         # An altered result may be of any shape, and rows that cannot be shown must not keep the alteration from it.
         result |= {"metrics": [one for one in result["metrics"] if set(one) >= ROW_KEYS]}
+        result |= {"record": str(run.folder)}  # where it is now: a data folder may have been copied or moved
     except (RecordError, TypeError, ValueError):
         result = _without_result(run, manifest, state)
     read_back = check_file(run.samples, manifest.get("records"))

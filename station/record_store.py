@@ -78,6 +78,13 @@ def check_serial(serial: str) -> str:
     return serial
 
 
+def check_operator(name: str) -> str:
+    """Return an operator's name as it may be stored; StationError when it is empty, too long or not printable."""
+    if not name.strip() or len(name) > LONGEST_SERIAL or not name.isprintable():
+        raise StationError(f"--operator: found {name[:40]!r}; allowed are 1 to {LONGEST_SERIAL} printable characters")
+    return name.strip()
+
+
 def _folder_name(serial: str) -> str:
     return re.sub(r"[^A-Za-z0-9._+-]", "_", serial).lstrip(".") or "_"
 

@@ -83,16 +83,27 @@ def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | Non
 def uncertainty_kind(metrics: Sequence[Mapping[str, Any]]) -> str:
     """Return in a sentence what the expanded uncertainties of a result contain."""
     known = [one for one in metrics if one.get("uncertainty") is not None]
+    kinds = {one.get("uncertainty_kind", "budget") for one in known if one.get("budget")}
     if not known:
-        return "No uncertainty is known (no U): one cycle, and no budget." if metrics else ""
-    budgeted = [one for one in known if one.get("uncertainty_kind", "budget") == "budget" and one.get("budget")]
-    none = " No U: one cycle, and no budget." if len(known) < len(metrics) else ""
+        return f"No uncertainty is known (no U): {NO_U}." if metrics else ""
+    budgeted = [one for one in known if one.get("uncertainty_kind", "budget") in WITH_FIGURES and one.get("budget")]
+    none = f" No U: {NO_U}." if len(known) < len(metrics) else ""
     if not budgeted:
         alone = "holds the scatter within this run alone, not the uncertainty of the sensors"
         return f"± is U = k·u with k = 2: it {alone}.{none}"
+    holds = WITH_FIGURES["untimed" if "untimed" in kinds else "budget"]
     others = [metric_name(dict(one)) for one in known if one not in budgeted]
     scatter = f" Of {', '.join(others)} it holds the scatter within this run alone." if others else ""
-    return f"± is U = k·u with k = 2: it holds every source of the uncertainty budget.{scatter}{none}"
+    return f"± is U = k·u with k = 2: it holds {holds}.{scatter}{none}"
+
+
+NO_U = "one cycle and no budget, or declared errors that are too large for the metric"
+
+WITH_FIGURES = {
+    "budget": "every source of the uncertainty budget",
+    "untimed": "every source of the uncertainty budget but delay and drift, for the trace has no time",
+}
+"""Kinds of an uncertainty that comes from declared figures, and what it holds."""
 
 
 def figure_text(value: Any, unit: str = "", digits: int = 5) -> str:

@@ -24,6 +24,7 @@ from recipes import (
     parse_recipe,
     read_bytes,
     shipped_recipes,
+    warnings,
 )
 from station.errors import StationError
 
@@ -72,6 +73,11 @@ class Job:
     def program(self) -> Program:
         """What the controller steps through."""
         return compile_program(self.recipe, self.bench)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What of the recipe may be meant, but is not usual."""
+        return [f"recipe {one.as_warning()}" for one in warnings(self.recipe, self.recipe_source.path)]
 
     @property
     def profile_names(self) -> tuple[str, ...]:
@@ -130,7 +136,8 @@ def trace_file(name: str) -> Path | None:
     if path.is_file():
         return path
     if path.suffix in TRACE_ENDINGS:
-        raise StationError(f"{name}: there is no such file")
+        what = "is a folder; name the file in it" if path.is_dir() else "there is no such file"
+        raise StationError(f"{name}: {what}")
     return None
 
 

@@ -38,7 +38,7 @@ class Ask:
 
 @dataclass(frozen=True)
 class StoredValue:
-    """One run's value of a metric, with the run it came from."""
+    """One run's value of a metric, with the run it came from; operator: '' where the run has none."""
 
     run: RunRecord
     serial: str
@@ -46,6 +46,7 @@ class StoredValue:
     bench: str
     value: float
     virtual: bool
+    operator: str = ""
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,8 @@ def _read(run: RunRecord, ask: Ask, left_out: Counter[str]) -> tuple[StoredValue
             return None
         started = datetime.fromisoformat(manifest["started"])
         bench = str((result.get("bench") or {}).get("name", ""))
-        return StoredValue(run, manifest["serial"], started, bench, value, bool(virtual_badges(result))), metric
+        who, virtual = str(manifest.get("operator") or ""), bool(virtual_badges(result))
+        return StoredValue(run, manifest["serial"], started, bench, value, virtual, who), metric
     except (RecordError, KeyError, TypeError, ValueError, AttributeError):
         left_out["damaged"] += 1
         return None

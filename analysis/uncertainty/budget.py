@@ -60,7 +60,10 @@ class BudgetRow(NamedTuple):
 
 @dataclass(frozen=True)
 class Budget:
-    """Rows, largest first; combined standard uncertainty u; kind: "budget", or "repeatability" without figures."""
+    """Rows, largest first; combined standard uncertainty u; kind.
+
+    kind: "budget" with every source, "untimed" with all but delay and drift, "repeatability" without figures.
+    """
 
     rows: tuple[BudgetRow, ...]
     u: float

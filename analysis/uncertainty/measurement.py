@@ -6,6 +6,7 @@ Without declared figures there is the scatter of the cycles and of the calibrati
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,17 @@ WITHOUT_FIGURES = (
 )
 
 
+WITHOUT_TIME = (
+    "uncertainty: from the declared figures of the bench but for delay and drift, for the trace has no time to say "
+    "what these make, U = k·u with k = 2"
+)
+TOO_LARGE = (
+    "could not be computed: moved by the declared errors of its sensors, the loop no longer has this metric; check the "
+    "figures of the bench (accuracy, tared_zero, reversibility, fixture.accuracy)"
+)
+ONE_CYCLE = "is not known from one cycle; measure two cycles or more"
+
+
 class Measurement:
     """Errors of one measurement: how it was made, and what is declared of its sensors (None: nothing)."""
 
@@ -38,9 +50,20 @@ class Measurement:
         if self._loops is None:
             return of_scatter(values, unit)
         try:
-            return self._loops.budget(estimate, values, unit)
+            found = self._loops.budget(estimate, values, unit)
+            return found if self.timed else replace(found, kind="untimed")
         except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError):
             return None  # a metric at the edge of what the loop carries: no uncertainty, so no guard band
+
+    @property
+    def timed(self) -> bool:
+        """Say whether the trace has the time that delay and drift need to become an error."""
+        return self._circumstances.forward.timed and self._circumstances.backward.timed
+
+    @property
+    def why_none(self) -> str:
+        """Say why a metric that has a value has no uncertainty, and what to do."""
+        return ONE_CYCLE if self._loops is None else TOO_LARGE
 
     def of_line(self, line: str, metric: str, unit: str) -> Budget | None:
         """Return the budget of slope or offset of a calibration line."""
@@ -52,5 +75,6 @@ def measurement_of(found: Measured, figures: SensorFigures | None, draws: int = 
 
     draws: of Monte Carlo beside the budget; 0 for none.
     """
-    text = WITHOUT_FIGURES if figures is None else WITH_FIGURES
-    return Measurement(found.loops[0], circumstances_of(found), figures, draws), StageRecord("uncertainty", text)
+    measurement = Measurement(found.loops[0], circumstances_of(found), figures, draws)
+    text = WITHOUT_FIGURES if figures is None else WITH_FIGURES if measurement.timed else WITHOUT_TIME
+    return measurement, StageRecord("uncertainty", text)

@@ -18,8 +18,10 @@ from analysis import (
     FixtureCurve,
     Method,
     MetricWanted,
+    Quadrants,
     Result,
     RunFacts,
+    TorqueLine,
     Trace,
     Verdict,
     analyse,
@@ -89,6 +91,22 @@ def back_and_forth() -> dict[str, Any]:
     return changed(torque_out_nm=GOOD.torque_out_nm + bump)
 
 
+def slipped() -> dict[str, Any]:
+    """The lock slips in the middle of the cycles and both shafts stay there: the wind-up shows nothing."""
+    last = [index for index, info in GOOD.segments.items() if info.role == "measure"][2:]
+    slip = np.isin(GOOD.segment, last) * 0.5 * ARC
+    return changed(angle_in_rad=GOOD.angle_in_rad + slip * RATIO, angle_out_rad=GOOD.angle_out_rad + slip)
+
+
+def loaded_alone(method: Method) -> dict[str, Any]:
+    return {"trace": dataclasses.replace(GOOD, angle_out_rad=None), "method": method}
+
+
+def wrong_ratio(ratio: float, **limits: float) -> dict[str, Any]:
+    """Evaluate the run of a unit of 121 by another ratio, its wind-up with it."""
+    return loaded_alone(dataclasses.replace(KNOWN, ratio=ratio, gate_limits=limits))
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -106,6 +124,9 @@ BAD: dict[str, Bad] = {
     "points_per_bin": sparse,
     "monotone_loading": back_and_forth,
     "torque_agreement": lambda: changed(torque_in_nm=-GOOD.torque_in_nm),
+    "efficiency_low": lambda: wrong_ratio(141.0, efficiency_low=70.0),
+    "efficiency_high": lambda: wrong_ratio(105.0, efficiency_high=86.0),
+    "ratio_agreement": lambda: wrong_ratio(141.0),
     "temperature_change": lambda: changed(temperature_c=np.linspace(20.0, 26.0, GOOD.samples)),
     "temperature_low": lambda: changed(temperature_c=np.full(GOOD.samples, 4.0)),
     "temperature_high": lambda: changed(temperature_c=np.full(GOOD.samples, 55.0)),
@@ -113,6 +134,8 @@ BAD: dict[str, Bad] = {
         "trace": dataclasses.replace(GOOD, angle_out_rad=None),
         "method": dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=None),
     },
+    "locked_motion": slipped,
+    "fixture_share": lambda: loaded_alone(dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=300.0)),
 }
 """What makes each gate fail."""
 
@@ -180,11 +203,66 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     why = {one.id: one.text for one in result.gates if one.passed is None}
     assert set(why) == {
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
-        "lag", "ramp_rate", "torque_agreement", "temperature_change", "temperature_low", "temperature_high",
+        "lag", "ramp_rate", "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
+        "temperature_change", "temperature_low", "temperature_high", "locked_motion",
     }  # fmt: skip
     assert "one cycle" in why["drift"]
     assert "no time" in why["ramp_rate"]
     assert "one torque channel" in why["torque_agreement"]
+    assert "not measured: one torque channel alone" in why["ratio_agreement"]
+
+
+def without(role: str) -> Trace:
+    """The good run without the segments of a role."""
+    kept = np.isin(GOOD.segment, [index for index, info in GOOD.segments.items() if info.role != role])
+    names = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "temperature_c", "segment")
+    return dataclasses.replace(GOOD, **{name: getattr(GOOD, name)[kept] for name in names})
+
+
+def test_a_wrong_ratio_is_seen_by_the_torques() -> None:
+    """A recipe with 141 instead of 121 makes the backlash read 14 % small, and nothing else shows it."""
+    wrong = judged(method=dataclasses.replace(KNOWN, ratio=141.0))
+    assert wrong.metrics[0].headline.value < 0.85
+    assert wrong.verdict is Verdict.NOT_DECIDABLE
+    (reason,) = [one for one in wrong.reasons if "measurement invalid" in one]
+    assert "the lines of the calibration show a ratio of 121" in reason
+    assert "where the recipe has 141" in reason
+
+
+@pytest.mark.parametrize(("role", "where"), [("calibrate", "measured cycles"), ("unload", "calibration")])
+def test_the_ratio_is_seen_with_and_without_a_calibration(role: str, where: str) -> None:
+    right, wrong = (judged(without(role), dataclasses.replace(KNOWN, ratio=ratio)) for ratio in (RATIO, 141.0))
+    assert of(right, "ratio_agreement").figure < 1.0
+    assert of(right, "efficiency_low").figure == pytest.approx(100.0 * 94.689 / RATIO, abs=0.5)
+    assert right.verdict is Verdict.PASS
+    assert f"the lines of the {where} show a ratio of 121" in of(wrong, "ratio_agreement").text
+
+
+def test_stored_lines_of_another_ratio_are_seen() -> None:
+    """With one torque sensor the lines that convert its torque are all that knows the ratio."""
+    lines = [TorqueLine(sign * c, m) for sign in (1, -1) for c, m in ((-13.9, 94.7), (24.8, 168.0))]
+    stored = dataclasses.replace(KNOWN, output_torque="calibrated", quadrants=Quadrants(*lines), ratio=141.0)
+    found = of(judged(dataclasses.replace(without("calibrate"), torque_out_nm=None), stored), "ratio_agreement")
+    assert found.passed is False
+    assert "the lines that convert the torque show a ratio of 121" in found.text
+
+
+def test_a_tight_or_worn_unit_has_the_same_ratio() -> None:
+    """A bad unit fails by its metrics: friction moves neither its ratio nor, for the shipped window, its efficiency."""
+    limits = {"efficiency_low": 70.0, "efficiency_high": 86.0}
+    for friction, slope in ((2.0, 1.0), (1.0, 0.8), (1.0, 1.2)):
+        unit = dataclasses.replace(
+            P1, input_friction_nm=friction * P1.input_friction_nm, input_friction_slope=slope * P1.input_friction_slope
+        )
+        result = judged(bench_trace(unit, 453.2), dataclasses.replace(KNOWN, gate_limits=limits))
+        assert [one.id for one in result.gates if one.passed is False] == []
+
+
+def test_at_a_locked_input_the_efficiency_is_not_measured() -> None:
+    swapped = dataclasses.replace(GOOD, angle_in_rad=-GOOD.angle_in_rad, angle_out_rad=-GOOD.angle_out_rad)
+    result = judged(swapped, dataclasses.replace(KNOWN, loading="output"))
+    assert of(result, "efficiency_low").passed is None
+    assert of(result, "ratio_agreement").figure < 1.0
 
 
 def test_different_lags_without_time_are_not_passed() -> None:
@@ -193,6 +271,27 @@ def test_different_lags_without_time_are_not_passed() -> None:
     found = of(result, "lag")
     assert (found.passed, found.figure) == (False, None)
     assert "no time" in found.text
+
+
+def lagging(trace: Trace, lag_s: float) -> Trace:
+    """A trace whose torque comes later than its angle."""
+    return dataclasses.replace(trace, torque_out_nm=np.interp(trace.t_s - lag_s, trace.t_s, trace.torque_out_nm))
+
+
+def test_a_lag_that_nobody_declared_is_measured_by_two_speeds() -> None:
+    wanted = {"trace": timed_trace(P1, 480.0, cycles=2, speed_arcmin_s=(0.2, 2.0)), "method": METHOD, "facts": None}
+    even, late = judged(**wanted), judged(**wanted | {"trace": lagging(wanted["trace"], 0.05)})
+    assert of(even, "lag").figure < 0.01
+    assert of(late, "lag").passed is False
+    assert "as by -50" in of(late, "lag").text
+    assert late.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_a_lag_that_cannot_be_measured_is_said_with_what_it_would_make() -> None:
+    text = of(judged(lagging(timed_trace(P1, 480.0), 0.05), METHOD, None), "lag").text
+    assert "not measured: the lags of the channels are not known, and one speed does not show them" in text
+    assert "at 0.385 arcmin/s each 10 ms between torque and angle move the width of the loop by 0.0077 arcmin" in text
+    assert "the trace has no time" in of(analyse(exact_trace(P1, 480.0), METHOD, WANTED), "lag").text
 
 
 def test_the_locked_angle_may_be_replaced_by_the_fixture() -> None:

@@ -88,6 +88,13 @@ def test_parquet(tmp_path: Path) -> None:
         ("branch,torque_out_nm\nforward,1\nbackwards,1\n", "row 2, column branch: found 'backwards'"),
         ("segment,torque_out_nm\nmeasure 2 1,1\n", "found 'measure 2 1'; allowed are forward, return"),
         (b"t_s,torque_out_nm\n0,\xff\xfe\n", "cannot be read|row 1, column torque_out_nm"),
+        ("t_s;torque_out_nm\n0;1.5\n", "found semicolons between the columns: write commas"),
+        ("t_s\ttorque_out_nm\n0\t1.5\n", "found tabs between the columns"),
+        (b"%PDF-1.7\n\xff\x00,\n", "it is a PDF document: name the table"),
+        (b"PK\x03\x04rest", "Excel workbook: save the sheet as CSV"),
+        ("t_s,torque_out_nm\n".encode("utf-16"), "it is text in UTF-16: save it as CSV in UTF-8"),
+        ("<!DOCTYPE html>\n<p>a, b</p>\n", "it is a web page"),
+        (b"a,b\n\x00\x01\x02\n", "binary data"),
         (b"PAR1 and nothing else", "cannot be read as CSV, Parquet or TDMS"),
     ],
 )
@@ -95,6 +102,13 @@ def test_faults_are_named(tmp_path: Path, content: bytes | str, said: str) -> No
     with pytest.raises(AnalysisError, match=said) as caught:
         read_trace(written(tmp_path, content))
     assert "trace.csv" in str(caught.value)
+
+
+def test_what_a_parser_complains_of_is_shown_as_text(tmp_path: Path) -> None:
+    with pytest.raises(AnalysisError) as caught:
+        read_trace(written(tmp_path, b"a,b\n1,2\n\xea\x1b[31m\x07" + b"x" * 1000 + b",2,3\n"))
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 500
 
 
 def test_no_such_file_and_a_folder(tmp_path: Path) -> None:

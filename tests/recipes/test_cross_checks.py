@@ -10,6 +10,7 @@ import pytest
 from recipes import (
     bus_load,
     check,
+    check_limits,
     check_measurement,
     check_ratings,
     default_bench,
@@ -204,6 +205,10 @@ CASES = {
     "brake age below the poll": (
         INVERSE, {}, {"poll_every: 10 ms": "poll_every: 60 ms"}, "interlocks.brake_age", "at least 120 ms",
     ),
+    "ratio that does not fit the torques": (
+        INVERSE, {"  ratio: 121": "  ratio: 141"}, {}, "loading_torque_ratio.slope",
+        "a slope of 94.7 with a ratio of 141, which is an efficiency of 67.2 %; allowed: one from 70 % to 86 %",
+    ),
     "set-points too rare": (
         INVERSE, {"period: 1 ms": "period: 10 ms", "sample_age: 10 ms": "sample_age: 20 ms"},
         {"setpoint_timeout: 50 ms": "setpoint_timeout: 15 ms"}, "sampling.period",
@@ -253,7 +258,7 @@ def test_recipe_made_without_a_file_has_its_problems_too():
 def test_every_check_is_in_the_table():
     written = {
         value
-        for module in (bus_load, check_measurement, check_ratings)
+        for module in (bus_load, check_limits, check_measurement, check_ratings)
         for name, value in vars(module).items()
         if name.startswith("check_")
     }

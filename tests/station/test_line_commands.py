@@ -157,6 +157,23 @@ def test_a_gage_study_of_stored_runs_by_day_and_by_a_list(tmp_path: Path, capsys
         )
 
 
+def test_a_gage_study_of_stored_runs_by_operator(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = tmp_path / "data"
+    for trial in (0, 1):
+        for part in range(3):
+            for number, who in enumerate(("Ada", "Bo")):
+                value = 0.3 + 0.1 * part + 0.01 * number + 0.001 * trial
+                store_run(data, f"P{part}", [metric(value)], day=0.01 * trial, operator=who)
+    command_gage.gage(None, ASK, data, "operator", (2.0, 0.95), as_json=True)
+    found = printed(capsys)
+    assert (found["operators"], found["parts"], found["trials"]) == (["Ada", "Bo"], ["P0", "P1", "P2"], 2)
+    store_run(data, "P0", [metric(0.3)])
+    with pytest.raises(
+        StationError, match=r"1 of 13 runs have no operator, .*-P0 for one; measure with 'lostmotion run"
+    ):
+        command_gage.gage(None, ASK, data, "operator", (2.0, 0.95), as_json=True)
+
+
 def test_a_bench_that_drifts_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     steady = [5.0, 5.1, 4.9, 5.05, 4.95, 5.02, 4.97, 5.08, 4.93, 5.0]
     rows = [f"2026-01-{day:02d}T08:00:00,{value}" for day, value in enumerate(steady, start=1)]

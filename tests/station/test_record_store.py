@@ -12,11 +12,14 @@ from station_samples import IMAGE, ORDERS
 
 import station.record_store
 import station.ring
+from station.command_run import Options
+from station.command_run import create as create_record
 from station.command_show import stored_result
 from station.durable import Appender, read_from_disk, write_durable
 from station.errors import RecordError, StationError
-from station.record_store import RunRecord, Store, check_serial, process_birth
+from station.record_store import RunRecord, Store, check_operator, check_serial, process_birth
 from station.recovery import recover
+from station.request import load_job
 from station.ring import RingWriter, ScanState, create
 from station.scan_record import pack
 from station.wall_clock import WallClock
@@ -198,3 +201,19 @@ def test_json_files_hold_the_signs_of_the_field(tmp_path: Path) -> None:
     run.write_json("x.json", {"unit": "N·m"})
     assert "N·m" in (run.folder / "x.json").read_text()
     assert json.loads((run.folder / "x.json").read_text()) == {"unit": "N·m"}
+
+
+@pytest.mark.parametrize("name", ["", "  ", "a\nb", "x" * 200])
+def test_an_operator_has_a_name(name: str) -> None:
+    with pytest.raises(StationError, match="--operator: found"):
+        check_operator(name)
+
+
+def test_who_measured_stands_in_the_record(tmp_path: Path) -> None:
+    options = Options(
+        "rv-40e-121-quick", "S1", None, tmp_path, None, None, virtual_time=True, json=True, operator="Ada L."
+    )
+    job = load_job(options.recipe, None)
+    record = create_record(options, job, "S1", None, None, notes=[])
+    assert record.manifest()["operator"] == "Ada L."
+    record.lock.close()

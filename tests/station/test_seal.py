@@ -43,6 +43,11 @@ def sealed(original: Path, tmp_path: Path) -> RunRecord:
     return Store(tmp_path / "data").find("last")
 
 
+def test_a_copied_folder_says_where_it_is_and_not_where_it_was(original: Path, sealed: RunRecord) -> None:
+    assert stored_result(sealed)["record"] == str(sealed.folder)
+    assert str(original) not in json.dumps(stored_result(sealed))
+
+
 def edit(name: str, old: str, new: str) -> Callable[[RunRecord], None]:
     def change(run: RunRecord) -> None:
         text = (run.folder / name).read_text(encoding="utf-8")

@@ -7,7 +7,11 @@ from pathlib import Path
 import pytest
 
 from recipes import RecipeError, find_bench, find_recipe
-from station.command_analyze import elsewhere
+from station.command_analyze import analyze, elsewhere
+from station.command_check import check
+from station.errors import StationError
+from station.report_content import uncertainty_kind
+from station.result_notes import note_lines
 
 TRACE = Path(__file__).parents[1] / "data" / "loop_published_curve.csv"
 DECIDES = """metrics:
@@ -39,7 +43,8 @@ def bench(folder: Path, added: str) -> str:
 def test_a_guard_band_passes_nothing_while_nobody_knows_the_sensors(tmp_path: Path) -> None:
     two = tmp_path / "two.csv"
     head, *rows = TRACE.read_text("utf-8").splitlines()
-    two.write_text("\n".join([head, *rows, *rows]) + "\n")
+    timed = [f"{0.1 * number:.1f},{row}" for number, row in enumerate([*rows, *rows])]
+    two.write_text("\n".join([f"t_s,{head}", *timed]) + "\n")
     guarded = elsewhere(two, recipe(tmp_path, "guard_band"), None, None)
     assert guarded["metrics"][0]["uncertainty_kind"] == "repeatability"
     assert guarded["verdict"] == "NOT DECIDABLE"
@@ -48,10 +53,68 @@ def test_a_guard_band_passes_nothing_while_nobody_knows_the_sensors(tmp_path: Pa
     assert elsewhere(two, recipe(tmp_path, "simple"), None, None)["verdict"] == "PASS"
 
 
+def test_without_time_delay_and_drift_are_not_in_the_budget_and_a_guard_band_decides_nothing(tmp_path: Path) -> None:
+    found = elsewhere(TRACE, recipe(tmp_path, "guard_band"), "virtual", None)
+    assert found["metrics"][0]["uncertainty_kind"] == "untimed"
+    assert {"skew", "drift"}.isdisjoint(row["quantity"] for row in found["metrics"][0]["budget"])
+    assert found["verdict"] == "NOT DECIDABLE"
+    assert "delay and drift are not in its uncertainty" in found["reasons"][0]
+    assert any("but for delay and drift" in note for note in found["notes"])
+    assert "but delay and drift, for the trace has no time" in uncertainty_kind(found["metrics"])
+    assert elsewhere(TRACE, recipe(tmp_path, "simple"), "virtual", None)["verdict"] == "PASS"
+
+
+def test_errors_that_leave_no_metric_are_the_reason_and_not_the_number_of_cycles(tmp_path: Path) -> None:
+    soft = bench(tmp_path, "").replace("bench.yaml", "soft.yaml")
+    text = find_bench("virtual").read_text("utf-8")
+    large = "torque_out: {full_scale: 20000 N·m, usable: 110 %, tared_zero: 10 %, reversibility: 10 %,"
+    Path(soft).write_text(text.replace("torque_out: {full_scale: 1000 N·m, usable: 110 %,", large), encoding="utf-8")
+    trace = tmp_path / "timed.csv"
+    head, *rows = TRACE.read_text("utf-8").splitlines()
+    trace.write_text("\n".join([f"t_s,{head}", *(f"{0.1 * n:.1f},{row}" for n, row in enumerate(rows))]) + "\n")
+    found = elsewhere(trace, recipe(tmp_path, "guard_band"), soft, None)
+    assert found["verdict"] == "NOT DECIDABLE"
+    (reason, *_) = found["reasons"]
+    assert "cycles or more" not in reason
+    assert "moved by the declared errors of its sensors" in reason
+    assert "declared errors that are too large" in uncertainty_kind(found["metrics"])
+
+
+def test_a_limit_that_no_unit_can_fail_is_refused(tmp_path: Path) -> None:
+    path = Path(recipe(tmp_path, "simple"))
+    path.write_text(path.read_text("utf-8").replace("max: 1 arcmin", "min: 0 arcmin"), encoding="utf-8")
+    with pytest.raises(RecipeError, match="which no unit fails"):
+        elsewhere(TRACE, str(path), None, None)
+
+
+def test_an_unusual_limit_is_a_note_of_the_result_and_a_warning_of_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = Path(recipe(tmp_path, "simple"))
+    path.write_text(path.read_text("utf-8").replace("max: 1 arcmin", "max: 1 deg"), encoding="utf-8")
+    found = elsewhere(TRACE, str(path), None, None)
+    assert any("found 60 arcmin for 'backlash_width_3pct'; usual is" in line for line in note_lines(found))
+    assert check(str(path), None, as_json=False) == 0
+    assert "WARNING  recipe " in capsys.readouterr().out
+
+
+def test_a_lag_that_nobody_knows_is_a_note_of_the_result(tmp_path: Path) -> None:
+    alone, known = (elsewhere(TRACE, recipe(tmp_path, "simple"), name, None) for name in (None, "virtual"))
+    assert any("the lags of the channels are not known" in line for line in note_lines(alone))
+    assert not any("lags of the channels are not known" in line for line in note_lines(known))
+
+
 def test_what_is_out_of_date_on_the_bench_decides_nothing(tmp_path: Path) -> None:
     found = elsewhere(TRACE, recipe(tmp_path, "simple"), bench(tmp_path, CURVE), None)
     assert found["verdict"] == "NOT DECIDABLE"
     assert "blank test 'old' of bench 'virtual', which was due on 2020-01-01" in found["reasons"][0]
+
+
+@pytest.mark.parametrize("name", ["folder.csv", "folder.tdms"])
+def test_a_folder_that_is_named_like_a_trace_is_told(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).mkdir()
+    with pytest.raises(StationError, match="is a folder; name the file in it"):
+        analyze(str(tmp_path / name), "rv-40e-121-inverse", None, tmp_path, as_json=True)
 
 
 def test_a_bench_that_loads_the_other_shaft_is_refused(tmp_path: Path) -> None:

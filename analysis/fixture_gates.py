@@ -1,0 +1,88 @@
+"""Figures of the validity gates on lock and fixture: what is not measured of them, moves by itself, or is taken out.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.measured import Evidence, Measured
+from analysis.reading import NOT_EVALUATED, Reading, span_arcmin
+from analysis.units import ARCMIN_PER_RAD, FloatArray
+
+BLOCKS = 200
+"""Means of a branch that the locked shaft is looked at by: noise and counts of its encoder are no motion."""
+
+SOFTER = 2.0
+"""How much softer than declared a lock may be: brake and clamping are not in every figure of a fixture."""
+
+
+def locked_angle(evidence: Evidence) -> Reading | str:
+    """Count deflections that are in the wind-up and that nobody knows."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    method, curve = found.method, found.method.fixture_curve
+    known = method.fixture_stiffness_nm_per_arcmin is not None or (curve is not None and curve.angles == "loaded")
+    return Reading(0.0 if known or found.angles != "loaded" else 1.0)
+
+
+def locked_motion(evidence: Evidence) -> Reading | str:
+    """Motion of the locked shaft, as wind-up, that its torque does not explain, % of the wind-up.
+
+    A lock gives way in proportion to its torque, at most twice as far as the fixture is declared to; what is left,
+    from end to end, is slip, creep, or an angle of another shaft.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if found.angles != "both":
+        return "not measured: the angle of the locked shaft is not in the trace"
+    torque, angle = _locked(found)
+    if not torque.size:
+        return "the torque after a reversal is masked: the locked shaft has no torque to compare"
+    offset, slope = np.polynomial.polynomial.polyfit(torque, angle, 1)
+    slope = max(float(slope), 0.0)
+    stiffness = found.method.fixture_stiffness_nm_per_arcmin
+    if stiffness is not None and found.method.loading == "input":
+        slope = min(slope, SOFTER / stiffness)
+    left = float(np.ptp(angle - offset - slope * torque))
+    words = f"the locked shaft moves by {left:.3g} arcmin that its torque does not explain"
+    return Reading(100.0 * left / span_arcmin(found), words)
+
+
+def _locked(found: Measured) -> tuple[FloatArray, FloatArray]:
+    """Torque at the output [N·m] and angle of the locked shaft, at the output [arcmin], in means along the branches."""
+    trace, by_input = found.trace, found.method.loading == "input"
+    locked = trace.angle_out_rad if by_input else trace.angle_in_rad
+    scale = ARCMIN_PER_RAD if by_input else ARCMIN_PER_RAD / found.method.ratio
+    torques, angles = [np.empty(0)], [np.empty(0)]
+    for one in (one for pair in found.pairs for one in pair):
+        if locked is None or one.masked:
+            continue
+        angle = scale * one.run.take(locked)
+        edges = np.linspace(0, angle.size, min(BLOCKS, angle.size), endpoint=False).astype(np.int64)
+        counts = np.diff(np.append(edges, angle.size))
+        torques.append(np.add.reduceat(one.torque_nm, edges) / counts)
+        angles.append(np.add.reduceat(angle, edges) / counts)
+    return np.concatenate(torques), np.concatenate(angles)
+
+
+def fixture_share(evidence: Evidence) -> Reading | str:
+    """Deflection of the fixture that is taken from the wind-up, % of the wind-up with it."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    method, curve = found.method, found.method.fixture_curve
+    ends = [end(one.torque_nm) for pair in found.pairs for one in pair for end in (np.min, np.max)]
+    low, high = float(min(ends)), float(max(ends))
+    if method.fixture == "report":
+        taken = 0.0
+    elif curve is not None and curve.angles == found.angles:
+        taken = float(np.ptp(curve.at(np.array([low, high]))))
+    elif method.fixture_stiffness_nm_per_arcmin is not None and found.angles == "loaded":
+        taken = (high - low) / method.fixture_stiffness_nm_per_arcmin
+    else:
+        taken = 0.0
+    return Reading(100.0 * taken / (span_arcmin(found) + taken))

@@ -1,0 +1,83 @@
+"""Limits of metrics: one that no unit can fail is refused, one that is not usual is told."""
+
+from __future__ import annotations
+
+import pytest
+
+from analysis.grades import GRADES
+from recipes import check, check_alone, default_bench, parse_recipe, shipped_recipes, warnings
+from recipes.limit_kinds import LIMIT_KINDS
+from recipes.metric_units import METRIC_NEEDS
+
+INVERSE = shipped_recipes()["rv-40e-121-inverse"].read_text("utf-8")
+
+
+def recipe(metric: str):
+    start, end = INVERSE.index("metrics:"), INVERSE.index("validity:")
+    return parse_recipe((INVERSE[:start] + f"metrics:\n  - {metric}\n\n" + INVERSE[end:]).encode(), "r.yaml")
+
+
+def test_every_metric_has_its_kind_of_limit():
+    assert set(LIMIT_KINDS) == set(METRIC_NEEDS)
+    assert all(row.least < row.most for row in LIMIT_KINDS.values())
+    grade = LIMIT_KINDS["grade"]
+    assert (grade.floor, grade.ceiling) == (GRADES[0].grade, GRADES[-1].grade)
+
+
+NEVER_FAILS = {
+    "{id: grade, max: 2}": "max 2 for 'grade', which no unit fails; allowed: a max below 2, the largest there is",
+    "{id: grade, max: 7}": "max 7 for 'grade'",
+    "{id: grade, min: 1}": "min 1 for 'grade', which no unit fails; allowed: a max",
+    "{id: backlash_width_3pct, min: 0 arcmin}": "min 0 arcmin for 'backlash_width_3pct', which no unit fails",
+    "{id: backlash_width_3pct, min: -1 arcmin}": "min -1 arcmin",
+    "{id: lost_motion, min: 0 arcmin}": "allowed: a max",
+    "{id: stiffness_lsq, min: 0 N·m/arcmin}": "allowed: a min above 0 N·m/arcmin",
+    "{id: hysteresis_angle, min: 0 arcsec}": "which no unit fails",
+    "{id: torque_ratio_slope, min: 0}": "which no unit fails",
+}
+
+
+@pytest.mark.parametrize("metric", NEVER_FAILS)
+def test_a_limit_that_no_unit_can_fail_is_refused(metric):
+    loaded = recipe(metric)
+    (problem,) = check_alone(loaded)
+    assert NEVER_FAILS[metric] in str(problem)
+    assert problem.option.startswith("metrics[0].")
+    assert problem in check(loaded, default_bench(loaded)[1])
+
+
+IMPLAUSIBLE = {
+    "{id: backlash_width_3pct, max: 1 deg}": "found 60 arcmin for 'backlash_width_3pct'; usual is one from 0.01 arcmin",
+    "{id: backlash_width_3pct, max: 1 arcsec}": None,
+    "{id: backlash_width_3pct, max: 0.1 arcsec}": "found 0.001667 arcmin",
+    "{id: backlash_width_3pct, min: 0.5 arcmin}": "'backlash_width_3pct' with min alone; usual is a max, the side that",
+    "{id: backlash_width_3pct, min: 0 arcmin, max: 1 arcmin}": None,
+    "{id: backlash_width_3pct, min: 0.2 arcmin, max: 1 arcmin}": None,
+    "{id: stiffness_lsq, min: 108 N·m/rad}": "found 0.03142 N·m/arcmin for 'stiffness_lsq'",
+    "{id: stiffness_lsq, max: 108 N·m/arcmin}": "too little of it passes",
+    "{id: stiffness_lsq, min: 95 N·m/arcmin, max: 2000 N·m/arcmin}": "(0.1 to 3 of the unit's catalogue stiffness)",
+    "{id: k1, min: 40 N·m/arcmin}": None,
+    "{id: windup, max: 10 arcmin}": None,
+    "{id: windup, max: 10 deg}": "found 600 arcmin for 'windup'",
+    "{id: hysteresis_energy, max: 600 N·m·arcmin}": None,
+    "{id: asymmetry_at_rated, max: 30 arcsec}": None,
+    "{id: asymmetry_at_rated, max: 30 arcmin}": "found 1800 arcsec",
+    "{id: torque_ratio_slope, min: 9.4}": "found 9.4 for 'torque_ratio_slope'; usual is one from 60.5 to 123.4",
+    "{id: torque_ratio_offset, min: 25 N·m}": "found 25 N·m for 'torque_ratio_offset'",
+    "{id: torque_ratio_offset, min: -2500 N·m}": "found -2500 N·m",
+}
+
+
+@pytest.mark.parametrize("metric", IMPLAUSIBLE)
+def test_a_limit_that_is_not_usual_is_told_and_not_refused(metric):
+    loaded, words = recipe(metric), IMPLAUSIBLE[metric]
+    assert check_alone(loaded) == []
+    told = [one.as_warning() for one in warnings(loaded)]
+    assert len(told) == (words is not None), told
+    assert words is None or words in told[0]
+
+
+@pytest.mark.parametrize("name", shipped_recipes())
+def test_the_limits_of_shipped_recipes_are_usual(name):
+    loaded = parse_recipe(shipped_recipes()[name].read_bytes(), name)
+    assert [*check_alone(loaded), *warnings(loaded)] == []

@@ -11,6 +11,7 @@ from programs import ARCMIN, LIMITS, short_program
 from timeline import Timeline
 
 from controller.context import Context
+from controller.debounce import debounce_scans
 from controller.faults import FAULT_BY_ID
 from controller.image import Command, Reaction, State
 from controller.interlocks import Measured, Watch
@@ -26,7 +27,7 @@ def reaction(program: Program, apart_rad: float, *, torque_nm: float = 0.0, spee
     measured.drive_apart_rad, measured.speed_rad_s = apart_rad, speed_rad_s
     measured.torque_in_nm = measured.torque_out_nm = torque_nm
     image = READY._replace(drive_age_scans=age, sample_age_scans=age)
-    for _ in range(FAULT.debounce_scans):
+    for _ in range(debounce_scans(FAULT, program)):
         assert watch.look(image, measured, S.RAMP_POS) == Reaction.NONE
     return watch.look(image, measured, S.RAMP_POS)
 

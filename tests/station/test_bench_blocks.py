@@ -182,9 +182,17 @@ def u_torque(line: QuadrantLine, name: str) -> float:
     return float(np.sqrt(line.u_offset_nm**2 + (torque_in * line.u_slope) ** 2 + 2 * torque_in * covariance))
 
 
-def test_the_recipe_sets_limits_of_gates() -> None:
+def with_validity(*options: str) -> str:
+    """The recipe with so many options more in its section of gates."""
     text = RECIPE.read_text(encoding="utf-8")
-    text += "\nvalidity:\n  drift: 3 %\n  points_per_bin: 9\n  temperature_change: 2 K\n"
+    assert text.count("validity:") == 1
+    head, tail = text.split("validity:", 1)
+    first, rest = tail.split("\n", 1)
+    return head + "validity:" + "\n".join((first, *(f"  {option}" for option in options), rest))
+
+
+def test_the_recipe_sets_limits_of_gates() -> None:
+    text = with_validity("drift: 3 %", "points_per_bin: 9", "temperature_change: 2 K")
     recipe = parse_recipe(text.encode(), "r.yaml")
     limits = gate_limits_of(recipe)
     assert (limits["drift"], limits["points_per_bin"], limits["temperature_change"]) == pytest.approx((3.0, 9, 2.0))
@@ -202,7 +210,7 @@ def test_the_recipe_sets_limits_of_gates() -> None:
     ],
 )
 def test_a_validity_section_is_strict(section: str, told: str) -> None:
-    text = RECIPE.read_text(encoding="utf-8") + f"\nvalidity:\n  {section}\n"
+    text = with_validity(section)
     with pytest.raises(RecipeError) as refused:
         parse_recipe(text.encode(), "r.yaml")
     assert told in str(refused.value)

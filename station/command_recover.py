@@ -16,8 +16,8 @@ from typing import Any
 
 from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from recipes import find_bench, load_bench
-from station.command_run import EXIT_BENCH, refused
-from station.conclusion import conclude
+from station.command_run import EXIT_BENCH
+from station.conclusion import Ending, conclude
 from station.desk import Desk
 from station.errors import BenchFaultError, RecordError, StationError
 from station.left_state import left_state
@@ -77,7 +77,7 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
             ending = Desk(job, record, lambda _: None, say, left=left, attend=guide.attend).run(None, None)
         except BenchFaultError as error:
             record.samples.touch()
-            ending = refused(record, error)
+            ending = Ending.refused_by(record, error)
         result = conclude(record, job, ending).result
     after = result["left"]
     released = result["state"] == "stopped" and after is not None and after["lock"] == "open"

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import importlib.metadata
 import json
-import platform
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +16,7 @@ from station.errors import BenchFaultError, RecordError, StationError
 from station.illustrate import HTML, Shown, write_reports
 from station.live import LiveReader
 from station.log import open_log
-from station.program_file import PROGRAM, plain_program
+from station.new_record import Wanted, new_record
 from station.progress import Progress
 from station.record_store import RunRecord, Store, check_operator, check_serial, now_text
 from station.request import Job, Source, load_job
@@ -72,7 +70,9 @@ def run(options: Options) -> int:
     serial = _serial(options, job)
     refuse_full_disk(options.data, job)
     notes = recipe_notes(Store(options.data), job)
-    record = create(options, job, serial, unit, scenario, notes=notes)
+    record = new_record(
+        options.data, job, Wanted(serial, unit, scenario, options.operator, options.virtual_time), notes=notes
+    )
     for note in notes:
         sys.stderr.write(f"WARNING  {note}\n")
     reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
@@ -188,61 +188,6 @@ def _scenario(options: Options) -> Source | None:
     return source
 
 
-def _version() -> str:
-    try:
-        return importlib.metadata.version("lostmotion")
-    except importlib.metadata.PackageNotFoundError:
-        return "from its source folder"
-
-
-def create(
-    options: Options,
-    job: Job,
-    serial: str,
-    unit: str | None,
-    scenario: Source | None,
-    *,
-    notes: list[str],
-) -> RunRecord:
-    """Create the record of a run that is about to start."""
-    recipe, bench = job.recipe, job.bench
-    manifest = {
-        "recipe": {
-            "name": recipe.recipe.name,
-            "revision": recipe.recipe.revision,
-            "sha256": job.recipe_source.sha256,
-            "file": str(job.recipe_source.path),
-        },
-        "bench": {
-            "name": bench.bench.name,
-            "revision": bench.bench.revision,
-            "sha256": job.bench_source.sha256,
-            "file": str(job.bench_source.path),
-            "embedded": bench.bench.embedded,
-        },
-        "software": {
-            "name": "lostmotion",
-            "version": _version(),
-            "python": platform.python_version(),
-            "platform": platform.platform(),
-        },
-        "unit": {"model": recipe.unit_under_test.model, "virtual": unit},
-        "scenario": None if scenario is None else str(scenario.path),
-        "operator": options.operator,
-        "clock": "virtual" if options.virtual_time else "real",
-        "period_ns": recipe.sampling.period_ns,
-        "verdict": None,
-        "notes": notes,
-        "ring": None,
-    }
-    files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
-    files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
-    files |= {} if scenario is None else {"scenario.yaml": scenario.content}
-    record = Store(options.data).create(serial, manifest, files, own=True)
-    record.write_json(PROGRAM, plain_program(job.program))
-    return record
-
-
 def _conclude(
     options: Options,
     job: Job,
@@ -263,7 +208,7 @@ def _conclude(
             ending = Desk(job, record, progress.show, progress.say, companion).run(unit, scenario)
         except BenchFaultError as error:
             record.samples.touch()
-            ending = refused(record, error)
+            ending = Ending.refused_by(record, error)
     progress.say("evaluating, reading the record back")
     return conclude(record, job, ending)
 
@@ -273,8 +218,3 @@ def _companion(scenario: Path) -> Companion:
     from station.fault_companion import Companion  # noqa: PLC0415 - for runs with faults only
 
     return Companion(load_scenario(scenario), judged=False)
-
-
-def refused(record: RunRecord, error: BenchFaultError) -> Ending:
-    """Return the ending of a run whose bench could not be opened: nothing has moved."""
-    return Ending(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)

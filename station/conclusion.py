@@ -15,7 +15,7 @@ from analysis import AnalysisError, Evidence, Result, RunFacts, Trace, gate_reas
 from controller.image import State
 from station.desk_watch import DESK_GONE, DESK_SILENT
 from station.durable import read_from_disk
-from station.errors import RecordError, StationError
+from station.errors import BenchFaultError, RecordError, StationError
 from station.evaluation import calibration_of, evaluate_trace, trace_of
 from station.event_log import alarms_in, events_of
 from station.left_state import left_state
@@ -56,6 +56,11 @@ class Ending:
     stopped_because: str = ""
     """Subject of the sentence that tells who stopped the run and why; empty for the operator."""
     disk: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def refused_by(cls, record: RunRecord, error: BenchFaultError) -> Ending:
+        """Return the ending of a run whose bench could not be opened: nothing has moved."""
+        return cls(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)
 
 
 @dataclass(frozen=True)

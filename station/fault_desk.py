@@ -15,8 +15,7 @@ from tempfile import TemporaryDirectory
 from drivers.virtual.scenario import Scenario
 from station import children
 from station.assemble_virtual import load_scenario
-from station.command_run import refused
-from station.conclusion import conclude
+from station.conclusion import Ending, conclude
 from station.desk import Desk
 from station.errors import BenchFaultError, StationError
 from station.fault_companion import Companion
@@ -83,7 +82,7 @@ def run_here(
     except BenchFaultError as error:
         why_refused = str(error)
         record.samples.touch()
-        ending = refused(record, error)
+        ending = Ending.refused_by(record, error)
     conclude(record, job, ending)
     return Left(record, ending.started_ns, ending.written, bool(ending.trouble), why_refused)
 

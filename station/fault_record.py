@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.virtual.scenario import Scenario
-from station.command_run import Options, create
 from station.conclusion import Ending, conclude
 from station.fault_run import FaultRun
+from station.new_record import Wanted, new_record
 from station.record_store import RunRecord
 from station.request import Job, Source
 from station.scan_record import pack
@@ -23,10 +23,8 @@ def create_record(
 
     """
     name = scenario.scenario.name
-    serial = f"fault {name}"
-    recipe = str(job.recipe_source.path)
-    options = Options(recipe, serial, None, data, unit, scenario_path, virtual_time=not wires, json=True)
-    return create(options, job, serial, unit, Source.read(scenario_path), notes=[f"faults were injected: {name}"])
+    wanted = Wanted(f"fault {name}", unit, Source.read(scenario_path), None, virtual_time=not wires)
+    return new_record(data, job, wanted, notes=[f"faults were injected: {name}"])
 
 
 def keep(job: Job, unit: str, scenario_path: Path, scenario: Scenario, *, run: FaultRun, data: Path) -> Path:

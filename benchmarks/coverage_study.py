@@ -18,7 +18,7 @@ from analysis.studies.simulated_run import SimulatedBench
 from analysis.uncertainty.distributions import STATED_BY
 from analysis.uncertainty.figures import StatedBy
 from recipes import load_bench
-from station.figures import figures_of
+from station.bench.figures import figures_of
 
 HEAD = (
     "| metric | value | bias / U | 2·s / U | U | largest U | of value | covered | of all units | n |\n|" + " --- |" * 10

@@ -10,7 +10,7 @@ from analysis import METRICS, Method, MetricWanted, analyse
 from analysis.studies.simulated_run import SimulatedBench, course_of, measured_trace
 from analysis.studies.simulated_unit import SimulatedUnit
 from recipes import load_bench
-from station.figures import figures_of
+from station.bench.figures import figures_of
 
 DRAWS = 1000
 SAMPLES_PER_CYCLE = 600_000

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from controller.controller import Controller
 from drivers.virtual.inprocess import VirtualTimeBench
-from station.assemble_virtual import virtual_config
+from station.bench.assemble_virtual import virtual_config
+from station.bench.request import load_job
 from station.durable import Appender
-from station.realtime import quiet_collector
-from station.replay import replay
-from station.request import load_job
-from station.scan_loop import run_virtual, start_once
-from station.virtual_recorder import VirtualRecorder
+from station.results.replay import replay
+from station.run.virtual_recorder import VirtualRecorder
+from station.scan.realtime import quiet_collector
+from station.scan.scan_loop import run_virtual, start_once
 
 RECIPE = "rv-40e-121-quick"
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from station import realtime
-from station.scan_times import Counts
-from station.schedule import RealTimeSchedule
+from station.record.scan_times import Counts
+from station.scan import realtime
+from station.scan.schedule import RealTimeSchedule
 
 ROOT = Path(__file__).parents[1]
 PERIOD_NS = 1_000_000

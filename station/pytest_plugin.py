@@ -20,10 +20,10 @@ import pytest
 from controller.image import Command, Orders
 from drivers.virtual.fault_vocabulary import ONLY_OVER_WIRES
 from drivers.virtual.scenario import Expect, Fault, Header, Never, Scenario, When
-from station.assemble_virtual import choose_unit, virtual_config
-from station.fault_judge import judge
-from station.fault_run import Bench, FaultRun
-from station.request import load_job
+from station.bench.assemble_virtual import choose_unit, virtual_config
+from station.bench.request import load_job
+from station.faults.judge import judge
+from station.faults.run import Bench, FaultRun
 
 DEFAULT_RECIPE = "rv-40e-121-faults"
 

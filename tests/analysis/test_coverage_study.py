@@ -10,7 +10,7 @@ from analysis import AngleFigures, Method, MetricWanted, SensorFigures, TorqueFi
 from analysis.studies.coverage import CoverageRow, coverage
 from analysis.studies.simulated_run import SimulatedBench
 from recipes import load_bench
-from station.figures import figures_of
+from station.bench.figures import figures_of
 
 UNITS = 24
 NAMES = [

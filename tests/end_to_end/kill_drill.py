@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 
-from station.children import ONE_THREAD  # noqa: E402 - after the path of a script run by hand
+from station.run.children import ONE_THREAD  # noqa: E402 - after the path of a script run by hand
 
 os.environ.update(ONE_THREAD)  # before numpy: a fork copies one thread only
 

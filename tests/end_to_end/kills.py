@@ -19,11 +19,11 @@ from typing import Any
 from machine_trips import tripped_by_the_machine
 from warm_desk import ROOT, Started, cold
 
-from station.command_replay import replay_run
-from station.record_check import check_file, read_table
-from station.record_store import Store, process_birth
-from station.recovery import recover_all
-from station.ring import RingReader
+from station.commands.replay import replay_run
+from station.record.check import check_file, read_table
+from station.record.ring import RingReader
+from station.record.store import Store, process_birth
+from station.run.recovery import recover_all
 
 LONGEST_S = 90.0
 GOLDEN_RECIPE = ROOT / "tests" / "golden" / "golden.yaml"

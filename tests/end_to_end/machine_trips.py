@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.image import AGE_NEVER
-from station.record_check import Table
+from station.record.check import Table
 
 LOOKED_AT = 200
 """Records before the alarm that are looked at: a hold-up acts at once, or by a device's time-out of up to 100 ms."""

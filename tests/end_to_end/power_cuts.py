@@ -24,7 +24,7 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 from kills import LASTS_S, short_recipe  # noqa: E402 - after the path of a script run by hand
 from warm_desk import COMMAND, ROOT  # noqa: E402
 
-from station.record_check import check_file, read_table  # noqa: E402
+from station.record.check import check_file, read_table  # noqa: E402
 
 START_S = 4.0
 """About how long it takes from the command to the first record."""

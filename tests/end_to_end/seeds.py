@@ -28,12 +28,12 @@ from controller.faults import FAULT_BY_NUMBER  # noqa: E402
 from controller.image import State  # noqa: E402
 from drivers.virtual.scenario import Fault, Header, Operator, Scenario, When  # noqa: E402
 from drivers.virtual.units import UNITS  # noqa: E402
-from station.assemble_virtual import virtual_config  # noqa: E402
-from station.fault_rows import ROWS, STATES  # noqa: E402
-from station.fault_run import Bench  # noqa: E402
-from station.replay import replay  # noqa: E402
-from station.request import Job, load_job  # noqa: E402
-from station.scan_record import pack  # noqa: E402
+from station.bench.assemble_virtual import virtual_config  # noqa: E402
+from station.bench.request import Job, load_job  # noqa: E402
+from station.faults.rows import ROWS, STATES  # noqa: E402
+from station.faults.run import Bench  # noqa: E402
+from station.record.scan_record import pack  # noqa: E402
+from station.results.replay import replay  # noqa: E402
 
 RECIPE = ROOT / "tests" / "end_to_end" / "seeds.yaml"
 MODEL = "RV-40E-121"

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 from conftest import COMMAND, ROOT, Running
 
-from station.record_check import check_file
-from station.ring import FILE_PREFIX, SHARED_MEMORY
+from station.record.check import check_file
+from station.record.ring import FILE_PREFIX, SHARED_MEMORY
 
 pytestmark = pytest.mark.wires
 GOLDEN = str(ROOT / "tests" / "golden" / "golden.yaml")
@@ -168,8 +168,8 @@ from pathlib import Path
 sys.path.insert(0, "tests/station")
 from station_samples import IMAGE, ORDERS
 from station.durable import Appender
-from station.record_writer import RecordWriter
-from station.ring import RingReader, RingWriter, create
+from station.record.writer import RecordWriter
+from station.record.ring import RingReader, RingWriter, create
 folder, capacity, count = Path(sys.argv[1]), int(sys.argv[2]), 1500
 path = create(folder, capacity)
 scan, ring = RingWriter(path), RingReader(path)

@@ -7,8 +7,8 @@ import json
 import pyarrow.parquet as pq
 import pytest
 
-from station.record_check import read_table
-from station.scan_record import RECORD_BYTES
+from station.record.check import read_table
+from station.record.scan_record import RECORD_BYTES
 
 
 def test_export_in_each_format_and_of_a_damaged_run(lostmotion, stored, tmp_path):

@@ -14,7 +14,7 @@ import pytest
 from conftest import Running
 from test_disks import GOLDEN, command, recording
 
-from station.record_check import check_file
+from station.record.check import check_file
 
 pytestmark = pytest.mark.wires
 EXT4_IOC_SHUTDOWN = 0x8004587D

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from kills import ROOT, short_recipe
 
-from station import command_faults
-from station.command_replay import replay_run
-from station.record_check import check_file
+from station.commands import faults as command_faults
+from station.commands.replay import replay_run
+from station.record.check import check_file
 
 pytestmark = pytest.mark.wires
 BUSY = "try again on a quiet machine"

@@ -7,7 +7,7 @@ import pytest
 from machine_trips import tripped_by_the_machine
 
 from controller.image import AGE_NEVER
-from station.record_check import RECORD_DTYPE
+from station.record.check import RECORD_DTYPE
 
 ALARM_AT = 300
 

@@ -13,7 +13,7 @@ import pytest
 
 from controller.faults import FAULT_BY_ID
 from controller.image import DriveState, Orders, State
-from station.record_check import RECORD_DTYPE, read_table
+from station.record.check import RECORD_DTYPE, read_table
 
 pytestmark = pytest.mark.wires
 RATED_NM = 412.0
@@ -113,7 +113,7 @@ def scan_process_of(run_folder: Path) -> int:
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
             words = path.read_bytes().split(b"\0")
-            if b"station.scan_process" in words and str(run_folder).encode() in words[-2]:
+            if b"station.scan.scan_process" in words and str(run_folder).encode() in words[-2]:
                 return int(path.parent.name)
     message = "there is no scan process"
     raise AssertionError(message)

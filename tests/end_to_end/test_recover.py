@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from controller.image import DriveCommand, State
-from station.record_check import read_table
+from station.record.check import read_table
 
 pytestmark = pytest.mark.wires
 ROOT = Path(__file__).parents[2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from station.scan_record import RECORD_BYTES
+from station.record.scan_record import RECORD_BYTES
 
 GOLDEN_RECIPE = Path(__file__).parents[1] / "golden" / "golden.yaml"
 

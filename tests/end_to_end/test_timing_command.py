@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from station.command_timing import explain, lines
+from station.commands.timing import explain, lines
 
 pytestmark = pytest.mark.wires
 SECONDS = 1.5

@@ -100,4 +100,7 @@ def _run(args: tuple[str, ...]) -> None:
 
 def load() -> None:
     """Load what the commands of a drill load when they run, once for all of them."""
-    from station import assemble_virtual, command_resume, command_run, desk, recovery  # noqa: F401, PLC0415
+    from station.bench import assemble_virtual  # noqa: F401, PLC0415
+    from station.commands import resume as command_resume  # noqa: F401, PLC0415
+    from station.commands import run as command_run  # noqa: F401, PLC0415
+    from station.run import desk, recovery  # noqa: F401, PLC0415

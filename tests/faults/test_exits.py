@@ -10,13 +10,13 @@ import pytest
 
 from controller.faults import FAULTS
 from controller.image import Reaction
-from station import command_exits
+from station.commands import exits as command_exits
 from station.errors import StationError
-from station.exit_rows import EXITS, LOAD_NM, RATED_NM
-from station.exits import PROVOKE, measure_exit
-from station.exits_elsewhere import provokers
-from station.exits_page import COLUMNS, page
-from station.fault_rows import STATES
+from station.faults.exit_rows import EXITS, LOAD_NM, RATED_NM
+from station.faults.exits import PROVOKE, measure_exit
+from station.faults.exits_elsewhere import provokers
+from station.faults.exits_page import COLUMNS, page
+from station.faults.rows import STATES
 
 PAGE = (Path(__file__).parents[2] / "docs" / "exits.md").read_text(encoding="utf-8")
 BEFORE_TORQUE = (

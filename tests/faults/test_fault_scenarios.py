@@ -10,14 +10,14 @@ import pytest
 
 from drivers.virtual.scenario import EXPECT_KINDS, OF_THE_RECORD, Expect, Never, Scenario
 from recipes import RecipeError
-from station import command_faults
-from station.assemble_virtual import load_scenario
-from station.command_replay import replay_run
-from station.fault_judge import _EXPECT, _NEVER, judge
-from station.fault_matrix import cells, measure
-from station.fault_rows import AFTER_SCANS, ROWS, STATES
-from station.fault_run import FaultRun, Kept, run_scenario
-from station.request import load_job
+from station.bench.assemble_virtual import load_scenario
+from station.bench.request import load_job
+from station.commands import faults as command_faults
+from station.commands.replay import replay_run
+from station.faults.judge import _EXPECT, _NEVER, judge
+from station.faults.matrix import cells, measure
+from station.faults.rows import AFTER_SCANS, ROWS, STATES
+from station.faults.run import FaultRun, Kept, run_scenario
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "scenarios").glob("*.yaml"))

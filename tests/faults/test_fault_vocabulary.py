@@ -28,10 +28,10 @@ from drivers.virtual.fault_vocabulary import (
 from drivers.virtual.frame_faults import FrameFaults
 from drivers.virtual.modbus_faults import ModbusFaults
 from drivers.virtual.scenario import Fault, Scenario
-from station.assemble_virtual import load_scenario, plain_document
-from station.fault_rows import ROWS
-from station.machine_faults import DEEDS, Traces
-from station.request import DRIVER_PROFILES
+from station.bench.assemble_virtual import load_scenario, plain_document
+from station.bench.request import DRIVER_PROFILES
+from station.faults.rows import ROWS
+from station.run.machine_faults import DEEDS, Traces
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = [load_scenario(path) for path in sorted((ROOT / "scenarios").glob("*.yaml"))]

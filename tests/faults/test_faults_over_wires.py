@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from station import command_faults
-from station.fault_rows import ROWS
-from station.fault_wires_matrix import measure_over_wires, wire_rows
-from station.request import load_job
+from station.bench.request import load_job
+from station.commands import faults as command_faults
+from station.faults.rows import ROWS
+from station.faults.wires_matrix import measure_over_wires, wire_rows
 
 pytestmark = pytest.mark.wires
 ROOT = Path(__file__).parents[2]

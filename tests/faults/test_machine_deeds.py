@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from drivers.virtual.scenario import Fault
-from station.fault_desk import Left
-from station.fault_wires import _unproven
-from station.machine_faults import DEEDS, Traces
-from station.record_store import RunRecord
+from station.faults.desk import Left
+from station.faults.wires import _unproven
+from station.record.store import RunRecord
+from station.run.machine_faults import DEEDS, Traces
 from station.wall_clock import WALL_CLOCK
 
 ROOT = Path(__file__).parents[2]
@@ -24,7 +24,7 @@ import sys
 from pathlib import Path
 from station.durable import Appender, write_durable
 from station.errors import RecordError
-from station.machine_faults import DEEDS
+from station.run.machine_faults import DEEDS
 file = Appender(Path(sys.argv[1]) / "samples.bin")
 file.write(b"before")
 deed = DEEDS["machine.disk", "full"]
@@ -56,7 +56,7 @@ def test_a_killed_scan_is_dead_at_once() -> None:
 
 
 def test_a_killed_desk_kills_itself() -> None:
-    text = "from station.machine_faults import DEEDS; DEEDS['process.desk', 'kill'].begin(0, 0.0)"
+    text = "from station.run.machine_faults import DEEDS; DEEDS['process.desk', 'kill'].begin(0, 0.0)"
     done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, check=False)
     assert done.returncode == -signal.SIGKILL
 

@@ -12,10 +12,10 @@ from controller.faults import FAULT_BY_ID
 from controller.held_lock import HeldLock, Left
 from controller.image import Command, DriveCommand, Orders, State
 from drivers.virtual.scenario import Fault, When
-from station.assemble_virtual import choose_unit, virtual_config
-from station.fault_run import Bench, FaultRun
-from station.left_state import left_action
-from station.request import load_job
+from station.bench.assemble_virtual import choose_unit, virtual_config
+from station.bench.request import load_job
+from station.faults.run import Bench, FaultRun
+from station.record.left_state import left_action
 
 ENABLING = (DriveCommand.SWITCH_ON, DriveCommand.ENABLE_OPERATION, DriveCommand.START_HOMING)
 RATED_NM = 412.0

@@ -10,8 +10,8 @@ from wire_rig import PORTS
 from controller.image import DriveMode, Orders
 from drivers.can_drive import CanDrive
 from drivers.config import WireBenchConfig
-from station.assemble import wire_config
-from station.request import Job, load_job
+from station.bench.assemble import wire_config
+from station.bench.request import Job, load_job
 
 RECIPE = "rv-40e-121-faults"
 SCANS = 12

@@ -25,7 +25,7 @@ from drivers.config import ModbusConfig
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
 from recipes import RecipeError, check, parse_bench, parse_recipe
-from station.ring import (
+from station.record.ring import (
     MAILBOX_SLOTS,
     W_COMMANDS_WRITTEN,
     W_READ,
@@ -34,7 +34,7 @@ from station.ring import (
     RingWriter,
     create,
 )
-from station.scan_record import BODY_STRUCT
+from station.record.scan_record import BODY_STRUCT
 
 MOST_FRAMES = 200
 

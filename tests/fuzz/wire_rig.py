@@ -27,9 +27,9 @@ from drivers.data_types import LETTERS, SIZES, to_integer
 from drivers.pdo import EMCY_BASE, HEARTBEAT_BASE, rpdo_cob_id, tpdo_cob_id
 from drivers.virtual.inprocess import VirtualTimeBench
 from drivers.wire_bench import WireBench, in_scans
-from station.assemble import wire_config
-from station.request import Job
-from station.scan_record import BODY_STRUCT
+from station.bench.assemble import wire_config
+from station.bench.request import Job
+from station.record.scan_record import BODY_STRUCT
 
 Frame = can.Message
 Bend = Callable[[list[Frame]], list[Frame]]

@@ -28,9 +28,9 @@ from wire_rig import Snapshot, WireRig  # noqa: E402
 
 from controller.faults import FAULT_BY_NUMBER  # noqa: E402
 from controller.image import Command, State  # noqa: E402
-from station.assemble_virtual import choose_unit, virtual_config  # noqa: E402
-from station.fault_run import Bench  # noqa: E402
-from station.request import Job, load_job  # noqa: E402
+from station.bench.assemble_virtual import choose_unit, virtual_config  # noqa: E402
+from station.bench.request import Job, load_job  # noqa: E402
+from station.faults.run import Bench  # noqa: E402
 
 RECIPES: dict[str, tuple[str, ...]] = {
     "rv-40e-121-faults": ("home", "lock", "calibrate", "ramp_pos", "reverse", "ramp_neg", "unload", "release"),

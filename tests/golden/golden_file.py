@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from station.record_check import RECORD_DTYPE, Table, table_of
-from station.scan_record import RECORD_BYTES, pack, unpack
+from station.record.check import RECORD_DTYPE, Table, table_of
+from station.record.scan_record import RECORD_BYTES, pack, unpack
 
 SHARED = struct.Struct("<I")
 

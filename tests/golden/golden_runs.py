@@ -13,8 +13,8 @@ from pathlib import Path
 
 from controller.controller import Controller
 from controller.image import Command, Image, Orders
-from station.request import Job, load_job
-from station.scan_record import pack
+from station.bench.request import Job, load_job
+from station.record.scan_record import pack
 
 FOLDER = Path(__file__).parent
 IN_RAMP = {"time_s": 9.0}
@@ -101,7 +101,7 @@ class _Rounding:
 def _bench(golden: Golden, work: Job) -> Iterator[_Rounding]:
     from drivers.virtual.inprocess import VirtualTimeBench  # noqa: PLC0415 - compiles the physics; replay needs none
     from drivers.virtual.scenario import Scenario  # noqa: PLC0415
-    from station.assemble_virtual import virtual_config  # noqa: PLC0415
+    from station.bench.assemble_virtual import virtual_config  # noqa: PLC0415
 
     scenario = Scenario.model_validate({"scenario": {"name": golden.name}, "faults": golden.faults})
     bench = VirtualTimeBench(

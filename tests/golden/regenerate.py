@@ -8,9 +8,9 @@ from golden_file import read_golden, write_golden
 from golden_runs import GOLDEN_RUNS, job, make
 
 from controller.controller import Controller
-from station.event_log import state_name
-from station.record_check import table_of
-from station.replay import Replayed, replay
+from station.record.check import table_of
+from station.record.event_log import state_name
+from station.results.replay import Replayed, replay
 
 
 def stored() -> dict[str, bytes]:

@@ -14,9 +14,9 @@ from controller.controller import Controller
 from controller.faults import FAULT_BY_ID
 from controller.image import State
 from controller.interlocks import INTERLOCKS
-from station.event_log import state_name
-from station.record_check import check_bytes, table_of
-from station.replay import replay
+from station.record.check import check_bytes, table_of
+from station.record.event_log import state_name
+from station.results.replay import replay
 
 BY_NAME = {golden.name: golden for golden in GOLDEN_RUNS}
 MOST_BYTES = 300_000

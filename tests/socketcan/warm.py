@@ -8,8 +8,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from drivers.virtual.plant import warm_up
-from station.assemble_virtual import virtual_config
-from station.request import load_job
+from station.bench.assemble_virtual import virtual_config
+from station.bench.request import load_job
 
 job = load_job("rv-40e-121-quick", None)
 warm_up(virtual_config(job.bench, job.profile_paths, "P1"))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from recipes import parse_bench, shipped_benches
-from station.assemble import wire_config
-from station.request import find_profile
+from station.bench.assemble import wire_config
+from station.bench.request import find_profile
 
 
 def test_a_serial_lines_settings_reach_the_driver() -> None:

@@ -28,7 +28,7 @@ from recipes import (
 from recipes.calibration_schema import QuadrantLine
 from station.cli import app
 from station.errors import StationError
-from station.evaluation import figures_for, gate_limits_of, method_of
+from station.results.evaluation import figures_for, gate_limits_of, method_of
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-import station.bench_lock
+import station.bench.bench_lock
 from recipes import load_bench
-from station.bench_lock import BenchBusyError, alone_on, lock_path
+from station.bench.bench_lock import BenchBusyError, alone_on, lock_path
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(autouse=True)
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(station.bench_lock, "SHARED_MEMORY", tmp_path)
+    monkeypatch.setattr(station.bench.bench_lock, "SHARED_MEMORY", tmp_path)
 
 
 def test_a_bench_has_one_controller_at_a_time() -> None:

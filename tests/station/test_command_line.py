@@ -84,7 +84,7 @@ def test_bad_input_is_named_without_a_traceback(args: tuple[str, ...], named: st
 
 def test_a_crash_is_no_verdict(tmp_path: Path) -> None:
     crash = (
-        "import sys, station.cli as cli, station.command_show as show\n"
+        "import sys, station.cli as cli, station.commands.show as show\n"
         "def broken(*_, **__): raise ZeroDivisionError('by\\nnought')\n"
         "show.list_runs = broken\n"
         "sys.argv = ['lostmotion', 'list']\n"

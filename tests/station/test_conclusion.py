@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-import station.conclusion
-from station.command_run import recipe_notes
-from station.conclusion import Ending, conclude
-from station.record_check import check_file
-from station.record_store import RunRecord, Store
-from station.request import load_job
-from station.scan_record import RECORD_BYTES
+import station.run.conclusion
+from station.bench.request import load_job
+from station.commands.run import recipe_notes
+from station.record.check import check_file
+from station.record.scan_record import RECORD_BYTES
+from station.record.store import RunRecord, Store
+from station.run.conclusion import Ending, conclude
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
@@ -161,13 +161,13 @@ def test_a_result_that_reads_back_differently_decides_nothing(
     copied: RunRecord,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    honest = station.conclusion.read_from_disk
+    honest = station.run.conclusion.read_from_disk
 
     def forgetful(path: Path) -> bytes:
         content = honest(path)
         return content.replace(b'"PASS"', b'"FAIL"', 1) if path.name == "result.json" else content
 
-    monkeypatch.setattr(station.conclusion, "read_from_disk", forgetful)
+    monkeypatch.setattr(station.run.conclusion, "read_from_disk", forgetful)
     result = again(copied)
     assert result["verdict"] == "NOT DECIDABLE"
     assert "reads back differently" in result["reasons"][0]
@@ -177,8 +177,8 @@ def test_too_many_missed_periods_invalidate_the_measurement(
     copied: RunRecord,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    plain = station.conclusion.timing_block
-    monkeypatch.setattr(station.conclusion, "timing_block", lambda *args: plain(*args) | {"missed": 1000})
+    plain = station.run.conclusion.timing_block
+    monkeypatch.setattr(station.run.conclusion, "timing_block", lambda *args: plain(*args) | {"missed": 1000})
     result = again(copied)
     assert result["verdict"] == "NOT DECIDABLE"
     assert "scan periods were missed" in " ".join(result["reasons"])
@@ -186,7 +186,7 @@ def test_too_many_missed_periods_invalidate_the_measurement(
 
 def test_a_disk_that_is_full_for_the_report_does_not_hide_the_result(tmp_path: Path) -> None:
     full = (
-        "import sys, station.cli as cli, station.illustrate as run\n"
+        "import sys, station.cli as cli, station.reports.illustrate as run\n"
         "def no_room(*_, **__): raise OSError(28, 'No space left on device')\n"
         "run.png = no_room\n"
         "cli.main()\n"

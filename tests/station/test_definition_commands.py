@@ -12,12 +12,12 @@ import pytest
 from analysis import METRICS, Method, MetricWanted, analyse, read_trace
 from recipes import PRESETS, find_recipe, load_bench, parse_recipe
 from recipes.metric_schema import preset_metrics
-from station.command_analyze import analyze
-from station.command_metrics import metrics
-from station.command_repeatability import repeat
+from station.commands.analyze import analyze
+from station.commands.metrics import metrics
+from station.commands.repeatability import repeat
 from station.errors import StationError
-from station.evaluation import method_fields, method_of, wanted_of
-from station.stiffness_plot import stiffness_figure
+from station.reports.stiffness_plot import stiffness_figure
+from station.results.evaluation import method_fields, method_of, wanted_of
 
 ROOT = Path(__file__).parents[2]
 TRACE = str(ROOT / "tests/data/loop_published_curve.csv")

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from station_samples import IMAGE, ORDERS
 
-import station.ring
+import station.record.ring
 from controller.image import Command
-from station.desk_watch import DESK_GONE, LONGEST_SILENCE_S, DeskWatch
-from station.ring import RingReader, RingWriter, create
-from station.scan_loop import Stop
+from station.record.ring import RingReader, RingWriter, create
+from station.scan.desk_watch import DESK_GONE, LONGEST_SILENCE_S, DeskWatch
+from station.scan.scan_loop import Stop
 
 PERIOD_NS = 10_000_000
 LIMIT_SCANS = round(LONGEST_SILENCE_S * 1e9 / PERIOD_NS)
@@ -18,7 +18,7 @@ LIMIT_SCANS = round(LONGEST_SILENCE_S * 1e9 / PERIOD_NS)
 
 @pytest.fixture
 def ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[RingWriter, RingReader]]:
-    monkeypatch.setattr(station.ring, "SHARED_MEMORY", tmp_path)
+    monkeypatch.setattr(station.record.ring, "SHARED_MEMORY", tmp_path)
     path = create(tmp_path, 16)
     writer, reader = RingWriter(path), RingReader(path)
     yield writer, reader

@@ -17,9 +17,9 @@ from station_samples import IMAGE, ORDERS
 
 from analysis import read_trace
 from controller.image import IMAGE_FIELDS, ORDERS_FIELDS
-from station.export import FORMATS, Column, columns_of, sidecar
-from station.record_check import table_of
-from station.scan_record import HEADER_FIELDS, pack
+from station.record.check import table_of
+from station.record.scan_record import HEADER_FIELDS, pack
+from station.results.export import FORMATS, Column, columns_of, sidecar
 
 RUN = {"id": "20260101T000000.000Z-S1", "serial": "S1 ±°", "attempt": 2, "recipe": {"name": "r", "revision": 3}}
 SCANS = 50

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from station.headline import headline, remaining_reasons, virtual_badges
-from station.left_state import left_action, left_text
-from station.result_view import show_result, way_back_command
+from station.record.left_state import left_action, left_text
+from station.reports.headline import headline, remaining_reasons, virtual_badges
+from station.reports.result_view import show_result, way_back_command
 
 ALARM = {
     "first": True,

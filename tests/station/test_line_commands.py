@@ -10,12 +10,12 @@ import pytest
 from stored_runs import metric, store_run
 
 from analysis import AnalysisError
-from station import command_gage
-from station import command_line_statistics as line
-from station.command_line_statistics import Asked
-from station.csv_columns import read_csv_columns
+from station.commands import gage as command_gage
+from station.commands import line_statistics as line
+from station.commands.csv_columns import read_csv_columns
+from station.commands.line_statistics import Asked
+from station.commands.stored_values import Ask, stored_values
 from station.errors import StationError
-from station.stored_values import Ask, stored_values
 
 DATA = Path(__file__).parents[1] / "data"
 ASK = Ask("lost_motion")

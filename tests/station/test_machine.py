@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from station.machine import CHECKS, look
-from station.realtime import request_affinity
+from station.scan.machine import CHECKS, look
+from station.scan.realtime import request_affinity
 
 GOOD = {
     "proc/version": "Linux version 6.1.0-rt PREEMPT_RT",

@@ -7,14 +7,14 @@ from analysis import METRICS, Branch, Curves, Decision, Result, Verdict
 from controller.image import State
 from controller.program import Program
 from recipes import shipped_recipes
-from station.evaluation import method_of
-from station.history import History, history_of
-from station.loop_plot import loop_figure
-from station.record_check import RECORD_DTYPE
-from station.request import load_job
-from station.stiffness_plot import POINTS_AT, SEGMENTS, SPANS, stiffness_figure
-from station.time_plot import BANDS, time_figure
-from station.timing_plot import timing_figure
+from station.bench.request import load_job
+from station.record.check import RECORD_DTYPE
+from station.record.history import History, history_of
+from station.reports.loop_plot import loop_figure
+from station.reports.stiffness_plot import POINTS_AT, SEGMENTS, SPANS, stiffness_figure
+from station.reports.time_plot import BANDS, time_figure
+from station.reports.timing_plot import timing_figure
+from station.results.evaluation import method_of
 
 JOB = load_job(str(shipped_recipes()["rv-40e-121-quick"]), None)
 PROGRAM: Program = JOB.program

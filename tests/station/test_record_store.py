@@ -10,18 +10,18 @@ from pathlib import Path
 import pytest
 from station_samples import IMAGE, ORDERS
 
-import station.record_store
-import station.ring
-from station.command_run import Options
-from station.command_run import create as create_record
-from station.command_show import stored_result
+import station.record.ring
+import station.record.store
+from station.bench.request import load_job
+from station.commands.run import Options
+from station.commands.run import create as create_record
+from station.commands.show import stored_result
 from station.durable import Appender, read_from_disk, write_durable
 from station.errors import RecordError, StationError
-from station.record_store import RunRecord, Store, check_operator, check_serial, process_birth
-from station.recovery import recover
-from station.request import load_job
-from station.ring import RingWriter, ScanState, create
-from station.scan_record import pack
+from station.record.ring import RingWriter, ScanState, create
+from station.record.scan_record import pack
+from station.record.store import RunRecord, Store, check_operator, check_serial, process_birth
+from station.run.recovery import recover
 from station.wall_clock import WallClock
 
 MANIFEST = {"recipe": {"name": "r", "revision": 1, "sha256": "0"}, "verdict": None, "ring": None}
@@ -29,7 +29,7 @@ MANIFEST = {"recipe": {"name": "r", "revision": 1, "sha256": "0"}, "verdict": No
 
 @pytest.fixture(autouse=True)
 def _rings_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(station.ring, "SHARED_MEMORY", tmp_path / "absent")
+    monkeypatch.setattr(station.record.ring, "SHARED_MEMORY", tmp_path / "absent")
 
 
 def new_run(store: Store, serial: str = "SN1") -> RunRecord:
@@ -70,7 +70,7 @@ def test_run_ids_sort_by_time_also_after_the_clock_was_set_back(tmp_path: Path, 
     first = new_run(store).id
     clock = WallClock()
     clock.step(-3600.0)
-    monkeypatch.setattr(station.record_store, "WALL_CLOCK", clock)
+    monkeypatch.setattr(station.record.store, "WALL_CLOCK", clock)
     created = [first, *(new_run(store, serial).id for serial in ("Z", "A"))]
     assert [run.id for run in store.runs()] == created
     assert store.find("last").id == created[-1], "the way back after a fault reads how the newest run was left"

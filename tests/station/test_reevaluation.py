@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from recipes import RecipeError
-from station.command_analyze import reevaluate, reevaluation_heading
+from station.commands.analyze import reevaluate, reevaluation_heading
 from station.durable import as_json
 from station.errors import StationError
-from station.record_store import RunRecord, Store
-from station.seal import INDEX, seal
+from station.record.seal import INDEX, seal
+from station.record.store import RunRecord, Store
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"

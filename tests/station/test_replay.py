@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from station_samples import IMAGE, ORDERS
 
 from controller.image import Image, Orders
-from station.replay import replay
-from station.scan_record import RECORD_BYTES, pack
+from station.record.scan_record import RECORD_BYTES, pack
+from station.results.replay import replay
 
 SCANS = 12
 

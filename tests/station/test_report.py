@@ -6,11 +6,11 @@ import numpy as np
 from test_headline import ALARM, LEFT, result
 
 from recipes import shipped_recipes
-from station.history import conditions_of
-from station.left_state import left_action, left_text
-from station.record_check import RECORD_DTYPE
-from station.report import guarded_text, report_html
-from station.request import load_job
+from station.bench.request import load_job
+from station.record.check import RECORD_DTYPE
+from station.record.history import conditions_of
+from station.record.left_state import left_action, left_text
+from station.reports.html_page import guarded_text, report_html
 
 RUN = {
     "started": "2026-01-02T03:04:05.000+00:00",

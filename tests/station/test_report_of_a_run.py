@@ -16,15 +16,18 @@ import pytest
 from analysis import AnalysisError
 from analysis.models import model_from_json
 from drivers.virtual.units import P1
-from station import command_analyze, command_model, command_play_model, command_report
-from station.command_model import Asked, fixed_values
+from station.commands import analyze as command_analyze
+from station.commands import model as command_model
+from station.commands import play_model as command_play_model
+from station.commands import report as command_report
+from station.commands.model import Asked, fixed_values
 from station.errors import StationError
-from station.headline import virtual_badges
-from station.illustrate import Shown, illustrate
-from station.record_store import RunRecord, Store
-from station.report_content import budget_tables, gate_rows, shown_gates, stage_rows, uncertainty_kind
-from station.run_analysis import complete_run
-from station.run_conditions import housing_temperature_c, lock_position_deg
+from station.record.run_conditions import housing_temperature_c, lock_position_deg
+from station.record.store import RunRecord, Store
+from station.reports.content import budget_tables, gate_rows, shown_gates, stage_rows, uncertainty_kind
+from station.reports.headline import virtual_badges
+from station.reports.illustrate import Shown, illustrate
+from station.results.run_analysis import complete_run
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,9 +9,9 @@ import pytest
 
 import recipes.yaml_source
 from recipes import RecipeError, load_recipe
-from station.program_file import plain_program, program_differences
-from station.request import load_job
-from station.scan_process import refuse_another
+from station.bench.request import load_job
+from station.record.program_file import plain_program, program_differences
+from station.scan.scan_process import refuse_another
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
@@ -38,7 +38,7 @@ def test_a_recipe_edited_between_two_reads_cannot_be_half_old_half_new(
             recipe.write_text(recipe.read_text().replace("peak_torque: 110 %", "peak_torque: 90 %"))
         return content
 
-    for module in ("recipes.yaml_source", "station.request"):
+    for module in ("recipes.yaml_source", "station.bench.request"):
         monkeypatch.setattr(f"{module}.read_bytes", edited_after)
     job = load_job(str(recipe), "virtual")
     _ = job.program

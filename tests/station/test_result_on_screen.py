@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from station.result_notes import MOST_NOTES, gate_lines, note_lines, summary_line
-from station.run_list import print_runs
+from station.reports.result_notes import MOST_NOTES, gate_lines, note_lines, summary_line
+from station.run.run_list import print_runs
 
 ROOT = Path(__file__).parents[2]
 GATES = [

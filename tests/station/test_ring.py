@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from station_samples import IMAGE, ORDERS
 
-import station.ring
+import station.record.ring
 from controller.image import Command
-from station.record_check import check_bytes
-from station.ring import (
+from station.record.check import check_bytes
+from station.record.ring import (
     MAILBOX_SLOTS,
     W_COMMANDS_WRITTEN,
     W_SLOTS,
@@ -21,14 +21,14 @@ from station.ring import (
     ScanState,
     create,
 )
-from station.scan_record import RECORD_BYTES
+from station.record.scan_record import RECORD_BYTES
 
 Ends = tuple[RingWriter, RingReader]
 
 
 @pytest.fixture(autouse=True)
 def _in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(station.ring, "SHARED_MEMORY", tmp_path)
+    monkeypatch.setattr(station.record.ring, "SHARED_MEMORY", tmp_path)
 
 
 def both_ends(folder: Path, capacity: int) -> Ends:
@@ -123,7 +123,7 @@ def test_state_travels_to_the_desk(ends: Ends) -> None:
 
 
 def test_the_run_folder_is_used_without_shared_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(station.ring, "SHARED_MEMORY", tmp_path / "absent")
+    monkeypatch.setattr(station.record.ring, "SHARED_MEMORY", tmp_path / "absent")
     assert create(tmp_path, 4).parent == tmp_path
 
 

@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 from station_samples import IMAGE, ORDERS
 
-from station.record_store import RunRecord, Store
-from station.recovery import recover, resume
-from station.ring import RingWriter, ScanState, create
-from station.run_lock import RunLock
+from station.record.ring import RingWriter, ScanState, create
+from station.record.run_lock import RunLock
+from station.record.store import RunRecord, Store
+from station.run.recovery import recover, resume
 
 ROOT = Path(__file__).parents[2]
 OWNER = """
 import sys, time
 from pathlib import Path
-from station.run_lock import RunLock
+from station.record.run_lock import RunLock
 lock = RunLock(Path(sys.argv[1]))
 print(lock.take(), flush=True)
 time.sleep(60)
@@ -102,6 +102,6 @@ def test_a_new_run_is_owned_before_it_can_be_seen(tmp_path: Path) -> None:
 def test_a_new_desk_begins_before_it_loads_what_shows_a_result() -> None:
     """A scan waits 2 s for a new desk; on a busy machine loading the analysis alone took longer."""
     heavy = ("numpy", "scipy", "analysis", "matplotlib", "recipes", "pint")
-    program = f"import sys, station.command_resume; print([name for name in {heavy} if name in sys.modules])"
+    program = f"import sys, station.commands.resume; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

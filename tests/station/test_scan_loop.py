@@ -6,10 +6,10 @@ from pathlib import Path
 from station_samples import IMAGE, ORDERS
 
 from controller.image import Command, Image, Orders, State
-from station import realtime
-from station.scan_loop import START_AT, Stop, run_real, run_virtual, start_once
-from station.scan_times import ScanTimes
-from station.schedule import RealTimeSchedule
+from station.record.scan_times import ScanTimes
+from station.scan import realtime
+from station.scan.scan_loop import START_AT, Stop, run_real, run_virtual, start_once
+from station.scan.schedule import RealTimeSchedule
 
 
 class Line:

@@ -8,8 +8,8 @@ import pytest
 from station_samples import IMAGE, ORDERS
 
 from controller.image import IMAGE_FIELDS, ORDERS_FIELDS
-from station.record_check import NUMPY_TYPES, RECORD_DTYPE, check_bytes, check_file, read_table
-from station.scan_record import BODY_BYTES, RECORD_BYTES, describe, pack, unpack
+from station.record.check import NUMPY_TYPES, RECORD_DTYPE, check_bytes, check_file, read_table
+from station.record.scan_record import BODY_BYTES, RECORD_BYTES, describe, pack, unpack
 
 
 def records(count: int) -> bytes:

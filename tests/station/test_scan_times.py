@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.scan_times import LONGEST_KEPT, PARTS, Counts, ScanTimes
+from station.record.scan_times import LONGEST_KEPT, PARTS, Counts, ScanTimes
 
 
 @given(times=st.lists(st.integers(min_value=0, max_value=10**10), min_size=1, max_size=200))

@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.schedule import RealTimeSchedule, next_due
+from station.scan.schedule import RealTimeSchedule, next_due
 
 MS = 1_000_000
 

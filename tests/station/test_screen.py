@@ -10,13 +10,13 @@ from station_samples import IMAGE, ORDERS
 
 from controller.faults import FAULTS
 from controller.image import State
-from station.live import STATE_WORDS, LiveReader, LiveView, alarm_texts
-from station.progress import STATE_COLOURS, clock, panel
-from station.request import load_job
-from station.result_text import limits_text, metric_name, number, uncertainty_text
-from station.result_view import alarm_lines, all_rows, judging_rows
-from station.scan_record import pack
-from station.terminal_plot import Canvas, nice_ceiling, plot
+from station.bench.request import load_job
+from station.commands.terminal_plot import Canvas, nice_ceiling, plot
+from station.record.scan_record import pack
+from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
+from station.reports.result_view import alarm_lines, all_rows, judging_rows
+from station.run.live import STATE_WORDS, LiveReader, LiveView, alarm_texts
+from station.run.progress import STATE_COLOURS, clock, panel
 
 
 def test_every_state_has_words_and_a_colour() -> None:

@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from station.command_show import row, stored_result
+from station.commands.show import row, stored_result
 from station.durable import as_json
-from station.record_store import RunRecord, Store
-from station.seal import INDEX, alterations, index_lines, seal
+from station.record.seal import INDEX, alterations, index_lines, seal
+from station.record.store import RunRecord, Store
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"

@@ -14,11 +14,13 @@ import typer.main
 from typer.testing import CliRunner
 
 from analysis import AnalysisError
-from station import command_frequency, command_studies, json_errors
 from station.cli import COMMANDS, app
-from station.command_frequency import band_of
+from station.commands import frequency as command_frequency
+from station.commands import json_errors
+from station.commands import studies as command_studies
+from station.commands.frequency import band_of
+from station.commands.stored_values import Ask
 from station.errors import StationError
-from station.stored_values import Ask
 
 DATA = Path(__file__).parents[1] / "data"
 

@@ -10,13 +10,13 @@ from station_samples import IMAGE, ORDERS
 from controller.compiler import compile_program
 from recipes import load_bench, load_recipe
 from recipes.bus_load import bus_us
-from station.command_timing import lost_records
-from station.machine import against, resident_kb
-from station.realtime import Grant, spin_tail
-from station.scan_record import RECORD_BYTES, pack
-from station.timing_process import with_period
-from station.timing_rates import Rate, highest, limit, measured
-from station.timing_run import Gapless
+from station.commands.timing import lost_records
+from station.record.scan_record import RECORD_BYTES, pack
+from station.run.timing_rates import Rate, highest, limit, measured
+from station.run.timing_run import Gapless
+from station.scan.machine import against, resident_kb
+from station.scan.realtime import Grant, spin_tail
+from station.scan.timing_process import with_period
 
 ROOT = Path(__file__).parents[2]
 MEGABIT = 1_000_000

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from station.command_timing import explain, histogram
-from station.scan_times import ScanTimes
+from station.commands.timing import explain, histogram
+from station.record.scan_times import ScanTimes
 
 
 def report(missed: int, work_us: float = 160.0, late_us: float = 40.0, cause: str = "waking") -> dict:

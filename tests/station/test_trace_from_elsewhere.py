@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from recipes import RecipeError, find_bench, find_recipe
-from station.command_analyze import analyze, elsewhere
-from station.command_check import check
+from station.commands.analyze import analyze, elsewhere
+from station.commands.check import check
 from station.errors import StationError
-from station.report_content import uncertainty_kind
-from station.result_notes import note_lines
+from station.reports.content import uncertainty_kind
+from station.reports.result_notes import note_lines
 
 TRACE = Path(__file__).parents[1] / "data" / "loop_published_curve.csv"
 DECIDES = """metrics:

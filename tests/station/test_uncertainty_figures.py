@@ -16,8 +16,8 @@ from analysis.uncertainty.distributions import DISTRIBUTIONS, STATED_BY
 from analysis.uncertainty.figures import StatedBy
 from recipes import RecipeError, load_bench, parse_bench, shipped_benches
 from recipes.bench_schema import TorqueSensor
-from station.command_analyze import elsewhere
-from station.figures import figures_of
+from station.bench.figures import figures_of
+from station.commands.analyze import elsewhere
 
 
 @pytest.mark.parametrize("name", list(shipped_benches()))

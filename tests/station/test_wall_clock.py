@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from station.log import open_log
-from station.record_store import now_text
+from station.record.store import now_text
 from station.wall_clock import SEEN_FROM_S, WALL_CLOCK, JumpWatch
 
 ROOT = Path(__file__).parents[2]

@@ -1,0 +1,74 @@
+"""Entry of the gateway before a bench on a cable: `python -m station.bench.gateway_process SPEC.json`.
+
+The spec names bench file, profiles and scenario, as that of `station.bench.virtual_bench_process`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from drivers.errors import DriverError
+from drivers.virtual.config import RegisterMap
+from drivers.virtual.errors import VirtualBenchError
+from drivers.virtual.gateway import GatewayConfig, ModbusTarget, run_gateway
+from drivers.virtual.process_lines import log_line
+from recipes import Bench, RecipeError, load_bench
+from recipes.bench_schema import ModbusDevice
+from station.bench.assemble import can_config
+from station.bench.assemble_virtual import load_scenario, plain_document
+from station.bench.bench_lock import alone_on
+from station.bench.virtual_bench_process import FIFO_PRIORITY
+from station.errors import StationError
+
+
+def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_parent: bool) -> GatewayConfig:
+    """Return the gateway before the bench of a bench file; StationError when it has a device that is not on TCP."""
+
+    def device(name: str, there: ModbusDevice) -> ModbusTarget:
+        if there.transport != "tcp":
+            raise StationError(f"gateway: {name} is on Modbus {there.transport}; allowed is tcp")
+        registers = RegisterMap.from_mapping(plain_document(profiles[there.profile]))
+        return ModbusTarget(there.host, there.port, there.unit_id, registers)
+
+    parts: dict[str, ModbusDevice] = {"amplifier": bench.amplifier, "brake": bench.brake, "remote_io": bench.remote_io}
+    devices = {name: device(name, there) for name, there in parts.items()}
+    drive = bench.drive
+    return GatewayConfig(can_config(bench), drive.node_id, drive.controller_node_id, devices, end_with_parent)
+
+
+def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_with_parent: bool) -> None:
+    """Run the gateway until it is told to end; it holds the bench, as a controller would.
+
+    Raises:
+        StationError, RecipeError, VirtualBenchError, DriverError: what cannot be had as asked.
+
+    """
+    config = gateway_config(bench, profiles, end_with_parent=end_with_parent)
+    faults = load_scenario(scenario)
+    with alone_on(bench):
+        asyncio.run(run_gateway(config, faults))
+
+
+def main() -> int:
+    """Read the spec and serve; 2 when the bench cannot be had as asked."""
+    try:
+        spec = json.loads(Path(sys.argv[1]).read_text())
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+        except OSError as error:
+            log_line("fifo_refused", str(error))
+        profiles = {name: Path(path) for name, path in spec["profiles"].items()}
+        serve(load_bench(spec["bench"]), profiles, Path(spec["scenario"]), end_with_parent=True)
+    except (VirtualBenchError, RecipeError, StationError, DriverError) as error:
+        log_line("refused", str(error))
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

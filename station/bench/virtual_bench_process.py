@@ -1,0 +1,66 @@
+"""Entry of the embedded virtual bench: `python -m station.bench.virtual_bench_process SPEC.json`.
+
+The spec names bench file, profiles, unit, scenario and where the torque in the unit is to be written (`truth`). The
+ready line with the ports goes to standard output, what the drive and the injected faults do to standard error, one
+JSON line each.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from drivers.virtual.config import ServerConfig
+from drivers.virtual.errors import VirtualBenchError
+from drivers.virtual.plant import warm_up
+from drivers.virtual.process_lines import log_line
+from drivers.virtual.server import run
+from recipes import RecipeError, load_bench
+from station.bench.assemble_virtual import load_scenario, server_config
+
+FIFO_PRIORITY = 60
+"""The bench plays hardware, which never waits for a processor: below the scan, above everything ordinary."""
+
+
+def serve(spec: dict[str, Any]) -> None:
+    """Run the virtual bench of a spec until it is told to end or its parents are gone."""
+    profiles = {name: Path(path) for name, path in spec["profiles"].items()}
+    scenario = None if spec["scenario"] is None else Path(spec["scenario"])
+    config = server_config(
+        load_bench(spec["bench"]),
+        profiles,
+        spec["unit"],
+        scenario=scenario,
+        embedded=spec["embedded"],
+        truth=None if spec["truth"] is None else Path(spec["truth"]),
+    )
+    faults = None if scenario is None else load_scenario(scenario)
+    play_hardware(config)
+    asyncio.run(run(config, faults))
+
+
+def play_hardware(config: ServerConfig) -> None:
+    """Compile the physics, then ask for a priority below the scan's and above everything ordinary."""
+    warm_up(config.bench)  # compiling takes seconds: not with a priority that keeps others waiting
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+    except OSError as error:
+        log_line("fifo_refused", str(error))
+
+
+def main() -> int:
+    """Read the spec and serve; 2 when the bench cannot be had as asked."""
+    try:
+        serve(json.loads(Path(sys.argv[1]).read_text()))
+    except (VirtualBenchError, RecipeError) as error:
+        log_line("refused", str(error))
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

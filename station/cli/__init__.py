@@ -1,0 +1,138 @@
+"""The command line: which commands there are, and how a command ends.
+
+Every command imports what it needs when it runs, so that help answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Annotated
+
+import typer
+
+from station.cli import bench as cli_bench
+from station.cli import line as cli_line
+from station.cli import measure as cli_measure
+from station.cli import models as cli_models
+from station.cli import runs as cli_runs
+from station.cli.errors import EXIT_BENCH, can_be_mended, nobody_reads, program_failed, refuse
+from station.cli.faults import faults_app
+from station.cli.help import GroupedHelp
+from station.cli.studies import study_app
+from station.errors import BenchFaultError
+from station.plain_text import never_crash
+
+app = typer.Typer(
+    name="lostmotion",
+    help="End-of-line test bench for precision gear reducers: torsional stiffness, backlash and lost motion.",
+    cls=GroupedHelp,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
+    "Measure": {
+        "check": cli_measure.check,
+        "run": cli_measure.run,
+        "resume": cli_measure.resume,
+        "recover": cli_measure.recover,
+    },
+    "Look at runs": {
+        "list": cli_runs.list_runs,
+        "show": cli_runs.show,
+        "report": cli_runs.report,
+        "analyze": cli_runs.analyze,
+        "metrics": cli_runs.metrics,
+        "export": cli_runs.export,
+        "replay": cli_runs.replay,
+    },
+    "Models": {
+        "model": cli_models.model,
+        "play-model": cli_models.play_model,
+    },
+    "Line and gage": {
+        "repeatability": cli_line.repeatability,
+        "capability": cli_line.capability,
+        "units": cli_line.units,
+        "gage": cli_line.gage,
+        "master-part": cli_line.master_part,
+        "decision": cli_line.decision,
+        "study": study_app,
+    },
+    "Bench": {
+        "virtual-bench": cli_bench.virtual_bench,
+        "timing": cli_bench.timing,
+        "blank": cli_bench.blank,
+        "calibration": cli_bench.calibration,
+        "faults": faults_app,
+    },
+}
+"""Headings of the help and the commands below each, in the order in which people meet them."""
+
+
+def _register() -> None:
+    """Put every command of the table on the command line."""
+    for heading, commands in COMMANDS.items():
+        for name, command in commands.items():
+            if isinstance(command, typer.Typer):
+                app.add_typer(command, name=name, rich_help_panel=heading)
+            else:
+                app.command(name, rich_help_panel=heading)(command)
+
+
+_register()
+
+
+def _print_version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value
+    if asked:
+        import importlib.metadata  # noqa: PLC0415 - only for this option
+
+        try:
+            version = importlib.metadata.version("lostmotion")
+        except importlib.metadata.PackageNotFoundError:
+            version = "from its source folder"
+        typer.echo(f"lostmotion {version}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[  # noqa: FBT002 - typer reads this signature
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """End-of-line test bench for precision gear reducers: torsional stiffness, backlash and lost motion."""
+
+
+def main() -> None:
+    """Run the command line; errors that a person can mend are plain text on standard error, without a traceback."""
+    never_crash()
+    try:
+        ended = app(standalone_mode=False)
+        sys.stdout.flush()  # a reader that is gone is told here, not when the interpreter ends with a code of its own
+        sys.exit(ended)
+    except BenchFaultError as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(EXIT_BENCH)
+    except (KeyboardInterrupt, typer.Abort):
+        sys.stderr.write("interrupted before anything moved\n")
+        sys.exit(EXIT_BENCH)
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # typer makes 1 of it, which is FAIL
+            nobody_reads()
+        raise
+    except BrokenPipeError:
+        nobody_reads()
+    except Exception as error:  # noqa: BLE001 - whatever it is, its exit code must not be one of a verdict
+        if can_be_mended(error):
+            refuse(error)
+        program_failed(error)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""Commands on the bench itself: virtual, measured, and described for the bench file."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from station.cli.options import (
+    DEFAULT_DATA,
+    BenchOption,
+    DataOption,
+    JsonOption,
+    RunArgument,
+    ScenarioOption,
+    TraceArgument,
+    UnitOption,
+)
+
+DueOption = Annotated[
+    str | None, typer.Option("--due", metavar="DATE", help="Day to repeat it. Default: a year after it was made.")
+]
+
+
+def virtual_bench(
+    bench: BenchOption = None,
+    can: Annotated[
+        str | None,
+        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan: be an adapter."),
+    ] = None,
+    modbus: Annotated[
+        str | None,
+        typer.Option("--modbus", metavar="WHERE", help="HOST:PORT, also the next two; rtu: serial ports."),
+    ] = None,
+    unit: UnitOption = None,
+    scenario: ScenarioOption = None,
+) -> None:
+    """Run the virtual bench alone; prints its ports as one JSON line when it is ready."""
+    from station.commands import virtual_bench as command_virtual_bench
+
+    raise typer.Exit(command_virtual_bench.virtual_bench(bench, can, modbus, unit, scenario))
+
+
+def timing(
+    seconds: Annotated[float, typer.Option("--seconds", metavar="N", min=0.1, help="How long to measure.")] = 10.0,
+    bench: BenchOption = None,
+    recipe: Annotated[
+        str | None,
+        typer.Option(
+            "--recipe", metavar="RECIPE", help="Recipe whose period and bench are meant. Default: a shipped one."
+        ),
+    ] = None,
+    period_us: Annotated[
+        int | None,
+        typer.Option("--period-us", metavar="N", min=100, max=100_000, help="Measure at another scan period [µs]."),
+    ] = None,
+    spin_us: Annotated[
+        int | None,
+        typer.Option("--spin-us", metavar="N", min=0, max=1000, help="Spin this long before each deadline [µs]."),
+    ] = None,
+    highest_rate: Annotated[
+        bool, typer.Option("--highest-rate", help="Measure one scan rate after the other, N seconds each.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure what this machine can do: the whole scan without a unit under test. Nothing moves.
+
+    Exit code: 0, or 1 when more than 0.1 % of the periods were missed (at 1 kHz with --highest-rate) or a record was
+    lost; 2 bad input.
+    """
+    from station.commands import timing as command_timing
+    from station.run.timing_run import Asked
+
+    asked = Asked(
+        seconds,
+        None if period_us is None else period_us * 1000,
+        None if spin_us is None else spin_us * 1000,
+    )
+    command = command_timing.rates if highest_rate else command_timing.timing
+    raise typer.Exit(command(recipe, bench, asked, as_json=as_json))
+
+
+def blank(
+    trace: TraceArgument,
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="How the dummy was loaded. Default for a run: its own recipe."),
+    ] = None,
+    bench: Annotated[
+        str | None, typer.Option("--bench", metavar="FILE", help="Bench that the trace comes from.")
+    ] = None,
+    name: Annotated[str | None, typer.Option("--id", metavar="ID", help="Name of the blank test.")] = None,
+    due: DueOption = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Print a bench file's block 'fixture' from a loop on a rigid dummy: the fixture's deflection over torque."""
+    from station.commands import blocks as command_blocks
+
+    raise typer.Exit(command_blocks.blank(trace, recipe, bench, data, name=name, due=due, as_json=as_json))
+
+
+def calibration(
+    run: RunArgument,
+    due: DueOption = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Print the torque ratio that a run measured as an entry of 'calibrations' in a bench file."""
+    from station.commands import blocks as command_blocks
+
+    raise typer.Exit(command_blocks.calibration(run, data, due=due, as_json=as_json))

@@ -1,0 +1,71 @@
+"""How a command that fails ends: its exit code, and what is said to a person and to a program."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import traceback
+from typing import NoReturn
+
+from station.commands.json_errors import asked_for, errors_json
+from station.errors import StationError
+
+EXIT_BAD_INPUT = 2
+EXIT_BENCH = 4
+EXIT_PROGRAM_ERROR = 70
+"""The program itself failed (EX_SOFTWARE of sysexits.h): none of the codes that say something about a unit."""
+
+EXIT_NOBODY_READS = 141
+"""As of a process that SIGPIPE ended: the reader of standard output went away, and no code may be taken for a PASS."""
+
+
+def _bad_input() -> tuple[type[Exception], ...]:
+    """Return the errors that a person can mend. Called when one was raised: its module is loaded then anyway."""
+    loaded = sys.modules
+    names = (
+        ("recipes", "RecipeError"),
+        ("analysis", "AnalysisError"),
+        ("drivers.virtual.errors", "VirtualBenchError"),
+    )
+    return (StationError, *(getattr(loaded[module], name) for module, name in names if module in loaded))
+
+
+def can_be_mended(error: Exception) -> bool:
+    """Whether a person can mend what was raised: bad input, not a failure of the program."""
+    # The command line's own refusals show themselves; their class is not part of typer's interface.
+    return hasattr(error, "format_message") or isinstance(error, _bad_input())
+
+
+def refuse(error: Exception) -> NoReturn:
+    """Tell what is wrong with the input, in words and, to a program that asked for it, as JSON; exit."""
+    show = getattr(error, "show", None)
+    if show is not None:
+        show()
+    else:
+        sys.stderr.write(f"{error}\n")
+    code = getattr(error, "exit_code", EXIT_BAD_INPUT)
+    if code == EXIT_BAD_INPUT and asked_for(sys.argv[1:]):
+        sys.stdout.write(errors_json(error))
+    sys.exit(code)
+
+
+def program_failed(error: Exception) -> NoReturn:
+    """Tell in one plain line of an error that nobody expected; its traceback goes to a file; exit."""
+    what = f"the program failed: {type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
+    try:
+        handle, name = tempfile.mkstemp(prefix="lostmotion-error-", suffix=".txt")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(f"{' '.join(sys.argv)}\n\n{''.join(traceback.format_exception(error))}")
+    except OSError as refused:
+        where = f"its traceback could not be stored ({refused.strerror})"
+    else:
+        where = f"please report it with {name}"
+    sys.stderr.write(f"{what}; nothing is said about the unit. {where}\n")
+    sys.exit(EXIT_PROGRAM_ERROR)
+
+
+def nobody_reads() -> NoReturn:
+    """Leave quietly: what is still buffered goes nowhere, instead of raising once more when the interpreter ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
+    sys.exit(EXIT_NOBODY_READS)

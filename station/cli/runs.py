@@ -1,0 +1,123 @@
+"""Commands that look at what was measured."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from station.cli.options import (
+    DEFAULT_DATA,
+    DataOption,
+    JsonOption,
+    PresetOption,
+    RunArgument,
+    TraceArgument,
+)
+
+
+def list_runs(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
+    """List all stored runs, newest last."""
+    from station.commands import show as command_show
+
+    raise typer.Exit(command_show.list_runs(data, as_json=as_json))
+
+
+def show(
+    name: RunArgument,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Show a stored run."""
+    from station.commands import show as command_show
+
+    raise typer.Exit(command_show.show(name, data, as_json=as_json))
+
+
+def report(
+    name: RunArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to. Default: that of the run.")
+    ] = None,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the report of a stored run, as HTML that stands alone and as PDF."""
+    from station.commands import report as command_report
+
+    raise typer.Exit(command_report.report(name, data, out, open_it=open_it, as_json=as_json))
+
+
+def analyze(
+    trace: TraceArgument,
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="How to evaluate. Default for a stored run: its own recipe."),
+    ] = None,
+    bench: Annotated[
+        str | None,
+        typer.Option("--bench", metavar="FILE", help="Bench the trace comes from: its fixture and calibrations."),
+    ] = None,
+    preset: PresetOption = None,
+    monte_carlo: Annotated[
+        int,
+        typer.Option("--monte-carlo", metavar="N", min=0, max=100_000, help="Draws beside the budget, into the JSON."),
+    ] = 0,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute metrics and verdict of a trace. Exit code as run."""
+    from station.commands import analyze as command_analyze
+
+    raise typer.Exit(
+        command_analyze.analyze(trace, recipe, bench, data, preset=preset, as_json=as_json, draws=monte_carlo)
+    )
+
+
+def metrics(preset: PresetOption = None, as_json: JsonOption = False) -> None:
+    """List the definitions of all metrics and the presets, or of one preset. Exit code: 0, or 2 for no such preset."""
+    from station.commands import metrics as command_metrics
+
+    raise typer.Exit(command_metrics.metrics(preset, as_json=as_json))
+
+
+def export(
+    name: RunArgument,
+    file_format: Annotated[
+        str,
+        typer.Option("--format", metavar="FORMAT", help="parquet, csv, mat or tdms."),
+    ] = "parquet",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="File or folder to write. Default: RUN.FORMAT in this folder."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write every scan of a run as Parquet, CSV, MATLAB or TDMS, with units and metadata."""
+    from station.commands import export as command_export
+
+    raise typer.Exit(command_export.export(name, data, file_format, out, as_json=as_json))
+
+
+def replay(
+    name: RunArgument,
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="OTHER", help="What if: interlocks and limits of another recipe."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Step the controller through a record and compare every order, byte for byte.
+
+    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record, 3 identical,
+    but the record was altered after the run.
+    """
+    from station.commands import replay as command_replay
+
+    raise typer.Exit(command_replay.replay_run(name, data, recipe, as_json=as_json))

@@ -1,0 +1,74 @@
+"""`lostmotion export`: a stored run as a file of another program."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from station.commands.show import stored_result
+from station.errors import RecordError, StationError
+from station.record.check import check_bytes, table_of
+from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
+from station.record.store import RunRecord, Store
+from station.results.export import FORMATS, columns_of
+from station.run.recovery import recover
+
+COPIED = ("id", "serial", "attempt", "state", "started", "ended", "clock", "period_ns", "recipe", "bench", "software")
+
+
+def described(run: RunRecord) -> dict[str, Any]:
+    """Return what a file must say of its run to stand alone: identity, recipe, bench, software, verdict, metrics."""
+    manifest, result = run.manifest(), stored_result(run)
+    head = {key: manifest[key] for key in COPIED if manifest.get(key) is not None}
+    unit = {"unit": manifest["unit"]["model"]}
+    # Of an altered record the result decides nothing, and the file says so wherever it goes.
+    kept = ("verdict", "reasons", "metrics", "timing", "altered")
+    return head | unit | {key: result[key] for key in kept if key in result}
+
+
+def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json: bool) -> int:
+    """Export a run; return 0, or 3 for an altered record, which the file and the command both say.
+
+    Raises:
+        StationError: there is no such run or format, the run has no records, they are damaged, or the file cannot be
+            written.
+
+    """
+    if file_format not in FORMATS:
+        raise StationError(f"--format: found {file_format!r}; allowed are {', '.join(FORMATS)}")
+    run = Store(data).find(name)
+    recover(run)
+    altered = alterations(run)
+    path = Path(f"{run.id}.{file_format}") if out is None else out
+    if path.is_dir():
+        path = path / f"{run.id}.{file_format}"
+    try:
+        content = run.samples.read_bytes()
+    except OSError as error:
+        raise StationError(f"{run.samples}: cannot be read: {error.strerror}") from error
+    read_back = check_bytes(content)
+    # A run that was cut off has half a record at its end; anything else is damage and must not leave as a measurement.
+    damage = [problem for problem in read_back.problems if "after the last complete record" not in problem]
+    if damage:
+        raise RecordError(f"{run.id}: {damage[0]}; a damaged record is not exported")
+    if not read_back.records:
+        raise StationError(f"{run.id}: the run has no records: nothing was measured")
+    columns = columns_of(table_of(content), int(run.manifest()["period_ns"]))
+    part = path.with_name(f".{path.name}.part")
+    try:
+        FORMATS[file_format](part, columns, described(run))
+        for written in (part, *part.parent.glob(f"{part.name}.*")):
+            written.replace(written.with_name(written.name.replace(part.name, path.name, 1)))
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise StationError(f"{path}: cannot be written: {error.strerror}. Choose another --out") from error
+    found = {"run": run.id, "file": str(path), "format": file_format, "scans": read_back.records}
+    found |= {"columns": len(columns), "bytes": path.stat().st_size, "altered": list(altered)}
+    if as_json:
+        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+    else:
+        told = f"{path}: {read_back.records} scans, {len(columns)} columns, {found['bytes']} bytes"
+        sys.stdout.write("\n".join([*alteration_lines(altered), told]) + "\n")
+    return EXIT_ALTERED if altered else 0

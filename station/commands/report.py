@@ -1,0 +1,70 @@
+"""`lostmotion report`: HTML and PDF of a stored run, made anew from its record."""
+
+from __future__ import annotations
+
+import json
+import sys
+import webbrowser
+from pathlib import Path
+
+from jinja2 import TemplateError
+
+from analysis import AnalysisError
+from recipes import RecipeError
+from station.bench.request import load_job
+from station.commands.show import stored_result
+from station.durable import write_durable
+from station.errors import RecordError, StationError
+from station.record.store import RunRecord, Store
+from station.reports.illustrate import HTML, PDF, Shown, illustrate
+from station.results.run_analysis import complete_run
+from station.run.recovery import recover_all
+
+
+def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: bool) -> int:
+    """Write report.html and report.pdf into the run's folder, or another one, and say where; return 0.
+
+    The verdict is the stored one. An altered record is reported as altered; a run without an end has no metrics.
+
+    Raises:
+        StationError, RecipeError: there is no such run, its record cannot be read, or the folder not be written.
+
+    """
+    store = Store(data)
+    recover_all(store)
+    run = store.find(name)
+    folder = run.folder if out is None else out
+    try:
+        html, pdf = illustrate(run, _shown(run))
+    except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
+        what = " ".join(str(error).split())
+        raise RecordError(f"{run.id}: no report: its record is damaged: {what}. See 'lostmotion show'") from error
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for file, content in ((HTML, html), (PDF, pdf)):
+            write_durable(folder / file, content)
+    except OSError as error:
+        raise StationError(f"{folder}: cannot be written: {error.strerror}. Choose another --out") from error
+    paths = {"html": str(folder / HTML), "pdf": str(folder / PDF)}
+    if as_json:
+        sys.stdout.write(json.dumps({"run": run.id, **paths}, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(f"report  {paths['html']}\n        {paths['pdf']}\n")
+    if open_it:
+        webbrowser.open((folder / HTML).resolve().as_uri())
+    return 0
+
+
+def _shown(run: RunRecord) -> Shown:
+    """Return what is shown of a run: its stored result, and its evaluation where the record bears one."""
+    result = stored_result(run)
+    try:
+        if result["state"] == "complete" and not result.get("altered"):
+            found = complete_run(run)
+            return Shown(found.job, result, found.result)
+        job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+    except AnalysisError:
+        job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+    except RecipeError as error:
+        raise RecordError(f"{run.id}: no report: its recipe or bench cannot be read any more: {error}") from error
+    return Shown(job, result, None)

@@ -1,0 +1,49 @@
+"""What a statistic says: one JSON object for a program, plain tables for a person."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from station.reports.result_view import result_console
+from station.run.conclusion import finite
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table for a person: heads and rows of text; columns whose number is in `right` stand to the right."""
+
+    heads: Sequence[str]
+    rows: Iterable[Sequence[str]]
+    right: Sequence[int] = ()
+
+
+def say(document: dict[str, Any], blocks: Sequence[str | Grid], *, as_json: bool) -> int:
+    """Print the document as one line of JSON, or the blocks; return 0. Infinite numbers are null in JSON."""
+    if as_json:
+        sys.stdout.write(json.dumps(finite(document), ensure_ascii=False, allow_nan=False) + "\n")
+        return 0
+    console = result_console()
+    for block in blocks:
+        if isinstance(block, str):
+            console.print(block, highlight=False, markup=False)
+        else:
+            _print_grid(console, block)
+    return 0
+
+
+def _print_grid(console: Console, grid: Grid) -> None:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for number, head in enumerate(grid.heads):
+        last = number == len(grid.heads) - 1
+        table.add_column(Text(head), justify="right" if number in grid.right else "left", no_wrap=not last)
+    for row in grid.rows:
+        table.add_row(*(Text(cell) for cell in row))
+    console.print(table)

@@ -1,0 +1,73 @@
+"""The proof of timing: what the records say about lateness, work, missed periods and the age of samples."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from analysis import RunFacts
+from controller.image import SampleStatus, State
+from recipes.recipe_schema import Sampling
+from station.record.check import Table
+
+MEASURING_STATES = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
+
+COUNTED: dict[SampleStatus, str] = {
+    SampleStatus.TORQUE_IN_SATURATED: "torque_in_saturated",
+    SampleStatus.TORQUE_OUT_SATURATED: "torque_out_saturated",
+    SampleStatus.NOT_READY: "not_ready",
+}
+"""Status bits of the samples, and the validity gate that counts each."""
+
+
+def measuring(table: Table) -> Table:
+    """Return the records taken while the recipe's torque was on the unit."""
+    return table[np.isin(table["orders"]["state"], MEASURING_STATES)]
+
+
+def _percentiles(values_ns: Any, names: dict[str, float]) -> dict[str, float]:
+    if not values_ns.size:
+        return dict.fromkeys((*names, "max"), 0.0)
+    found = np.percentile(values_ns, list(names.values())) / 1000.0
+    return {
+        **{name: round(float(value), 3) for name, value in zip(names, found, strict=True)},
+        "max": round(float(values_ns.max()) / 1000.0, 3),
+    }
+
+
+def timing_block(table: Table, period_ns: int, clock: str, realtime: dict[str, object]) -> dict[str, Any]:
+    """Return the `timing` object of a result; times in µs, ages in scans. `clock` is "real" or "virtual"."""
+    ages = measuring(table)["image"]["sample_age_scans"]
+    return {
+        "period_ns": period_ns,
+        "clock": clock,
+        "scans": len(table),
+        "missed": int(table["image"]["missed_periods"].sum(dtype=np.int64)),
+        "longest_gap_periods": int(table["image"]["missed_periods"].max(initial=0)),
+        "lateness_us": _percentiles(table["lateness_ns"], {"p50": 50, "p99": 99, "p999": 99.9}),
+        "work_us": _percentiles(table["work_ns"], {"p50": 50, "p99": 99, "p999": 99.9}),
+        "oldest_sample_scans": int(ages.max(initial=0)),
+        "realtime": realtime,
+    }
+
+
+def run_facts(table: Table, timing: dict[str, Any], sampling: Sampling) -> RunFacts:
+    """Return how a trace was recorded, as the validity gates want to know it.
+
+    Args:
+        table: all records of the run.
+        timing: its timing block.
+        sampling: what the recipe allows.
+
+    """
+    flags = measuring(table)["image"]["sample_status"]
+    counts = {name: int(np.count_nonzero(flags & bit)) for bit, name in COUNTED.items()}
+    return RunFacts(
+        periods=timing["scans"] + timing["missed"],
+        missed=timing["missed"],
+        missed_allowed=sampling.missed_periods_fraction,
+        oldest_sample_scans=timing["oldest_sample_scans"],
+        sample_age_allowed_scans=round(sampling.sample_age_s * 1e9 / timing["period_ns"]),
+        **counts,
+    )

@@ -1,0 +1,266 @@
+"""What a report says, as rows of text that HTML and PDF share; records of older versions lack some of it.
+
+Nothing is computed here that a verdict rests on. What is shown is what a reader needs to compute every number again.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from analysis import Result, SegmentInfo, segment_name
+from analysis.method import Method
+from station.errors import RecordError
+from station.record.store import RunRecord
+from station.reports.result_text import metric_name, minus, number, uncertainty_text, unit_text
+
+LOOP_CSV = "loop.csv"
+LEAST_SHARE = 0.005
+"""Contributions below this share of the variance are summed in one line; result.json has all of them."""
+
+PASSED: dict[bool | None, str] = {True: "in order", False: "FAILED", None: "not checked"}
+
+Row = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BudgetTable:
+    """Uncertainty budget of one metric: rows of source, u, sensitivity, contribution, share."""
+
+    metric: str
+    expanded: str
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class Content:
+    """Sections of a report; an empty one is not shown.
+
+    gates: (id, words with figure and limit, said). stages: (name, words, figures). fits and method: (name, text).
+    lines: torque ratio per quadrant. calibrations: (id, text). checksums: (file, bytes, SHA-256).
+    loop: the branches as CSV, which `analyze` reads.
+    """
+
+    uncertainty: str
+    budgets: tuple[BudgetTable, ...] = ()
+    gates: tuple[Row, ...] = ()
+    stages: tuple[Row, ...] = ()
+    method: tuple[Row, ...] = ()
+    lines: tuple[Row, ...] = ()
+    fits: tuple[Row, ...] = ()
+    calibrations: tuple[Row, ...] = ()
+    checksums: tuple[Row, ...] = ()
+    loop: bytes = b""
+
+
+LINE_HEADS = ("quadrant", "C [N·m]", "m", "u(C)", "u(m)", "correlation", "s [N·m]", "points", "flagged")
+BUDGET_HEADS = ("source", "u", "sensitivity", "contribution", "share")
+GATE_HEADS = ("gate", "what was found", "")
+
+
+def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | None, method: Method) -> Content:
+    """Return the sections of a run's report; what the record or the result lacks is left out."""
+    manifest = record.manifest()
+    return Content(
+        uncertainty=uncertainty_kind(result["metrics"]),
+        budgets=budget_tables(result["metrics"]),
+        gates=gate_rows(shown_gates(result)),
+        stages=stage_rows(result.get("stages") or ()),
+        method=() if analysis is None else _method_rows(method),
+        lines=() if analysis is None else _line_rows(analysis),
+        fits=() if analysis is None else _fit_rows(analysis),
+        calibrations=_calibrations(record, method),
+        checksums=tuple(
+            (name, str(found["bytes"]), str(found["sha256"])) for name, found in (manifest.get("files") or {}).items()
+        ),
+        loop=b"" if analysis is None else loop_csv(analysis),
+    )
+
+
+def uncertainty_kind(metrics: Sequence[Mapping[str, Any]]) -> str:
+    """Return in a sentence what the expanded uncertainties of a result contain."""
+    known = [one for one in metrics if one.get("uncertainty") is not None]
+    kinds = {one.get("uncertainty_kind", "budget") for one in known if one.get("budget")}
+    if not known:
+        return f"No uncertainty is known (no U): {NO_U}." if metrics else ""
+    budgeted = [one for one in known if one.get("uncertainty_kind", "budget") in WITH_FIGURES and one.get("budget")]
+    none = f" No U: {NO_U}." if len(known) < len(metrics) else ""
+    if not budgeted:
+        alone = "holds the scatter within this run alone, not the uncertainty of the sensors"
+        return f"± is U = k·u with k = 2: it {alone}.{none}"
+    holds = WITH_FIGURES["untimed" if "untimed" in kinds else "budget"]
+    others = [metric_name(dict(one)) for one in known if one not in budgeted]
+    scatter = f" Of {', '.join(others)} it holds the scatter within this run alone." if others else ""
+    return f"± is U = k·u with k = 2: it holds {holds}.{scatter}{none}"
+
+
+NO_U = "one cycle and no budget, or declared errors that are too large for the metric"
+
+WITH_FIGURES = {
+    "budget": "every source of the uncertainty budget",
+    "untimed": "every source of the uncertainty budget but delay and drift, for the trace has no time",
+}
+"""Kinds of an uncertainty that comes from declared figures, and what it holds."""
+
+
+def figure_text(value: Any, unit: str = "", digits: int = 5) -> str:
+    """Return any figure of the record as text: numbers with five digits, a dash for none."""
+    if value is None:
+        return "–"
+    text = (
+        minus(f"{value:.{digits}g}") if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    )
+    return f"{text} {unit_text(unit)}".rstrip()
+
+
+def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ...]:
+    """Return the budget of each metric that has one, the largest share first."""
+    found = []
+    for metric in metrics:
+        rows = sorted(metric.get("budget") or (), key=lambda row: -float(row.get("share") or 0.0))
+        if not rows:
+            continue
+        shown = [row for row in rows if float(row.get("share") or 0.0) >= LEAST_SHARE]
+        table = [
+            (
+                str(row.get("text") or row.get("quantity")),
+                figure_text(row.get("u"), str(row.get("unit") or ""), 3),
+                figure_text(row.get("sensitivity"), "", 3),
+                figure_text(row.get("contribution"), metric["unit"], 3),
+                "–" if row.get("share") is None else f"{row['share']:.1%}",
+            )
+            for row in shown
+        ]
+        if len(shown) < len(rows):
+            left = [row for row in rows if row not in shown]
+            names = ", ".join(str(row.get("quantity")).replace("_", " ") for row in left)
+            share = sum(float(row.get("share") or 0.0) for row in left)
+            table.append((f"less than {LEAST_SHARE:.1%} each: {names}", "", "", "", f"{share:.1%}"))
+        expanded = f"{number(metric['value'], metric['uncertainty'])} {uncertainty_text(dict(metric))}"
+        found.append(BudgetTable(metric_name(dict(metric)), f"{expanded} {unit_text(metric['unit'])}", tuple(table)))
+    return tuple(found)
+
+
+def shown_gates(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the gates that say something: of a run that was not evaluated, only those that failed."""
+    return [gate for gate in result.get("gates") or () if result["metrics"] or gate.get("passed") is False]
+
+
+def gate_rows(gates: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:
+    """Return the validity gates, those that failed first."""
+    ordered = sorted(gates, key=lambda gate: {False: 0, None: 1, True: 2}[gate.get("passed")])
+    return tuple((str(gate.get("id", "")), _gate_words(gate), PASSED[gate.get("passed")]) for gate in ordered)
+
+
+def _gate_words(gate: Mapping[str, Any]) -> str:
+    """Return the words of a gate; its figure and limit are in them, or stand behind them."""
+    text, unit = str(gate.get("text") or ""), str(gate.get("unit") or "")
+    if gate.get("figure") is None or "allowed" in text:
+        return text
+    return f"{text}: {figure_text(gate['figure'], unit)}, limit {figure_text(gate.get('limit'), unit)}"
+
+
+def stage_rows(stages: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:
+    """Return what each stage of the evaluation did, in words and figures."""
+    rows = []
+    for stage in stages:
+        said = []
+        for name, figure in (stage.get("figures") or {}).items():
+            value, unit = (figure.get("value"), figure.get("unit")) if isinstance(figure, Mapping) else (figure, "")
+            said.append(f"{str(name).replace('_', ' ')} {figure_text(value, str(unit or ''))}")
+        rows.append((str(stage.get("name") or stage.get("stage") or ""), str(stage.get("text") or ""), "; ".join(said)))
+    return tuple(rows)
+
+
+def _method_rows(method: Method) -> tuple[Row, ...]:
+    fixture = method.fixture_stiffness_nm_per_arcmin
+    return (
+        (
+            "reference torque",
+            f"{method.reference_nm:g} N·m (rated {method.rated_torque_nm:g} N·m), ratio {method.ratio:g}",
+        ),
+        ("loading", f"at the {method.loading}; output torque: {method.output_torque}"),
+        ("six-segment fit", f"break torque ±{method.break_nm:.6g} N·m, segments end at ±{method.fit_nm:.6g} N·m"),
+        ("spring constant", f"over a step of {method.spring_step_nm:g} N·m"),
+        ("after a reversal", f"{method.reversal_exclusion:g} × the friction torque is taken from the fit"),
+        ("fixture", "no stiffness given" if fixture is None else f"{fixture:g} N·m/arcmin"),
+    )
+
+
+def _line_rows(analysis: Result) -> tuple[Row, ...]:
+    fits = {} if analysis.quadrants is None else analysis.quadrants.fits
+    return tuple(
+        (
+            name.replace("_", " "),
+            minus(f"{fit.offset_nm:.6f}"),
+            f"{fit.slope:.6f}",
+            f"{fit.u_offset_nm:.2g}",
+            f"{fit.u_slope:.2g}",
+            minus(f"{fit.correlation:.4f}"),
+            f"{fit.residual_sd_nm:.3g}",
+            str(fit.points),
+            str(fit.flagged.size),
+        )
+        for name, fit in fits.items()
+    )
+
+
+def _fit_rows(analysis: Result) -> tuple[Row, ...]:
+    """Return the fitted mean curve of the first cycle: coefficients in rising powers of torque."""
+    fit = analysis.curves.fit
+    if fit is None:
+        return ()
+    rows = [
+        (
+            f"F(T), {where}",
+            " + ".join(_term(float(value), power) for power, value in enumerate(part)).replace("+ −", "− "),
+        )
+        for where, part in (
+            (f"T < −{fit.break_nm:.6g} N·m", fit.negative),
+            (f"|T| ≤ {fit.break_nm:.6g} N·m, without its offset", fit.middle),
+            (f"T > {fit.break_nm:.6g} N·m", fit.positive),
+        )
+    ]
+    below, above = fit.gaps_arcmin
+    gaps = minus(
+        f"{below:.6f} and {above:.6f} arcmin; their mean {fit.offset_arcmin:.6f} arcmin is added in the middle"
+    )
+    return (*rows, ("gaps at the seams", gaps))
+
+
+def _term(value: float, power: int) -> str:
+    return minus(f"{value:.9g}") + ("", "·T", "·T²")[power]
+
+
+def _calibrations(record: RunRecord, method: Method) -> tuple[Row, ...]:
+    """Return the calibrations that the run measured or used."""
+    if record.has("calibration.json"):
+        try:
+            found = record.read_json("calibration.json")
+            text = f"torque ratio of {found['model']}, measured by this run on {str(found['made'])[:10]}"
+            return ((str(found["id"]), text),)
+        except (RecordError, KeyError, TypeError):
+            return (("calibration.json", "is damaged"),)
+    if method.quadrants is not None:
+        return (("stored", "torque ratio of the bench file, as run; its lines stand there"),)
+    return ()
+
+
+def loop_csv(analysis: Result) -> bytes:
+    """Return the branches of every cycle as CSV: the file from which `analyze` gets the loop's metrics again.
+
+    Torque is at the output, and every correction has been made; 0.1 mN·m and a millionth of an arcmin are kept.
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(("torque_out_nm", "angle_out_arcmin", "segment"))
+    curves = analysis.curves
+    for cycle, (rising, falling) in enumerate(zip(curves.forward, curves.backward, strict=True), start=1):
+        for branch, direction in ((falling, -1), (rising, 1)):
+            name = segment_name(SegmentInfo("measure", direction, cycle))
+            pairs = list(zip(branch.torque_nm.tolist(), branch.angle_arcmin.tolist(), strict=True))
+            writer.writerows((f"{x:.4f}", f"{y:.6f}", name) for x, y in pairs[::direction])
+    return stream.getvalue().encode()

@@ -1,0 +1,174 @@
+"""The report of a run: one HTML file that needs nothing else, for whoever defends the verdict months later."""
+
+from __future__ import annotations
+
+import base64
+import functools
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
+from station.reports.headline import ending_text, headline, remaining_reasons, virtual_badges
+from station.reports.result_text import (
+    limits_text,
+    metric_name,
+    minus,
+    number,
+    spread_text,
+    unit_text,
+)
+from station.reports.result_view import all_rows, timing_line
+
+TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATE = "report.html.j2"
+
+PICTURES: dict[str, str] = {
+    "loop.png": "Wind-up over torque: every sample, the rising and falling branches and the mean curve",
+    "time.png": "Torque and angle of the locked shaft over time, with the states of the run and its alarm",
+    "stiffness.png": "Stiffness over torque, with the stiffness metrics drawn in",
+    "residuals.png": "Residuals of the fits",
+    "timing.png": "Histograms of lateness and work of the scans",
+}
+"""What each picture of a run shows, for readers that do not see it."""
+
+FIRST = ("loop.png", "time.png")
+"""Pictures that stand before the metrics; the others stand where they are explained."""
+
+RULES = {
+    "simple": "Simple acceptance: the measured value itself is compared with the limit.",
+    "guard_band": "Guard band: limits are moved in by w = r·U to accept, out by w to reject; between is not decidable.",
+}
+
+WITHOUT: dict[str, Any] = {
+    "attempt": None,
+    "decision": {"rule": "simple", "guard_factor": 0.0},
+    "notes": [],
+    "alarms": [],
+    "timing": {"scans": 0},
+    "left": None,
+    "altered": [],
+}
+"""What stands for entries that a result lacks: of a run without an end, or of an older version."""
+
+
+def completed(result: dict[str, Any]) -> dict[str, Any]:
+    """Return a result with every entry that a report asks for."""
+    return WITHOUT | {key: value for key, value in result.items() if value is not None}
+
+
+def guarded_text(metric: dict[str, Any], decision: dict[str, Any]) -> str:
+    """Return the limits for acceptance, moved in by the guard band; nothing without guard band or uncertainty."""
+    if decision["rule"] != "guard_band" or metric["uncertainty"] is None or not limits_text(metric["limits"]):
+        return ""
+    width = decision["guard_factor"] * metric["uncertainty"]
+    low, high = metric["limits"].get("min"), metric["limits"].get("max")
+    moved = {"min": None if low is None else low + width, "max": None if high is None else high - width}
+    return f"accept {limits_text(moved)}, w = {width:.2g}"
+
+
+def rule_text(decision: dict[str, Any]) -> str:
+    """Return the rule of decision in a sentence, with its factor."""
+    factor = f" Here r = {decision['guard_factor']:g}." if decision["rule"] == "guard_band" else ""
+    return RULES[decision["rule"]] + factor
+
+
+def explained(metric: dict[str, Any]) -> str:
+    """Return definition, estimator, and the values of the cycles that the value is the mean of."""
+    parts = [metric["definition"]]
+    if metric.get("estimator"):
+        parts[0] += f"; by {metric['estimator']}"
+    values = metric.get("per_cycle") or []
+    if len(values) > 1:
+        shown = ", ".join(number(value, (metric["uncertainty"] or 0.0) / 10) for value in values)
+        side = f" (side {side_text(metric)})" if side_text(metric) else ""
+        parts.append(f"cycles{side} {shown}; s = {metric.get('standard_deviation') or 0.0:.2g}")
+    elif metric.get("cycles"):
+        parts.append(f"{metric['cycles']} {'cycle' if metric['cycles'] == 1 else 'cycles'}")
+    return ". ".join(parts)
+
+
+def metric_groups(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one entry per metric, those with a limit first; its `rows` are its sides, the one that judges first."""
+    ordered = sorted(metrics, key=lambda metric: metric["verdict"] is None)
+    return [metric | {"rows": all_rows([metric]), "name": metric_name(metric | {"side": "both"})} for metric in ordered]
+
+
+def side_text(row: dict[str, Any]) -> str:
+    """Return the sign of a row's side; nothing for a metric of the whole loop."""
+    return minus(row["side"]) if row["side"] in ("+", "-") else ""
+
+
+@functools.cache
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "number": number,
+        "guarded": guarded_text,
+        "limits": limits_text,
+        "metric_name": metric_name,
+        "uncertainty": spread_text,
+        "unit": unit_text,
+        "explained": explained,
+        "side": side_text,
+    }
+    return environment
+
+
+def report_html(
+    result: dict[str, Any],
+    run: dict[str, Any],
+    events: list[dict[str, Any]],
+    files: dict[str, str],
+    pictures: dict[str, bytes],
+    *,
+    conditions: dict[str, str] | None = None,
+    content: Content | None = None,
+) -> bytes:
+    """Return the report as HTML.
+
+    Args:
+        result: result.json.
+        run: run.json.
+        events: transitions, alarms, commands and notes.
+        files: text of recipe.yaml and bench.yaml by name.
+        pictures: PNG pictures by file name; `PICTURES` says what each shows.
+        conditions: temperatures and zeroes of the run, name and text.
+        content: the sections that PDF and HTML share.
+
+    """
+    result = completed(result)
+    content = content or Content(uncertainty_kind(result["metrics"]))
+    encoded = {name: (PICTURES[name], base64.b64encode(picture).decode()) for name, picture in pictures.items()}
+    data = {name: text.encode() for name, text in files.items()} | ({LOOP_CSV: content.loop} if content.loop else {})
+    page = (
+        _environment()
+        .get_template(TEMPLATE)
+        .render(
+            result=result,
+            run=run,
+            events=events,
+            files=files,
+            first_pictures=[encoded[name] for name in FIRST if name in encoded],
+            pictures=encoded,
+            metrics=metric_groups(result["metrics"]),
+            rule=rule_text(result["decision"]),
+            timing_line=timing_line(result["timing"]) if result["timing"].get("scans") else "",
+            head=headline(result),
+            conditions=conditions or {},
+            badges=virtual_badges(result),
+            ending=ending_text(result),
+            reasons=remaining_reasons(result),
+            content=content,
+            data={name: base64.b64encode(part).decode() for name, part in data.items()},
+            heads={"lines": LINE_HEADS, "budget": BUDGET_HEADS, "gates": GATE_HEADS},
+        )
+    )
+    return page.encode()

@@ -1,0 +1,98 @@
+"""Pictures and reports of a run, made when its verdict is on disk already: they show it and decide nothing."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from analysis import AnalysisError, Result
+from controller.program import Program
+from station.bench.request import Job
+from station.errors import RecordError
+from station.record.check import read_table
+from station.record.history import conditions_of, history_of
+from station.record.store import RunRecord
+from station.reports.content import content_of
+from station.reports.headline import first_cause, headline, virtual_badges
+from station.reports.html_page import report_html
+from station.reports.loop_plot import loop_figure, png
+from station.reports.residual_plot import residual_figure
+from station.reports.stiffness_plot import stiffness_figure
+from station.reports.time_plot import time_figure
+from station.reports.timing_plot import timing_figure
+from station.results.evaluation import method_of
+
+HTML, PDF = "report.html", "report.pdf"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What there is of a run besides its record: its job, the result that is shown, and its evaluation, if any."""
+
+    job: Job
+    result: dict[str, Any]
+    analysis: Result | None
+
+
+def illustrate(record: RunRecord, shown: Shown) -> tuple[bytes, bytes]:
+    """Return the report as HTML and as PDF; the pictures in them are also written to the run's folder.
+
+    Raises:
+        RecordError: a file of the record cannot be read, or a picture not be written.
+
+    """
+    from station.reports.pdf import report_pdf  # noqa: PLC0415 - the layout library is needed here only
+
+    pictures = pictures_of(record, shown)
+    for name in ("loop.png", "time.png"):
+        if name in pictures:
+            record.write_bytes(name, pictures[name])
+    try:
+        text = (record.folder / "events.jsonl").read_text(encoding="utf-8")
+        files = {name: (record.folder / name).read_text(encoding="utf-8") for name in ("recipe.yaml", "bench.yaml")}
+        events = [json.loads(line) for line in text.splitlines()]
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{record.folder}: no report: {error}") from error
+    content = content_of(record, shown.result, shown.analysis, method_of(shown.job.recipe, shown.job.bench))
+    conditions = conditions_of(read_table(record.samples), shown.job.program)
+    html = report_html(shown.result, record.manifest(), events, files, pictures, conditions=conditions, content=content)
+    return html, report_pdf(shown.result, record.manifest(), content, pictures, conditions)
+
+
+def pictures_of(record: RunRecord, shown: Shown) -> dict[str, bytes]:
+    """Return the pictures of a run by file name: what it came to is the first of them."""
+    result, job = shown.result, shown.job
+    program: Program = job.program
+    history = history_of(
+        read_table(record.samples),
+        program,
+        angle_out=job.bench.sensors.angle_out is not None,
+        alarm=first_cause(result),
+    )
+    pictures: dict[str, bytes] = {}
+    if history is None:
+        return pictures
+    title = "   ".join((result["serial"], result["recipe"]["name"], *virtual_badges(result)))
+    title += f"\n{headline(result).text}"
+    method = method_of(job.recipe, job.bench)
+    pictures["loop.png"] = png(loop_figure(history, shown.analysis, method, title))
+    if result["state"] != "complete":
+        pictures["time.png"] = png(time_figure(history, title))
+    if shown.analysis is not None:
+        stiffness = stiffness_figure(shown.analysis, method, result["metrics"])
+        residuals = residual_figure(shown.analysis, method)
+        pictures |= {} if stiffness is None else {"stiffness.png": png(stiffness)}
+        pictures |= {} if residuals is None else {"residuals.png": png(residuals)}
+    try:
+        timing = timing_figure(record.read_json("timing.json"))
+    except (RecordError, AnalysisError, TypeError, ValueError, KeyError):
+        timing = None
+    return pictures | ({} if timing is None else {"timing.png": png(timing)})
+
+
+def write_reports(record: RunRecord, shown: Shown) -> None:
+    """Write report.html and report.pdf into the run's folder; raises as `illustrate`."""
+    html, pdf = illustrate(record, shown)
+    record.write_bytes(HTML, html)
+    record.write_bytes(PDF, pdf)

@@ -1,0 +1,63 @@
+"""What stands below the metrics of a result: how far they can be trusted, what was corrected, what failed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from analysis import GATES, is_loose
+from station.reports.content import figure_text, uncertainty_kind
+
+CORRECTIONS = ("time alignment", "drift", "fixture")
+"""Stages that move what was measured, and are named when they did."""
+
+RECIPE_NOTE = "recipe "
+"""How the note begins that a recipe's name and revision have meant something else before."""
+
+MOST_NOTES = 4
+
+
+def note_lines(result: Mapping[str, Any]) -> list[str]:
+    """Return the notes that a person should see: warnings of the run, and corrections that were applied."""
+    stages = [stage for stage in result.get("stages") or () if isinstance(stage, Mapping)]
+    said = {stage.get("text") for stage in stages}
+    notes = [str(note) for note in result.get("notes") or () if note not in said]
+    if not stages:
+        notes = [note for note in notes if note.startswith(RECIPE_NOTE)]
+    applied = [stage for stage in stages if stage.get("applied")]
+    notes = loose_limits(result) + notes
+    notes += [str(stage["text"]) for stage in applied if stage.get("stage", stage.get("name")) in CORRECTIONS]
+    left = len(notes) - MOST_NOTES
+    return notes if left <= 0 else [*notes[:MOST_NOTES], f"and {left} more, in the report"]
+
+
+def loose_limits(result: Mapping[str, Any]) -> list[str]:
+    """Return one note on the validity limits that let more pass than the usual ones; none where none does."""
+    said = [
+        f"{name} {figure_text(gate['limit'], gate['unit'])} ({figure_text(GATES[name].limit, gate['unit'])})"
+        for gate in result.get("gates") or ()
+        if (name := gate.get("id")) in GATES and is_loose(name, gate["limit"])
+    ]
+    return [f"validity limits of the recipe wider than usual (in brackets): {', '.join(said)}"] if said else []
+
+
+def gate_lines(result: Mapping[str, Any]) -> list[str]:
+    """Return one line per failed gate, with its figure and limit; empty when none failed."""
+    return [
+        f"{gate.get('id')}: {figure_text(gate.get('figure'), gate.get('unit') or '')}, "
+        f"limit {figure_text(gate.get('limit'), gate.get('unit') or '')}"
+        for gate in result.get("gates") or ()
+        if gate.get("passed") is False
+    ]
+
+
+def summary_line(result: Mapping[str, Any]) -> str:
+    """Return in one line what U is, and how many gates were in order; nothing for a run without metrics."""
+    metrics = result.get("metrics") or []
+    parts = [uncertainty_kind(metrics)] if metrics else []
+    counts = Counter(gate.get("passed") for gate in result.get("gates") or ())
+    if counts and not counts[False] and metrics:
+        skipped = f", {counts[None]} do not apply" if counts[None] else ""
+        parts.append(f"{counts[True]} validity gates in order{skipped}.")
+    return " ".join(parts)

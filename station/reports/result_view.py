@@ -1,0 +1,219 @@
+"""The result for a person: verdict, why, and a table of metrics."""
+
+from __future__ import annotations
+
+import sys
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from station.reports.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
+from station.reports.result_notes import gate_lines, note_lines, summary_line
+from station.reports.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
+
+VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
+HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
+SEVERITY = {"FAIL": 0, "NOT DECIDABLE": 1, "PASS": 2}
+BADGE_STYLE = "bold white on magenta"
+
+
+def _side_rows(metric: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return a metric as one row per side, the one that judges first."""
+    sides = metric.get("sides") or {}
+    headline = sides.get(metric["side"], metric)
+    rows = [metric | {"verdict": headline.get("verdict")}]
+    rows += [
+        metric
+        | {"side": side, "value": found["value"], "uncertainty": found["uncertainty"], "verdict": found["verdict"]}
+        for side, found in sides.items()
+        if side != metric["side"]
+    ]
+    return sorted(rows, key=_goodness)
+
+
+def _goodness(row: dict[str, Any]) -> tuple[int, float]:
+    """Order rows by how near they are to refusal: verdict first, then the distance to the nearest limit."""
+    limits, value = row.get("limits") or {}, row["value"]
+    low, high = limits.get("min"), limits.get("max")
+    if value is None:
+        return SEVERITY.get(row["verdict"] or "", len(SEVERITY)), -inf
+    room = min(inf if low is None else value - low, inf if high is None else high - value)
+    return SEVERITY.get(row["verdict"] or "", len(SEVERITY)), room
+
+
+def all_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the metrics as rows, every side of each; of the sides the one that judges first."""
+    return [row for metric in metrics for row in _side_rows(metric)]
+
+
+def judging_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one row per metric: the side that is nearest to refusal, or beyond it."""
+    return [_side_rows(metric)[0] for metric in metrics]
+
+
+def metrics_table(metrics: list[dict[str, Any]]) -> Table:
+    """Return the metrics as a table, those that decide first, each by the side that judges it."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column("metric", no_wrap=True)
+    table.add_column("value", justify="right", no_wrap=True)
+    for name in ("", "unit", "limit", ""):
+        table.add_column(name, no_wrap=True)
+    for metric in sorted(judging_rows(metrics), key=lambda one: one["verdict"] is None):
+        verdict = metric["verdict"]
+        style = {"PASS": "green", "FAIL": "bold red", "NOT DECIDABLE": "yellow"}.get(verdict or "", "")
+        table.add_row(
+            metric_name(metric),
+            Text(number(metric["value"], metric["uncertainty"]), style="bold" if verdict else ""),
+            Text(spread_text(metric), style="dim"),
+            unit_text(metric["unit"]),
+            limits_text(metric["limits"]),
+            Text(verdict or "", style=style),
+        )
+    return table
+
+
+def definitions_table(metrics: list[dict[str, Any]]) -> Table:
+    """Return every metric, each side of it, with its whole definition below."""
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(ratio=1)
+    for metric in metrics:
+        _add_defined(table, metric)
+    return table
+
+
+def _add_defined(table: Table, metric: dict[str, Any]) -> None:
+    """Add a metric: a line per side, and below them what the numbers are."""
+    for row in _side_rows(metric):
+        head = Text.assemble(
+            metric_name(row),
+            "   ",
+            (f"{number(row['value'], row['uncertainty'])} {unit_text(row['unit'])}".strip(), "bold"),
+            (f" {uncertainty_text(row)}", "dim"),
+            f"   {limits_text(row['limits'])}",
+            f"   {row['verdict'] or ''}",
+        )
+        head.rstrip()
+        table.add_row(head)
+    table.add_row(Padding(Text(definition_text(metric), style="dim"), (0, 0, 0, 4)))
+
+
+def definition_text(metric: dict[str, Any]) -> str:
+    """Return what a number is: definition, branch, estimator and cycles."""
+    cycles = f"{metric['cycles']} {'cycle' if metric['cycles'] == 1 else 'cycles'}"
+    branch = "" if metric["branch"] == "width" else f"{metric['branch']} branch, "
+    return f"{metric['definition']}; {branch}by {metric['estimator']}, {cycles}"
+
+
+def timing_line(timing: dict[str, Any]) -> str:
+    """Return the proof of timing as one line."""
+    scans, missed = timing["scans"], timing["missed"]
+    if timing.get("clock") == "virtual":
+        return f"{scans} scans of {timing['period_ns'] / 1e6:g} ms in virtual time"
+    late, work = timing["lateness_us"], timing["work_us"]
+    share = missed / max(scans + missed, 1)
+    return (
+        f"{scans} scans of {timing['period_ns'] / 1e6:g} ms, {missed} missed ({share:.3%}), "
+        f"lateness {late['p50']:.0f} µs typical, {late['p99']:.0f} µs p99, {late['max']:.0f} µs worst, "
+        f"work {work['p50']:.0f} µs, oldest sample {timing['oldest_sample_scans']} scans"
+    )
+
+
+def result_console() -> Console:
+    """Return a console on standard output; into a file or a pipe it writes lines of 110 characters."""
+    return Console() if sys.stdout.isatty() else Console(width=110)
+
+
+def show_result(console: Console, result: dict[str, Any], *, files: bool = True) -> None:
+    """Print a result: the verdict last, where the eye is when the scrolling stops."""
+    if result["metrics"] and result.get("preset"):
+        console.print(f"preset {result['preset']}", style="bold", highlight=False)
+        console.print(definitions_table(result["metrics"]))
+        console.print()
+    elif result["metrics"]:
+        console.print(metrics_table(result["metrics"]))
+        console.print(summary_line(result), style="dim", highlight=False)
+        console.print()
+    for style, word, lines in (("red", "GATE   ", gate_lines(result)), ("cyan", "note   ", note_lines(result))):
+        for said in lines:
+            console.print(Text.assemble((word, style), said))
+    for line in alarm_lines(result):
+        console.print(line, highlight=False)
+    if result.get("timing"):
+        console.print(timing_line(result["timing"]), style="dim", highlight=False)
+    if files and result.get("record"):
+        console.print(f"record  {result['record']}", style="dim", highlight=False, soft_wrap=True)
+    console.print(verdict_panel(result))
+    if files and result.get("record"):
+        show_report(console, Path(result["record"]))
+
+
+def show_report(console: Console, folder: Path) -> None:
+    """Print where the report of a run is, for each form that is there."""
+    for name in ("report.html", "report.pdf"):
+        if (folder / name).is_file():
+            console.print(f"report  {folder / name}", highlight=False, soft_wrap=True)
+
+
+def alarm_lines(result: dict[str, Any]) -> list[Text]:
+    """Return each alarm once, with when it first came, how often, and what to do; notes are not red.
+
+    The cause and the next action of the alarm that ended the run stand in the box below.
+    """
+    lines, seen = [], set()
+    alarms = result.get("alarms", [])
+    for alarm in alarms:
+        if alarm["id"] in seen:
+            continue
+        seen.add(alarm["id"])
+        note = is_note(alarm)
+        times = sum(other["id"] == alarm["id"] for other in alarms)
+        line = Text("note   " if note else "ALARM  ", style="cyan" if note else "red")
+        line.append(f"{alarm['t_s']:.3f} s  {alarm['text']}")
+        line.append(f", {times} times" if times > 1 else "")
+        if alarm.get("first") and not note:
+            line.append("  ◀ first cause", style="bold red")
+        else:
+            line.append(f". {alarm['next_action']}", style="default")
+        lines.append(line)
+    return lines
+
+
+def way_back_command(result: dict[str, Any]) -> str:
+    """Return the command that takes a bench back after a fault; '' where nothing is left to take back."""
+    bench = result.get("bench") or {}
+    if result.get("clock") != "real" or bench.get("embedded", True) or result["state"] not in ("fault", "interrupted"):
+        return ""
+    data = Path(result["record"]).parent
+    return "lostmotion recover" + ("" if data.name == "runs" and not data.is_absolute() else f" --data {data}")
+
+
+def verdict_panel(result: dict[str, Any]) -> Panel:
+    """Return the box at the end of a result: headline, verdict, whether it is real, why, how the bench was left."""
+    head = headline(result)
+    style = HEADLINE_STYLES[head.style]
+    recipe = result["recipe"]
+    body = Text.assemble(Text(f" {head.text} ", style=style))
+    for badge in virtual_badges(result):
+        body.append("  ").append(f" {badge} ", style=BADGE_STYLE)
+    if head.verdict:
+        body.append("\n").append(head.verdict, style=f"bold {VERDICT_STYLES[head.verdict].split()[-1]}")
+    body.append(f"  {result.get('serial') or ''}  {recipe['name']} revision {recipe['revision']}")
+    if head.verdict:
+        body.append(f"  run {ending_text(result)}")
+    for reason in remaining_reasons(result):
+        body.append(f"\n{reason}")
+    left = result.get("left")
+    if left:
+        body.append(f"\n{left['text']}: ", style="bold").append(left["next_action"])
+        way_back = way_back_command(result)
+        if way_back:
+            body.append("\nThe bench can do it, step by step, and asks before it moves: ").append(
+                way_back, style="bold"
+            )
+    return Panel(body, border_style=style.split()[-1], padding=(0, 1))

@@ -1,0 +1,226 @@
+"""From a run's record to metrics and verdict: the trace, the method, and what speaks against deciding at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from analysis import (
+    Decision,
+    FixtureCurve,
+    Method,
+    MetricWanted,
+    Quadrants,
+    Result,
+    RunFacts,
+    SegmentInfo,
+    SensorFigures,
+    TorqueLine,
+    Trace,
+    analyse,
+)
+from analysis.trace import ROLES
+from controller.image import State
+from recipes import Bench, Calibration, Recipe
+from recipes.section import option_name
+from station.bench.assemble import CHANNEL_OF_SENSOR, channels
+from station.bench.figures import figures_of
+from station.errors import StationError
+from station.record.check import Table
+
+LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
+
+
+def method_of(recipe: Recipe, bench: Bench) -> Method:
+    """Return how a run of this recipe on this bench is evaluated."""
+    measurement = recipe.measurement
+    stored = measurement.output_torque == "calibrated" and measurement.calibration == "stored"
+    return Method(
+        **method_fields(recipe),
+        quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
+        fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
+        fixture_curve=_fixture_curve(bench),
+        lags_s=lags_of(bench),
+    )
+
+
+def gate_limits_of(recipe: Recipe) -> dict[str, float]:
+    """Return the recipe's limits of the validity gates, in the units of the gates."""
+    validity = recipe.validity.model_dump()
+    return {
+        option_name(name): value * 100.0 if name.endswith("_fraction") else float(value)
+        for name, value in validity.items()
+    }
+
+
+def _fixture_curve(bench: Bench) -> FixtureCurve | None:
+    stored = bench.fixture.curve
+    if stored is None:
+        return None
+    torque = tuple(point.torque_nm for point in stored.points)
+    return FixtureCurve(torque, tuple(point.deflection_arcmin for point in stored.points), stored.angles, stored.id)
+
+
+def method_fields(recipe: Recipe) -> dict[str, Any]:
+    """Return what a recipe alone says of the method; nothing of the bench."""
+    unit, measurement = recipe.unit_under_test, recipe.measurement
+    return {
+        "ratio": unit.ratio,
+        "rated_torque_nm": unit.rated_torque_nm,
+        "reference_torque_nm": measurement.reference_torque_nm,
+        "loading": recipe.loading,
+        "output_torque": measurement.output_torque,
+        "break_torque_nm": measurement.break_torque_nm,
+        "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
+        "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
+        "gate_limits": gate_limits_of(recipe),
+    }
+
+
+def lags_of(bench: Bench) -> dict[str, float]:
+    """Return how late each channel of this bench is [s]."""
+    sensors = bench.sensors
+    there = {channel: getattr(sensors, name) for name, channel in CHANNEL_OF_SENSOR.items()}
+    return {channel: sensor.lag_s for channel, sensor in there.items() if sensor is not None}
+
+
+def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
+    """Return the newest calibration of the bench for the recipe's model; StationError when there is none."""
+    model = recipe.unit_under_test.model
+    newest = bench.newest_calibration(model)
+    if newest is None:
+        raise StationError(
+            f"bench {bench.bench.name}: no stored calibration for {model}. Measure one, or choose measured",
+        )
+    return newest
+
+
+def _stored_quadrants(stored: Calibration) -> Quadrants:
+    rows = (stored.load_positive, stored.unload_positive, stored.load_negative, stored.unload_negative)
+    lines = [TorqueLine(row.offset_nm, row.slope) for row in rows]
+    return Quadrants(lines[0], lines[1], lines[2], lines[3], transition_rad=stored.transition_rad)
+
+
+def wanted_of(recipe: Recipe, preset: str | None = None) -> list[MetricWanted]:
+    """Return the metrics that the recipe asks for, or those of one preset, with the recipe's limits."""
+    asked = [metric for _, metric in recipe.wanted()] if preset is None else recipe.wanted_of_preset(preset)
+    return [
+        MetricWanted(
+            id=one.id,
+            branch=one.branch,
+            side=None if one.side == "both" else one.side,
+            torque_nm=one.torque_nm,
+            band=one.band,
+            variant=one.variant,
+            fit=one.fit,
+            min=one.min,
+            max=one.max,
+        )
+        for one in asked
+    ]
+
+
+def decision_of(recipe: Recipe) -> Decision:
+    """Return the rule by which limits decide."""
+    return Decision(recipe.decision.rule, recipe.decision.guard_factor)
+
+
+def trace_of(table: Table, segments: list[dict[str, Any]], bench: Bench, period_ns: int, source: str) -> Trace:
+    """Return the measured trace of a record: fresh samples under the recipe's torque, tared, angles from reference.
+
+    Args:
+        table: all records of the run.
+        segments: the program's segment table, as in program.json.
+        bench: which sensors there were.
+        period_ns: scan period.
+        source: name for messages.
+
+    """
+    image, orders = table["image"], table["orders"]
+    counter = image["sample_counter"]
+    fresh = np.ones(len(table), dtype=np.bool_)
+    fresh[1:] = counter[1:] != counter[:-1]
+    kept = table[fresh & np.isin(orders["state"], LOADED)]
+    if not len(kept):
+        raise StationError(f"{source}: the run ended before anything was measured")
+    image, orders = kept["image"], kept["orders"]
+    there = channels(bench)
+    zeroes = {
+        "torque_in_nm": "torque_in_tare_nm",
+        "torque_out_nm": "torque_out_tare_nm",
+        "angle_in_rad": "angle_in_zero_rad",
+        "angle_out_rad": "angle_out_zero_rad",
+    }
+    measured = {name: image[name] - orders[zero] for name, zero in zeroes.items() if name in there}
+    return Trace(
+        t_s=kept["scan"] * (period_ns * 1e-9),
+        **measured,
+        temperature_c=image["housing_temp_c"].copy(),
+        segment=orders["segment"].astype(np.int64),
+        segments=segment_table(segments),
+        source=source,
+    )
+
+
+def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:
+    """Return the analysis' segment table; roles that it does not evaluate become `other`."""
+    table = {}
+    for row in segments:
+        role = row["role"] if row["role"] in ROLES else "other"
+        table[row["index"]] = SegmentInfo(role, row["direction"] if role != "other" else 0, row["cycle"])
+    return table
+
+
+def evaluate_trace(  # noqa: PLR0917 - what was measured, by what, on what, and what speaks against it
+    trace: Trace,
+    recipe: Recipe,
+    bench: Bench,
+    objections: list[str],
+    facts: RunFacts | None = None,
+    preset: str | None = None,
+    *,
+    draws: int = 0,
+) -> Result:
+    """Evaluate and judge; `objections` speak against the record as a whole, `facts` say how it was recorded.
+
+    preset: report its metrics instead of the recipe's. draws: of Monte Carlo beside the uncertainty budget.
+    """
+    method, wanted = method_of(recipe, bench), wanted_of(recipe, preset)
+    figures = figures_for(recipe, bench)
+    rule = decision_of(recipe)
+    return analyse(trace, method, wanted, rule, objections, facts=facts, figures=figures, draws=draws)
+
+
+def figures_for(recipe: Recipe, bench: Bench) -> SensorFigures:
+    """Return what the bench declares of its sensors, and of the stored calibration when the recipe goes by one."""
+    stored = recipe.measurement.output_torque == "calibrated" and recipe.measurement.calibration == "stored"
+    return figures_of(bench, newest_calibration(recipe, bench) if stored else None)
+
+
+def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:
+    """Return the torque ratio that a run measured, as calibration.json; None when it measured none."""
+    quadrants = result.quadrants
+    if quadrants is None or not quadrants.fits:
+        return None
+    return {
+        "id": f"{run['id']}-ratio",
+        "bench": {"name": bench.bench.name, "revision": bench.bench.revision},
+        "model": run["unit"]["model"],
+        "made": run["started"],
+        "transition_rad": quadrants.transition_rad,
+        "quadrants": {
+            name: {
+                "slope": fit.slope,
+                "offset_nm": fit.offset_nm,
+                "u_slope": fit.u_slope,
+                "u_offset_nm": fit.u_offset_nm,
+                "correlation": fit.correlation,
+                "residual_sd_nm": fit.residual_sd_nm,
+                "r_squared": fit.r_squared,
+                "points": fit.points,
+                "flagged": int(fit.flagged.size),
+            }
+            for name, fit in quadrants.fits.items()
+        },
+    }

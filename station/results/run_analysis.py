@@ -1,0 +1,70 @@
+"""A stored run evaluated once more, for pictures and models: trace and result by the run's own recipe and bench."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from analysis import Result, Trace
+from recipes import Bench, Recipe
+from station.bench.request import Job, load_job
+from station.errors import StationError
+from station.record.check import check_file, read_table
+from station.record.seal import alterations
+from station.record.store import RunRecord
+from station.record.timing_proof import run_facts
+from station.results.evaluation import evaluate_trace, trace_of
+
+
+@dataclass(frozen=True)
+class RunAnalysis:
+    """What a record gives when it is evaluated: its job, the measured trace, the result."""
+
+    job: Job
+    trace: Trace
+    result: Result
+
+
+def evaluate_run(
+    run: RunRecord,
+    recipe: Recipe,
+    bench: Bench,
+    preset: str | None = None,
+    objections: Sequence[str] = (),
+    *,
+    draws: int = 0,
+) -> tuple[Trace, Result]:
+    """Evaluate the samples of a complete run by a recipe and a bench; `preset` reports the metrics of that instead.
+
+    objections: what speaks against the measurement besides what the record itself shows.
+
+    Raises:
+        RecordError, AnalysisError: what cannot be read or evaluated.
+
+    """
+    manifest, timing = run.manifest(), run.read_json("timing.json")
+    read_back = check_file(run.samples, manifest["records"])
+    broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
+    table = read_table(run.samples)
+    facts = run_facts(table, timing, recipe.sampling)
+    segments = run.read_json("program.json")["segments"]
+    trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
+    return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, preset, draws=draws)
+
+
+def complete_run(run: RunRecord) -> RunAnalysis:
+    """Evaluate a complete, unaltered run by its own recipe and bench.
+
+    Raises:
+        StationError: the run did not come to its end, or its record was altered; there is nothing to build on.
+
+    """
+    state = run.state()
+    if state != "complete":
+        raise StationError(f"{run.id}: the run ended as {state}: it has no complete trace to evaluate")
+    altered = alterations(run)
+    if altered:
+        raise StationError(f"{run.id}: record altered: {altered[0]}; nothing is computed from it")
+    job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+    trace, result = evaluate_run(run, job.recipe, job.bench)
+    return RunAnalysis(job, trace, result)

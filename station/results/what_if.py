@@ -1,0 +1,157 @@
+"""What if another recipe had been in force: its interlocks and its verdict limits on a run that was recorded.
+
+The run's own controller steps through the record, so that tares, references and states are exactly those of the run;
+beside it a second set of interlocks looks at the same scans with the other recipe's limits. Up to the first reaction
+that only one of the two has, the answer is exact; after it the bench would have gone another way, and what stands in
+the record shows only what was measured, not what would have been.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from analysis import Result
+from controller.faults import FAULT_BY_NUMBER
+from controller.image import Image, Reaction, State
+from controller.interlocks import INTERLOCKS, Measured, Watch
+from controller.program import Program
+from recipes import Bench, Recipe
+from station.record.check import Table
+from station.record.timing_proof import run_facts
+from station.results.evaluation import evaluate_trace, trace_of
+
+
+class Raised(NamedTuple):
+    """An interlock that was, or would have been, raised: number of the fault and of the record."""
+
+    number: int
+    sequence: int
+
+
+class ShadowWatch(Watch):
+    """The interlocks of the run, and beside them those of another program, which only look."""
+
+    def __init__(self, program: Program, other: Program) -> None:
+        super().__init__(program)
+        self._shadow = Watch(other)
+        self._other_lock_limit = {
+            program.limits.lock_slip_rad: other.limits.lock_slip_rad,
+            program.limits.lock_proof_motion_rad: other.limits.lock_proof_motion_rad,
+        }
+        self._looks = 0
+        self._noted = 0
+        self.raised: list[Raised] = []
+
+    def look(self, image: Image, measured: Measured, state: State) -> int:
+        """Evaluate both; the run follows its own."""
+        strongest = super().look(image, measured, state)
+        own_limit_rad = measured.lock_motion_limit_rad
+        measured.lock_motion_limit_rad = self._other_lock_limit.get(own_limit_rad, own_limit_rad)
+        self._shadow.look(image, measured, state)
+        measured.lock_motion_limit_rad = own_limit_rad
+        fresh = self._shadow.latched & ~self._noted
+        self._noted |= fresh
+        while fresh:
+            bit = fresh & -fresh
+            fresh ^= bit
+            self.raised.append(Raised(bit.bit_length() - 1, self._looks))
+        self._looks += 1
+        return strongest
+
+
+WATCHED = frozenset(row.fault for row in INTERLOCKS)
+
+
+def recorded_interlocks(table: Table) -> list[Raised]:
+    """Return the interlocks that the run itself raised; faults of steps (homing, tare ...) are not among them."""
+    alarms = table["orders"]["alarms"]
+    found = []
+    for number, fault in FAULT_BY_NUMBER.items():
+        if fault.id in WATCHED:
+            raised = (alarms >> np.uint64(number)) & np.uint64(1)
+            if raised.any():
+                found.append(Raised(number, int(np.argmax(raised))))
+    return sorted(found, key=lambda one: one.sequence)
+
+
+def interlock_changes(table: Table, shadow: ShadowWatch) -> list[dict[str, Any]]:
+    """Return what the other recipe's interlocks would have done differently, in order of time.
+
+    `change` is "new" (only with the other recipe), "gone" (only as recorded) or "moved" (at another scan).
+    """
+    recorded = dict(recorded_interlocks(table))
+    other = dict(shadow.raised)
+    changes = []
+    for number in sorted(recorded.keys() | other.keys()):
+        before, then = recorded.get(number), other.get(number)
+        if before == then:
+            continue
+        change = "new" if before is None else "gone" if then is None else "moved"
+        at = min(position for position in (before, then) if position is not None)
+        fault = FAULT_BY_NUMBER[number]
+        changes.append(
+            {
+                "change": change,
+                "id": fault.id,
+                "reaction": Reaction(fault.reaction).name.lower(),
+                "state": State(int(table["orders"]["state"][max(at - 1, 0)])).name.lower(),
+                "recorded_scan": None if before is None else int(table["scan"][before]),
+                "other_scan": None if then is None else int(table["scan"][then]),
+                "torque_out_nm": round(float(table["image"]["torque_out_nm"][at]), 3),
+                "diverges": fault.reaction >= Reaction.HOLD,
+            },
+        )
+    return sorted(changes, key=lambda one: min(s for s in (one["recorded_scan"], one["other_scan"]) if s is not None))
+
+
+def tare_changes(table: Table, own: Program, other: Program) -> list[str]:
+    """Return which torque zeroes the other recipe would have refused."""
+    orders = table["orders"]
+    changes = []
+    for channel in ("torque_in", "torque_out"):
+        zero_nm = float(orders[f"{channel}_tare_nm"][-1])
+        allowed_nm = getattr(other.tare, f"{channel}_zero_nm")
+        if abs(zero_nm) > allowed_nm and abs(zero_nm) <= getattr(own.tare, f"{channel}_zero_nm"):
+            changes.append(f"the zero of {channel} is {zero_nm:.4g} N·m, the other recipe accepts {allowed_nm:.4g} N·m")
+    return changes
+
+
+def same_load(own: Program, other: Program) -> bool:
+    """Whether both recipes command the same load: then the interlocks and limits are all that differs."""
+    return own.segments == other.segments and own.period_s == other.period_s
+
+
+def judge(table: Table, recipe: Recipe, bench: Bench, stored: dict[str, Any]) -> Result:
+    """Evaluate the recorded trace by another recipe's method and limits.
+
+    Args:
+        table: all records of the run.
+        recipe: the other recipe.
+        bench: the run's own bench.
+        stored: `segments` of program.json, the run's `timing` block and its `id`.
+
+    """
+    timing = stored["timing"]
+    facts = run_facts(table, timing, recipe.sampling)
+    trace = trace_of(table, stored["segments"], bench, timing["period_ns"], stored["id"])
+    return evaluate_trace(trace, recipe, bench, [], facts)
+
+
+def _key(metric: dict[str, Any]) -> tuple[Any, ...]:
+    return tuple(metric.get(name) for name in ("id", "branch", "side", "torque_nm", "band"))
+
+
+def verdict_changes(recorded: dict[str, Any], other: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the metrics whose value, limits or verdict differ between two results."""
+    before = {_key(metric): metric for metric in recorded["metrics"]}
+    then = {_key(metric): metric for metric in other["metrics"]}
+    changes = []
+    for key in dict.fromkeys((*before, *then)):
+        one, two = before.get(key), then.get(key)
+        parts = [tuple((m or {}).get(name) for name in ("value", "limits", "verdict")) for m in (one, two)]
+        if parts[0] != parts[1]:
+            named = one or two or {}
+            changes.append({"id": named["id"], "branch": named.get("branch"), "recorded": one, "other": two})
+    return changes

@@ -1,0 +1,158 @@
+"""The two processes of a real-time run: started in sessions of their own, watched, and never left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from station.errors import BenchFaultError
+
+READY_TIMEOUT_S = 120.0
+"""The first start of the virtual bench compiles its physics."""
+
+TERMINATE_TIMEOUT_S = 3.0
+LONGEST_READY_LINE = 65536
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""A second thread in a process costs its scan milliseconds, even one that only waits for work."""
+
+
+class LifeLine:
+    """A pipe to the virtual bench, which ends when everyone who holds its other end is gone.
+
+    The desk may write lines into it: what state its controller is in, for faults that wait for a state.
+    """
+
+    def __init__(self) -> None:
+        self.reader, self.writer = os.pipe()
+        os.set_blocking(self.writer, False)  # a bench that does not read must not hold the desk
+
+    def tell(self, line: bytes) -> None:
+        """Write a line for the bench; one that is gone or does not read misses it."""
+        with contextlib.suppress(OSError):
+            os.write(self.writer, line)
+
+    def close(self) -> None:
+        """Let go of both ends."""
+        for handle in (self.reader, self.writer):
+            with contextlib.suppress(OSError):
+                os.close(handle)
+
+
+def _run_module(module: str, spec: Path, **options: Any) -> subprocess.Popen[bytes]:
+    # A session of its own: Ctrl-C in the terminal is for the desk, which unloads the torque first.
+    command = [sys.executable, "-m", module, str(spec)]
+    return subprocess.Popen(command, start_new_session=True, env=os.environ | ONE_THREAD, **options)  # noqa: S603
+
+
+def start_virtual_bench(spec: Path, log: Path, life_line: LifeLine) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    """Start the embedded virtual bench; return its process and its ready line.
+
+    Raises:
+        BenchFaultError: it did not come up; the text holds what it said.
+
+    """
+    return _start_serving("station.bench.virtual_bench_process", "virtual bench", spec, log, life_line)
+
+
+def start_gateway(spec: Path, log: Path, life_line: LifeLine) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    """Start the gateway before a bench on a cable; as `start_virtual_bench`."""
+    return _start_serving("station.bench.gateway_process", "gateway", spec, log, life_line)
+
+
+def _start_serving(
+    module: str, name: str, spec: Path, log: Path, life_line: LifeLine
+) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    with log.open("wb") as errors:
+        process = _run_module(
+            module,
+            spec,
+            stdin=life_line.reader,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+        )
+    line = _first_line(process, READY_TIMEOUT_S)
+    try:
+        ready: dict[str, Any] = json.loads(line)
+    except ValueError:
+        stop(process)
+        said = log.read_text(errors="replace").strip().splitlines()[-3:]
+        raise BenchFaultError(f"the {name} did not start: {' '.join(said) or 'it said nothing'}") from None
+    return process, ready
+
+
+def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:
+    stream = process.stdout
+    if stream is None:
+        return b""
+    deadline = time.monotonic() + timeout_s
+    line = b""
+    with selectors.DefaultSelector() as selector:
+        selector.register(stream, selectors.EVENT_READ)
+        while not line.endswith(b"\n") and len(line) < LONGEST_READY_LINE:
+            if not selector.select(max(deadline - time.monotonic(), 0.0)):
+                break
+            chunk = os.read(stream.fileno(), 4096)
+            if not chunk:
+                break
+            line += chunk
+    return line
+
+
+def start_faulty_desk(spec: Path) -> subprocess.Popen[bytes]:
+    """Start a desk for a run with faults of the machine; it says on its standard output where its record is."""
+    return _run_module("station.faults.desk_process", spec, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+
+
+def start_scan(spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
+    """Start the scan process; its standard error goes to `log`. It holds the virtual bench's life line too."""
+    return _start_scanning("station.scan.scan_process", spec, log, life_line)
+
+
+def start_measuring(spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
+    """Start the process that measures the machine instead of a unit (see `timing_process`)."""
+    return _start_scanning("station.scan.timing_process", spec, log, life_line)
+
+
+def _start_scanning(module: str, spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
+    handles = () if life_line is None else (life_line.writer,)
+    with log.open("wb") as errors:
+        return _run_module(
+            module,
+            spec,
+            stdin=subprocess.DEVNULL,
+            stdout=errors,
+            stderr=errors,
+            pass_fds=handles,
+        )
+
+
+def stop(process: subprocess.Popen[bytes], timeout_s: float = TERMINATE_TIMEOUT_S) -> None:
+    """End a process that was started here, politely first, and collect it.
+
+    The scan process needs its time: it brings the torque to zero before it ends.
+    """
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    if process.stdout is not None:
+        process.stdout.close()
+
+
+def why_it_ended(process: subprocess.Popen[bytes]) -> str:
+    """Return how a process ended, in words."""
+    code = process.returncode
+    if code is not None and code < 0:
+        return f"killed by {signal.Signals(-code).name}"
+    return f"ended with code {code}"

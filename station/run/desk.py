@@ -1,0 +1,331 @@
+"""The desk of a real-time run: starts the processes, brings the records to disk, passes the operator's wishes on.
+
+Ctrl-C once asks for a stop: the torque is brought to zero before the lock opens. Twice is a quick stop. A terminal
+that is closed counts as Ctrl-C, and a screen that cannot be written to any more ends nothing. Whatever ends the
+run, no process and no ring file stays behind, and every record that was written is in the run's folder.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, TypeVar
+
+from controller.image import Command, State
+from station.bench.request import Job
+from station.durable import Appender
+from station.errors import BenchFaultError, RecordError
+from station.record.program_file import PROGRAM
+from station.record.ring import RingReader, ScanState, StopCause, create
+from station.record.scan_record import unpack
+from station.record.store import SCAN_REPORT, RunRecord
+from station.record.writer import RecordsWaitError, RecordWriter
+from station.run import children
+from station.run.conclusion import Ending
+from station.run.fault_companion import Companion, Reach
+from station.wall_clock import JumpWatch
+
+BENCH_LOG = "virtual-bench.jsonl"
+"""What the virtual bench or the gateway said."""
+
+TRUTH = "truth.csv"
+"""Torque in the virtual reducer itself over the monotonic clock, in the folder of a run with faults."""
+
+LOOK_EVERY_S = 0.02
+SHOW_EVERY_S = 0.1
+ARM_TIMEOUT_S = 60.0
+LAST_WORDS_S = 0.6
+"""Time for the virtual drive to notice a dead controller and to say so before it is switched off."""
+
+REAL_SPIN_NS = 100_000
+EMBEDDED_SPIN_NS = REAL_SPIN_NS if (os.cpu_count() or 1) > 1 else 0
+"""Spinning takes a tenth of a processor at 1 ms and makes p99 of the lateness ten times smaller (docs/determinism.md);
+beside an embedded bench on a single processor there is none to spare."""
+
+Told = TypeVar("Told")
+Show = Callable[[bytes], None]
+Say = Callable[[str], None]
+
+
+ENDED = {
+    State.IDLE: "Nothing has moved",
+    State.COMPLETE: "The run had come to its end",
+    State.STOPPED: "The run was stopped: the torque was brought to zero and the lock opened",
+    State.FAULT: "The run ended in a fault: look at the bench before the unit is touched",
+}
+LOST_IN_THE_MIDDLE = "The scan process was lost in the middle: treat the unit as wound up"
+
+
+def _quietly(end: Callable[[], None]) -> None:
+    """End something whose trouble with the disk has been told already."""
+    with suppress(RecordError):
+        end()
+
+
+def _let_go(ring: RingReader, path: Path) -> None:
+    """Close the ring, and remove it unless records wait in it for a disk that takes them."""
+    if not ring.waiting:
+        path.unlink(missing_ok=True)
+    ring.close()
+
+
+def _if_possible(tell: Callable[[Told], None]) -> Callable[[Told], None]:
+    """Return `tell` for a screen that may be gone: the run and its record do not depend on it."""
+
+    def told(what: Told) -> None:
+        with suppress(OSError):
+            tell(what)
+
+    return told
+
+
+class Desk:
+    """One real-time run of a job.
+
+    A recovery is one too: `left` says how the bench was left, and `attend` is called at every look, to tell and to ask.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        record: RunRecord,
+        show: Show,
+        say: Say,
+        companion: Companion | None = None,
+        *,
+        left: Mapping[str, float] | None = None,
+        attend: Callable[[RingReader], None] | None = None,
+        gateway: bool = False,
+    ) -> None:
+        """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench."""
+        self._job, self._record = job, record
+        self._gateway = gateway
+        self._companion = companion
+        self._show, self._say = _if_possible(show), _if_possible(say)
+        self._left, self._attend = left, attend
+        self._interrupts = 0
+        self._sent = 0
+        self._disk_refused = ""
+        self._seen: SimpleQueue[bytes] = SimpleQueue()
+        self._wall_clock = JumpWatch()
+
+    def run(self, unit: str | None, scenario: Path | None) -> Ending:
+        """Run to the end; `unit` and `scenario` are for the embedded virtual bench.
+
+        Raises:
+            BenchFaultError: the bench could not be opened; nothing has moved.
+            RecordsWaitError: the disk is full; the run has been stopped and unloaded, and waits for the disk.
+            RecordError: the disk takes nothing from the start; nothing has moved.
+
+        """
+        with ExitStack() as cleanup:
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+                    continue  # nohup: the run is to outlive its terminal
+                before = signal.signal(number, self._interrupt)
+                cleanup.callback(signal.signal, number, before)
+            ports, life_line = None, None
+            if self._job.bench.bench.embedded or self._gateway:
+                life_line = children.LifeLine()
+                cleanup.callback(life_line.close)
+                ports = self._start_bench(cleanup, life_line, unit, scenario)
+            ring_path = create(self._record.folder)
+            ring = RingReader(ring_path)
+            cleanup.callback(_let_go, ring, ring_path)
+            self._record.update(ring=str(ring_path))
+            file = Appender(self._record.samples)
+            cleanup.callback(_quietly, file.close)
+            writer = RecordWriter(ring, file, seen=None if self._companion is None else self._seen.put)
+            cleanup.callback(_quietly, writer.finish)
+            writer.start()
+            report = self._record.folder / SCAN_REPORT
+            process = self._start_scan(ring_path, report, ports, life_line)
+            cleanup.callback(children.stop, process, self._longest_unload_s())
+            if self._companion is not None:
+                tell = None if life_line is None else life_line.tell
+                self._companion.begin(Reach(process.pid, ring.send, tell))
+            self._serve(process, ring, writer)
+            try:
+                writer.finish()
+            except RecordsWaitError as error:
+                raise RecordsWaitError(self._what_waits(error, ring)) from error
+            return self._ending(process, ring, report, writer, embedded=life_line is not None)
+
+    # --- starting
+
+    def _start_bench(
+        self,
+        cleanup: ExitStack,
+        life_line: children.LifeLine,
+        unit: str | None,
+        scenario: Path | None,
+    ) -> dict[str, Any]:
+        self._say("starting the gateway" if self._gateway else "starting the virtual bench")
+        folder = self._record.folder
+        spec = {
+            "bench": str(folder / "bench.yaml"),
+            "profiles": self._profiles(),
+            "unit": unit,
+            "scenario": None if scenario is None else str(scenario),
+            "truth": None if scenario is None else str(folder / TRUTH),
+            "embedded": True,
+        }
+        path = folder / "virtual-bench-spec.json"
+        path.write_text(json.dumps(spec))
+        start = children.start_gateway if self._gateway else children.start_virtual_bench
+        process, ready = start(path, folder / BENCH_LOG, life_line)
+        cleanup.callback(children.stop, process)
+        return ready
+
+    def _start_scan(
+        self,
+        ring: Path,
+        report: Path,
+        ports: dict[str, Any] | None,
+        life_line: children.LifeLine | None,
+    ) -> subprocess.Popen[bytes]:
+        self._say("opening the bench: identities, drive protections")
+        folder = self._record.folder
+        spec = {
+            "ring": str(ring),
+            "report": str(report),
+            "recipe": str(folder / "recipe.yaml"),
+            "program": str(folder / PROGRAM),
+            "bench": str(folder / "bench.yaml"),
+            "profiles": self._profiles(),
+            "ports": ports,
+            "desk": os.getpid(),
+            "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
+            "after_end_scans": 0 if self._companion is None else self._companion.after_end_scans,
+            "left": None if self._left is None else dict(self._left),
+        }
+        path = folder / "scan-spec.json"
+        path.write_text(json.dumps(spec))
+        return children.start_scan(path, folder / "scan-process.log", life_line)
+
+    def _longest_unload_s(self) -> float:
+        program = self._job.program
+        return (program.unload_limit_scans + program.release_scans + program.settle_scans) * program.period_s + 1.0
+
+    def _profiles(self) -> dict[str, str]:
+        return {name: str(self._record.folder / "profiles" / f"{name}.yaml") for name in self._job.profile_names}
+
+    # --- running
+
+    def _interrupt(self, *_: object) -> None:
+        self._interrupts += 1
+
+    def _serve(self, process: subprocess.Popen[bytes], ring: RingReader, writer: RecordWriter) -> None:
+        """Pass on what the scan and the operator have to say until the scan process has ended."""
+        started = shown = time.monotonic()
+        armed = False
+        while process.poll() is None:
+            time.sleep(LOOK_EVERY_S)
+            ring.beat()
+            now = time.monotonic()
+            if not armed and ring.state is ScanState.RUNNING and ring.written >= 1:
+                armed = True
+                ring.send(Command.START)
+            if not armed and now - started > ARM_TIMEOUT_S:
+                raise BenchFaultError(f"the scan process did not come up within {ARM_TIMEOUT_S:.0f} s")
+            self._pass_on(ring, process, armed=armed)
+            if self._attend is not None and ring.written:
+                self._attend(ring)
+            self._look()
+            if writer.first_trouble and not self._disk_refused:
+                self._stop_for_the_disk(writer.first_trouble, ring, process, armed=armed)
+            if now - shown > SHOW_EVERY_S and writer.newest:
+                shown = now
+                self._show(writer.newest)
+        if ring.written:
+            self._show(ring.last())
+
+    def _look(self) -> None:
+        """Show the companion the records since the last look; in this thread, which alone sends commands."""
+        if self._companion is None:
+            return
+        while not self._seen.empty():
+            self._companion.look(self._seen.get())
+        self._companion.tick()
+
+    def _stop_for_the_disk(
+        self, trouble: str, ring: RingReader, process: subprocess.Popen[bytes], *, armed: bool
+    ) -> None:
+        """Ask for a stop: what nobody records must not go on under torque. What is still written waits in the ring."""
+        self._disk_refused = trouble
+        ring.note_stop(StopCause.DISK)
+        self._say(f"stopping: the torque is brought to zero first, because the record cannot be kept: {trouble}")
+        if armed:
+            ring.send(Command.STOP)
+        else:
+            process.terminate()
+
+    def _what_waits(self, error: RecordsWaitError, ring: RingReader) -> str:
+        """Say what became of a run whose disk was full to the end, and what to do."""
+        state = State(unpack(ring.last())[2].state) if ring.written else State.IDLE
+        waits = f"{ring.waiting} of {ring.written} records wait in memory" if ring.waiting else "its last flush failed"
+        return (
+            f"{error}. {ENDED.get(state, LOST_IN_THE_MIDDLE)}; {waits}. When the disk is in order, 'lostmotion show "
+            f"{self._record.id}' completes the record; do it before this computer is switched off"
+        )
+
+    def _pass_on(self, ring: RingReader, process: subprocess.Popen[bytes], *, armed: bool) -> None:
+        """Turn interrupts into commands: the first a stop, the next ones quick stops."""
+        if self._interrupts <= self._sent:
+            return
+        self._sent += 1
+        if not armed:
+            process.terminate()
+        elif self._sent == 1:
+            self._say("stopping: the torque is brought to zero first (Ctrl-C again: quick stop)")
+            ring.send(Command.STOP)
+        else:
+            self._say("quick stop")
+            ring.send(Command.QUICK_STOP)
+
+    # --- ending
+
+    def _ending(
+        self,
+        process: subprocess.Popen[bytes],
+        ring: RingReader,
+        report: Path,
+        writer: RecordWriter,
+        *,
+        embedded: bool,
+    ) -> Ending:
+        said = json.loads(report.read_bytes()) if report.exists() else {}
+        if said.get("state") == "refused":
+            raise BenchFaultError(str(said["error"]))
+        if self._interrupts and not ring.written:
+            raise BenchFaultError("stopped by the operator before anything moved")
+        trouble = ""
+        if said.get("state") != "finished" and ring.state is not ScanState.FINISHED:
+            ring.mark_died()
+            reason = said.get("error") or children.why_it_ended(process)
+            trouble = (
+                f"the scan process was lost in the middle of the run ({reason}). The drive stops itself when it misses "
+                "the controller's heartbeat; torque may still be stored in the unit"
+            )
+            if embedded:
+                time.sleep(LAST_WORDS_S)
+        return Ending(
+            written=int(said.get("written", ring.written)) - ring.lost,
+            lost=ring.lost,
+            realtime=said.get("realtime", {"details": {}}),
+            notes=said.get("notes", []),
+            trouble=trouble,
+            counters=said.get("counters", {}),
+            times=said.get("times", {}),
+            started_ns=ring.started_ns,
+            clock_jumped_s=self._wall_clock.jumped_s(),
+            stopped_because=ring.stopped_because,
+            disk=writer.times.as_json(),
+        )

@@ -1,0 +1,171 @@
+"""Runs whose desk died: what their scan process still wrote is in the ring, and belongs to the record.
+
+Without its desk the scan process unloads and stops after 2 s, unless it has a new desk by then. Afterwards
+any command that looks at the runs brings the rest of the ring to disk and concludes the run: it gets the state that it
+came to, and its verdict when it came to its end. While the scan process is still at work, `resume` is its new desk.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from controller.image import Command
+from station.durable import Appender
+from station.errors import StationError
+from station.record.ring import RingReader, ScanState, StopCause
+from station.record.scan_record import RECORD_BYTES
+from station.record.store import INTERRUPTED, SCAN_REPORT, RunRecord, Store, process_birth
+from station.record.writer import RecordWriter
+
+DESK_DIED = "the desk ended in the middle of the run; the scan process went on without it"
+BOTH_DIED = "desk and scan process ended in the middle of the run"
+LOOK_EVERY_S = 0.02
+
+Attend = Callable[[RingReader], None]
+
+
+@contextmanager
+def _owned(run: RunRecord) -> Iterator[bool]:
+    """Own a run; yields whether it is ours now, and deserted still."""
+    try:
+        yield run.lock.take() and run.deserted()
+    finally:
+        run.lock.close()
+
+
+def recover(run: RunRecord) -> int:
+    """Bring the rest of a deserted run's ring to disk and conclude the run; return how many records came.
+
+    Nothing happens while its desk or its scan process is alive.
+    """
+    if not run.deserted():
+        return 0
+    with _owned(run) as ours:
+        if not ours:
+            return 0
+        path = _ring_of(run)
+        if path is None:
+            _conclude(run, Ended(run.records()))
+            return 0
+        ring = RingReader(path)
+        try:
+            if _alive(ring):
+                return 0
+            return _take_all(run, ring, path)
+        finally:
+            ring.close()
+
+
+def resume(run: RunRecord, attend: Attend) -> int:
+    """Be the new desk of a run whose desk died: take its records until its scan ends, then conclude it.
+
+    `attend` is called about 50 times per second, to show what there is and to pass commands on.
+    """
+    with _owned(run) as ours:
+        path = _ring_of(run) if ours else None
+        if path is None:
+            return 0
+        ring = RingReader(path)
+        try:
+            return _take_all(run, ring, path, attend)
+        finally:
+            ring.close()
+
+
+def _ring_of(run: RunRecord) -> Path | None:
+    name = run.manifest().get("ring")
+    path = Path(name) if name else None
+    return path if path is not None and path.exists() else None
+
+
+def _alive(ring: RingReader) -> bool:
+    return bool(ring.pid and process_birth(ring.pid))
+
+
+def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | None = None) -> int:
+    on_disk = run.records()
+    if run.samples.exists():
+        # A desk that was killed while it wrote may have left part of a record.
+        os.truncate(run.samples, on_disk * RECORD_BYTES)
+    file = Appender(run.samples)
+    # A desk that died between writing and noting it in the ring has written these already: no record twice.
+    writer = RecordWriter(ring, file, skip=max(on_disk - (ring.written - ring.waiting), 0))
+    with ExitStack() as ending:
+        ending.callback(file.close)
+        ending.callback(writer.finish)
+        ring.beat()  # before anything else: the scan waits 2 s for a new desk, then it unloads and stops
+        writer.start()
+        while attend is not None and _alive(ring):
+            time.sleep(LOOK_EVERY_S)
+            ring.beat()
+            attend(ring)
+            if writer.first_trouble and not ring.stopped_because:
+                ring.note_stop(StopCause.DISK)
+                ring.send(Command.STOP)
+    ended = Ended(ring.written, ring.lost, ring.stopped_because, finished=ring.state is ScanState.FINISHED)
+    run.update(ring=None, trouble=ended.because or DESK_DIED)
+    path.unlink()
+    _conclude(run, ended)
+    return writer.written
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What the ring says of a scan: records written and lost, why it was stopped, whether it came to its end."""
+
+    written: int
+    lost: int = 0
+    because: str = ""
+    finished: bool = False
+
+
+def _report_of(run: RunRecord) -> dict[str, Any]:
+    """Return what the scan process said at its end; nothing where a failing disk kept none of it, or half."""
+    with suppress(OSError, ValueError):
+        said = json.loads((run.folder / SCAN_REPORT).read_bytes())
+        return said if isinstance(said, dict) else {}
+    return {}
+
+
+def _conclude(run: RunRecord, ended: Ended) -> None:
+    """Give the run its state, and its verdict when its scan came to its end."""
+    # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
+    from recipes import RecipeError  # noqa: PLC0415
+    from station.bench.request import load_job  # noqa: PLC0415
+    from station.run.conclusion import Ending, conclude  # noqa: PLC0415
+
+    said = _report_of(run)
+    finished = ended.finished or said.get("state") == "finished"
+    run.samples.touch()
+    try:
+        job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+    except RecipeError as error:
+        run.update(state=INTERRUPTED, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
+        return
+    ending = Ending(
+        written=ended.written,
+        lost=ended.lost,
+        realtime=said.get("realtime", {"details": {}}),
+        notes=said.get("notes", []),
+        trouble="" if finished else BOTH_DIED,
+        counters=said.get("counters", {}),
+        times=said.get("times", {}),
+        stopped_because=ended.because,
+    )
+    conclude(run, job, ending)
+
+
+def recover_all(store: Store) -> None:
+    """Recover every run of a store; what cannot be recovered stays as it is."""
+    for run in store.runs():
+        try:
+            recover(run)
+        except (StationError, KeyError, OSError):
+            continue

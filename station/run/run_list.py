@@ -1,0 +1,75 @@
+"""The list of runs for a person: a table as wide as it needs, or less of it on a narrow terminal.
+
+A run id is never cut off, for it is there to be copied.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from station.reports.result_view import VERDICT_STYLES
+
+STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
+GAP = 2
+
+WIDE = ("run", "serial", "attempt", "recipe", "state", "verdict", "scans")
+NARROW = ("run", "recipe", "result")
+"""The run id ends with the serial number, and a verdict says that a run is complete."""
+
+RIGHT = ("attempt", "scans")
+
+
+def print_runs(console: Console, rows: list[dict[str, Any]], *, fits: bool) -> None:
+    """Print runs; `fits` tells that the console's width is that of a terminal, and lines must not be wider.
+
+    On a terminal that is too narrow for a table too, a run takes two lines.
+    """
+    cells = [_cells(one) for one in rows]
+    for columns in (WIDE, NARROW):
+        width = _width(cells, columns)
+        if not fits or width <= console.width:
+            console.width = max(console.width, width)
+            console.print(_table(cells, columns))
+            return
+    for one in cells:
+        console.print(one["run"], soft_wrap=True)
+        said = ("  ", one["recipe"], "  ", one["result"], f"  attempt {one['attempt']}" if one["attempt"].plain else "")
+        console.print(Text.assemble(*said), soft_wrap=True)
+
+
+def state_text(one: dict[str, Any]) -> str:
+    """Return the state of a run, with the process that still scans it."""
+    return f"still running (pid {one['scanning']})" if one.get("scanning") else str(one["state"])
+
+
+def _cells(one: dict[str, Any]) -> dict[str, Text]:
+    verdict = one["verdict"] or ""
+    state = Text(state_text(one), style=STATE_STYLES.get(one["state"], "bold red"))
+    decided = Text(verdict, style=" ".join(VERDICT_STYLES.get(verdict, "").split()[-1:]))
+    shown = {
+        "run": Text(one["run"]),
+        "serial": Text(one["serial"] or ""),
+        "attempt": Text(str(one["attempt"] or "")),
+        "recipe": Text(f"{one['recipe']} r{one['revision']}" if one["recipe"] else ""),
+        "state": state,
+        "verdict": decided,
+        "scans": Text(str(one["records"])),
+    }
+    return shown | {"result": decided if one["state"] == "complete" and verdict else state}
+
+
+def _width(cells: list[dict[str, Text]], columns: tuple[str, ...]) -> int:
+    return sum(max(len(name), *(one[name].cell_len for one in cells)) + GAP for name in columns)
+
+
+def _table(cells: list[dict[str, Text]], columns: tuple[str, ...]) -> Table:
+    table = Table(box=None, padding=(0, GAP, 0, 0), header_style="dim")
+    for name in columns:
+        table.add_column(name, justify="right" if name in RIGHT else "left", no_wrap=True)
+    for one in cells:
+        table.add_row(*(one[name] for name in columns))
+    return table

@@ -1,0 +1,90 @@
+"""A run in virtual time: the same controller and recipe against the same plant, in this process, without wires."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from controller.context import Event
+from controller.controller import Controller
+from controller.image import Command
+from drivers.virtual.inprocess import VirtualTimeBench
+from station.bench.assemble_virtual import load_scenario, virtual_config
+from station.bench.request import Job
+from station.durable import Appender
+from station.record.store import RunRecord
+from station.run.conclusion import Ending
+from station.run.virtual_recorder import VirtualRecorder
+from station.scan.realtime import quiet_collector
+from station.scan.scan_loop import run_virtual, start_once
+
+LOOK_EVERY = 1024
+"""Scans between two looks at the operator's wishes and at the screen."""
+
+Show = Callable[[memoryview], None]
+
+
+class _Operator:
+    """Ctrl-C once: stop; twice: quick stop. Commands wait for the next scan."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+        self._given = 0
+
+    def interrupt(self, *_: object) -> None:
+        self.asked += 1
+
+    def command(self) -> int:
+        if self.asked <= self._given:
+            return 0
+        self._given += 1
+        return int(Command.STOP if self._given == 1 else Command.QUICK_STOP)
+
+
+@contextmanager
+def _listening(operator: _Operator) -> Iterator[None]:
+    before = {number: signal.signal(number, operator.interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path | None, show: Show) -> Ending:
+    """Run a job to its end and leave its records in the run's folder.
+
+    Raises:
+        RecordError: the disk is full; what was written before stays.
+
+    """
+    faults = None if scenario is None else load_scenario(scenario)
+    # The profiles that were checked and are in the record, not files that may have changed since.
+    profiles = {name: record.folder / "profiles" / f"{name}.yaml" for name in job.profile_names}
+    bench = VirtualTimeBench(virtual_config(job.bench, profiles, unit), job.recipe.sampling.period_ns, faults)
+    controller = Controller(job.program)
+    injected = None if faults is None else bench.faults
+    operator = _Operator()
+    file = Appender(record.samples)
+    recorder = VirtualRecorder(file)
+
+    def take_command(scan: int) -> int:
+        if scan % LOOK_EVERY == 0 and scan:
+            show(recorder.last())
+        return operator.command() or start_once(scan)
+
+    try:
+        with quiet_collector(), _listening(operator):
+            run_virtual(bench, controller, recorder.append, take_command, injected)
+    finally:
+        try:
+            recorder.flush()
+        finally:
+            file.close()
+    notes = [event._asdict() for event in controller.events if event.kind == "note"]
+    if injected is not None:
+        last = Event(recorder.sequence - 1, "note", controller.state.name.lower(), "")
+        notes += [last._replace(text=f"injected fault: {text}")._asdict() for text in injected.why_unseen()]
+    return Ending(written=recorder.sequence, notes=notes)

@@ -1,0 +1,49 @@
+"""The scan's watch over its desk: a unit is not kept under load for a desk that is gone or stands still."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from station.record.ring import RingWriter
+from station.scan.scan_loop import Stop
+
+LONGEST_SILENCE_S = 2.0
+"""A desk looks 50 times per second; a desk that takes a run over has this long to begin."""
+
+DESK_SILENT = f"the desk gave no sign for {LONGEST_SILENCE_S:g} s: stop ordered, so that the unit is unloaded"
+DESK_GONE = "the desk was gone before it had started the run: stop ordered, nothing has moved"
+STRANGE_COMMANDS = "the mailbox held {} number(s) that are no command: ignored"
+
+
+class DeskWatch:
+    """Takes the desk's commands and asks for a stop, once, when the desk has been silent for too long."""
+
+    def __init__(self, ring: RingWriter, stop: Stop, period_ns: int) -> None:
+        self._ring, self._stop = ring, stop
+        self._beats = ring.desk_beats
+        self._limit_scans = round(LONGEST_SILENCE_S * 1e9 / period_ns)
+        self._silent_scans = 0
+        self.silent_at: int | None = None
+        """Scan at which the desk was given up."""
+
+    def take_command(self) -> int:
+        """Return the next command of the desk, and count the scans since its last sign."""
+        ring = self._ring
+        beats = ring.desk_beats
+        if beats != self._beats:
+            self._beats, self._silent_scans = beats, 0
+        else:
+            self._silent_scans += 1
+            if self._silent_scans > self._limit_scans and self.silent_at is None:
+                self.silent_at = ring.last_scan
+                self._stop.ask()
+        return ring.take_command()
+
+    def notes(self) -> list[dict[str, Any]]:
+        """Return what the record has to say of the desk, in the form of the controller's notes."""
+        said = [] if self.silent_at is None else [(max(self.silent_at, 0), DESK_SILENT)]
+        if self._stop.desk_gone:
+            said.append((max(self._ring.last_scan, 0), DESK_GONE))
+        if self._ring.strange_commands:
+            said.append((max(self._ring.last_scan, 0), STRANGE_COMMANDS.format(self._ring.strange_commands)))
+        return [{"scan": scan, "kind": "note", "state": "", "text": text} for scan, text in said]

@@ -1,0 +1,117 @@
+"""What stands in the way of real time on this machine, and how to mend it. Reads the kernel's files, no more."""
+
+from __future__ import annotations
+
+import os
+import resource
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from station.scan.realtime import FIFO_PRIORITY
+
+
+class Finding(NamedTuple):
+    """One look at the machine: what was looked at, whether it is as it should be, what was found, how to mend it."""
+
+    name: str
+    in_order: bool
+    found: str
+    mend: str
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii", errors="replace").strip()
+    except OSError:
+        return ""
+
+
+def kernel(root: Path) -> Finding:
+    """Whether the kernel can be interrupted everywhere (PREEMPT_RT)."""
+    version = _text(root / "proc/version")
+    realtime = _text(root / "sys/kernel/realtime") == "1" or "PREEMPT_RT" in version
+    found = "realtime kernel (PREEMPT_RT)" if realtime else "no realtime kernel: drivers may hold the scan up for long"
+    return Finding("kernel", realtime, found, "install linux-image-rt-amd64 (Debian) or a PREEMPT_RT kernel")
+
+
+def governor(root: Path) -> Finding:
+    """Whether the processor's clock stays up between scans."""
+    files = sorted(root.glob("sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"))
+    governors = sorted({_text(path) for path in files})
+    if not governors:
+        return Finding("governor", in_order=True, found="the kernel does not scale the processor's clock", mend="")
+    found = f"frequency governor: {', '.join(governors)}"
+    return Finding("governor", governors == ["performance"], found, "cpupower frequency-set --governor performance")
+
+
+def isolated_core(root: Path) -> Finding:
+    """Whether a core is kept free of other work."""
+    cores = _text(root / "sys/devices/system/cpu/isolated")
+    found = f"isolated cores: {cores}" if cores else "no isolated core: other programs run beside the scan"
+    mend = "boot with isolcpus=N nohz_full=N rcu_nocbs=N for a core N that the scan shall have for itself"
+    return Finding("isolated core", bool(cores), found, mend)
+
+
+def cores(root: Path) -> Finding:
+    """Whether there are cores enough for scan, desk and, embedded, the virtual bench."""
+    count = len(list(root.glob("sys/devices/system/cpu/cpu[0-9]*")))
+    found = f"{count} cores" if count else "the number of cores is not known"
+    return Finding(
+        "cores", count >= 3, found, "the scan and an embedded virtual bench want a core each, the desk a third"
+    )
+
+
+def virtual_machine(root: Path) -> Finding:
+    """Whether a host can take the processor away without anyone here noticing."""
+    guest = " hypervisor" in _text(root / "proc/cpuinfo")
+    found = "a virtual machine: its host can stop it for milliseconds" if guest else "not a virtual machine"
+    return Finding("host", not guest, found, "run on the bench computer itself, or give the guest pinned cores")
+
+
+def throttling(root: Path) -> Finding:
+    """Whether the kernel takes realtime processes off the processor for a share of every second."""
+    runtime = _text(root / "proc/sys/kernel/sched_rt_runtime_us")
+    free = runtime in ("", "-1")
+    found = "realtime processes are not throttled" if free else f"realtime processes get {runtime} µs of every second"
+    # The default (950 ms) only bites a process that spins; a scan with a spin tail uses a tenth.
+    return Finding("throttling", free or int(runtime) >= 900_000, found, "sysctl kernel.sched_rt_runtime_us=950000")
+
+
+def privilege(_root: Path) -> Finding:
+    """Whether this user may have a realtime priority and locked memory."""
+    if os.geteuid() == 0:
+        return Finding("privilege", in_order=True, found="root: realtime priority and locked memory allowed", mend="")
+    priority = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+    locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    enough = priority >= FIFO_PRIORITY and locked == resource.RLIM_INFINITY
+    found = f"rtprio limit {priority}, memlock limit {'unlimited' if locked == resource.RLIM_INFINITY else locked}"
+    mend = f"in /etc/security/limits.d: '@bench - rtprio {FIFO_PRIORITY}' and '@bench - memlock unlimited'"
+    return Finding("privilege", enough, found, mend)
+
+
+CHECKS: tuple[Callable[[Path], Finding], ...] = (
+    kernel,
+    governor,
+    isolated_core,
+    cores,
+    virtual_machine,
+    throttling,
+    privilege,
+)
+
+
+def against(root: Path = Path("/")) -> list[dict[str, object]]:
+    """Return what stands in the way, as plain data; empty on a machine that has nothing against real time."""
+    return [finding._asdict() for finding in look(root) if not finding.in_order]
+
+
+def resident_kb(status: Path = Path("/proc/self/status")) -> int:
+    """Return the resident memory of this process [KiB]; 0 where the kernel does not tell."""
+    rows = [line.split() for line in _text(status).splitlines() if line.startswith("VmRSS")]
+    return int(rows[0][1]) if rows else 0
+
+
+def look(root: Path = Path("/")) -> list[Finding]:
+    """Look at everything; `root` is for tests."""
+    return [check(root) for check in CHECKS]

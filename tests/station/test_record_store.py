@@ -13,14 +13,13 @@ from station_samples import IMAGE, ORDERS
 import station.record.ring
 import station.record.store
 from station.bench.request import load_job
-from station.commands.run import Options
-from station.commands.run import create as create_record
 from station.commands.show import stored_result
 from station.durable import Appender, read_from_disk, write_durable
 from station.errors import RecordError, StationError
 from station.record.ring import RingWriter, ScanState, create
 from station.record.scan_record import pack
 from station.record.store import RunRecord, Store, check_operator, check_serial, process_birth
+from station.run.new_record import Wanted, new_record
 from station.run.recovery import recover
 from station.wall_clock import WallClock
 
@@ -210,10 +209,7 @@ def test_an_operator_has_a_name(name: str) -> None:
 
 
 def test_who_measured_stands_in_the_record(tmp_path: Path) -> None:
-    options = Options(
-        "rv-40e-121-quick", "S1", None, tmp_path, None, None, virtual_time=True, json=True, operator="Ada L."
-    )
-    job = load_job(options.recipe, None)
-    record = create_record(options, job, "S1", None, None, notes=[])
+    job = load_job("rv-40e-121-quick", None)
+    record = new_record(tmp_path, job, Wanted("S1", None, None, "Ada L.", virtual_time=True), notes=[])
     assert record.manifest()["operator"] == "Ada L."
     record.lock.close()

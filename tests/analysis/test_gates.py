@@ -389,3 +389,22 @@ def test_a_drift_that_is_corrected_but_large_is_not_judged() -> None:
     result = analyse(drifting, METHOD, WANTED)
     assert result.metrics[0].headline.value == pytest.approx(0.94, abs=5e-5)
     assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+@pytest.mark.parametrize(("slip_arcmin", "verdict"), [(0.0, "FAIL"), (0.1, "NOT DECIDABLE"), (-0.1, "FAIL")])
+def test_a_slip_at_the_turn_that_the_gate_lets_pass_makes_no_pass(slip_arcmin: float, verdict: str) -> None:
+    # 0.1 arcmin are one per cent of the wind-up, and a tenth of the backlash that is judged.
+    one = bench_trace(P1, 453.2, cycles=1)
+    later = max(index for index, info in one.segments.items() if info.role == "measure")
+    direction = one.segments[later].direction
+    slipped = dataclasses.replace(
+        one, angle_in_rad=one.angle_in_rad + (one.segment == later) * direction * slip_arcmin * ARC * RATIO
+    )
+    honest = analyse(one, KNOWN, WANTED).metrics[0].headline.value
+    assert honest is not None
+    wanted = [MetricWanted("backlash_width_3pct", max=honest - 0.05)]
+    found = analyse(slipped, KNOWN, wanted)
+    (closure,) = [gate for gate in found.gates if gate.id == "loop_closure"]
+    assert closure.passed
+    assert found.verdict.value == verdict
+    assert any("with a slip at the turn undone" in reason for reason in found.reasons) == (verdict == "NOT DECIDABLE")

@@ -30,7 +30,9 @@ def stiffness_agreement(evidence: Evidence) -> Reading | str:
     if any(one is None for one in secants):
         return "a loop does not pass through zero torque"
     ratios = [one / declared for one in secants if one is not None]
-    factors = [max(one, 1.0 / one) if one > 0.0 else math.inf for one in ratios]
+    # A wind-up that was made elsewhere may hold its fixture: softer than the unit by any factor, but never stiffer.
+    by_itself = found.angles != "given"
+    factors = [max(one, 1.0 / one if by_itself else one) if one > 0.0 else math.inf for one in ratios]
     worst = max(range(len(factors)), key=factors.__getitem__)
     words = (
         f"the loop has {ratios[worst] * declared:.3g} N·m/arcmin, and the recipe declares {declared:g} for this unit: "

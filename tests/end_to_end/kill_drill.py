@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -72,20 +73,19 @@ def draw(count: int, seed: int) -> list[Drawn]:
 
 
 def carry_out(drawn: Drawn) -> Left:
-    """Kill once, in a folder of its own."""
-    with tempfile.TemporaryDirectory(prefix="lostmotion-kill-") as folder:
-        try:
-            left = kill(
-                drawn.who,
-                drawn.after_s,
-                Path(folder),
-                resume=drawn.resume,
-                since=drawn.since,
-                start=cold if drawn.cold else warm,
-            )
-        except AssertionError as error:
-            return Left(drawn, 0, "nothing", [str(error)], "")
-        return Left(drawn, left.written, left.state, left.problems(), left.machine)
+    """Kill once, in a folder of its own, which is kept where something went wrong."""
+    folder = tempfile.mkdtemp(prefix="lostmotion-kill-")
+    start = cold if drawn.cold else warm
+    try:
+        found = kill(drawn.who, drawn.after_s, Path(folder), resume=drawn.resume, since=drawn.since, start=start)
+        left = Left(drawn, found.written, found.state, found.problems(), found.machine)
+    except AssertionError as error:
+        left = Left(drawn, 0, "nothing", [str(error)], "")
+    if left.problems:
+        left.problems.append(f"kept in {folder}")
+    else:
+        shutil.rmtree(folder)
+    return left
 
 
 def undisturbed() -> str:

@@ -27,13 +27,18 @@ HELD_UP: dict[str, int] = {
 The recipe of the drills allows 40 in a row; the drive waits 50 ms for set-points.
 """
 
-BENCH_STOOD = frozenset({
-    "sample_stale", "sample_frozen", "drive_data_stale", "drive_heartbeat_lost", "remote_io_lost", "brake_link_lost",
-})  # fmt: skip
-"""What a virtual bench that stood still leads to."""
-
-LEAST_SCANS = 10
-"""A silence shorter than this trips nothing in the recipe of the drills."""
+BENCH_STOOD: dict[str, int] = {
+    "sample_stale": 10,
+    "sample_frozen": 10,
+    "drive_data_stale": 10,
+    "drive_heartbeat_lost": 10,
+    "remote_io_lost": 10,
+    "brake_link_lost": 10,
+    "drive_emergency": 40,
+    "drive_fault": 40,
+    "drive_dropped_out": 40,
+}
+"""What a virtual bench that stood still leads to, and the least scans of silence: its drive misses set-points too."""
 
 
 def tripped_by_the_machine(table: Table, cause: str) -> str:
@@ -47,6 +52,6 @@ def tripped_by_the_machine(table: Table, cause: str) -> str:
         return f"{cause}: the scan was held up for {missed} periods"
     ages = np.minimum(before["drive_age_scans"], before["sample_age_scans"]).astype(np.int64)
     silent = int(ages[ages < AGE_NEVER].max(initial=0))
-    if cause in BENCH_STOOD and silent >= LEAST_SCANS:
+    if silent >= BENCH_STOOD.get(cause, np.inf):
         return f"{cause}: the whole bench stood still for {silent} scans"
     return ""

@@ -35,6 +35,8 @@ GROWS = list(range(21))
         ("sample_stale", {"drive_age_scans": GROWS, "sample_age_scans": GROWS}, True),
         ("sample_stale", {"sample_age_scans": GROWS}, False),
         ("drive_data_stale", {"drive_age_scans": GROWS}, False),
+        ("drive_dropped_out", {"drive_age_scans": GROWS, "sample_age_scans": GROWS}, False),
+        ("drive_dropped_out", {"drive_age_scans": [*range(51)], "sample_age_scans": [*range(51)]}, True),
         ("sample_stale", {"drive_age_scans": [AGE_NEVER], "sample_age_scans": [AGE_NEVER]}, False),
         ("lock_slip", {"drive_age_scans": GROWS, "sample_age_scans": GROWS, "missed_periods": [60]}, False),
     ],

@@ -150,12 +150,13 @@ class MetricResult:
 
 def evaluate(
     wanted: MetricWanted, loops: Sequence[Loop], quadrants: Quadrants | AnalysisError, method: Method,
-    decision: Decision, *, invalid: bool, measurement: Measurement | None = None,
+    decision: Decision, *, invalid: bool, measurement: Measurement | None = None, closed: Sequence[Loop] | None = None,
 ) -> MetricResult:  # fmt: skip
     """Evaluate one wanted metric over all cycles.
 
     quadrants: the measured torque ratio, or why there is none. invalid: the measurement is, so limits decide nothing.
     measurement: what is known of its errors; without it the uncertainty is the scatter of the cycles.
+    closed: the loops with their gap undone; what passes by the gap alone is not decided.
     Raises AnalysisError only for a metric that does not exist or limits that make no sense.
     """
     row = definition(wanted)
@@ -176,7 +177,14 @@ def evaluate(
             else _from_loops(row, ask, loops, measurement)
         )
         judged = _judged_grade if row.graded else _judged
-        found.append(judged(wanted, side, measured, decision, invalid=invalid))
+        one = judged(wanted, side, measured, decision, invalid=invalid)
+        limited = wanted.min is not None or wanted.max is not None
+        if closed is not None and limited and not of_ratio and not invalid and one.verdict is Verdict.PASS:
+            # Of the values alone: U was in the first judgement, and the budget moves hardly with the gap.
+            values = _from_loops(row, ask, closed, None)
+            again = judged(wanted, side, values._replace(budget=measured.budget), decision, invalid=invalid)
+            one = _without_doubt(wanted.id, row, one, again)
+        found.append(one)
     estimator = _estimator(row, variant, fit, method)
     return MetricResult(wanted, row, branch, estimator, band, torque, tuple(found), _choices(wanted, row))
 
@@ -282,6 +290,19 @@ def _judged_grade(
         per_cycle=grades,
         reason=reason,
     )
+
+
+def _without_doubt(name: str, row: Definition, found: SideValue, closed: SideValue) -> SideValue:
+    """Return a value that passes; not decided where it would not with the gap of the loop undone."""
+    if closed.verdict is Verdict.PASS:
+        return found
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    would = "has no value" if closed.value is None else f"is {closed.value:.4g}{unit}, which does not pass"
+    reason = (
+        f"{name}: {found.value:.4g}{unit} passes only if the gap of the loop is none of the unit's: with a slip at the "
+        f"turn undone it {would}; check lock, couplings and encoder, and measure again"
+    )
+    return replace(found, verdict=Verdict.NOT_DECIDABLE, reason=reason)
 
 
 def _because(  # noqa: PLR0917 - what was found, and what it was held against

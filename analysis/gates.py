@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from analysis import fixture_gates, torque_gates
+from analysis import fixture_gates, loop_gates, torque_gates
 from analysis import gate_figures as figures
 from analysis.errors import AnalysisError
 from analysis.measured import Evidence
@@ -171,6 +171,19 @@ GATES: dict[str, Gate] = {
         fixture_gates.fixture_share,
         "most of what is judged would be what the fixture leaves",
         "check stiffness and curve of the fixture in the bench file, or clamp the unit stiffer",
+    ),
+    "stiffness_agreement": _row(
+        "factor between the stiffness of the loop (secant in the middle of each side) and unit_under_test.stiffness of "
+        "the recipe, whichever is larger over the other",
+        "1", 2.0, loop_gates.stiffness_agreement,
+        "the loop is not as stiff as the recipe declares this unit",
+        "check units and scale of angles and torques, then the stiffness in the recipe", configurable=False,
+    ),
+    "loss": _row(
+        "energy of the cycle that loses least, of the rectangle of torque and wind-up around its loop", "%", 1.0,
+        loop_gates.loss,
+        "the loop loses less than the friction of a reducer: rising and falling branch are nearly one curve",
+        "check that both branches were measured, and the lag of torque against angle", least=True,
     ),
 }  # fmt: skip
 """All gates by id."""

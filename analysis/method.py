@@ -61,6 +61,8 @@ class Method:
     lags_s: delay of each channel behind what it measures, by channel; None when they are not known.
     alignment: "correct" moves channels by their lags, "two_speeds" estimates the skew of torque and angle from cycles
     of different speed instead and corrects it, "report" moves nothing. drift, fixture: "correct" or "report".
+    catalogue_stiffness_nm_per_arcmin: of the unit, for the gate that looks at the scale of angle and torque; never for
+    a metric. None when it is not known.
     gate_limits: limits of validity gates that differ from the table's, by gate.
     """
 
@@ -82,13 +84,14 @@ class Method:
     alignment: Literal["correct", "two_speeds", "report"] = "correct"
     drift: Literal["correct", "report"] = "correct"
     fixture: Literal["correct", "report"] = "correct"
+    catalogue_stiffness_nm_per_arcmin: float | None = None
     gate_limits: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what is not positive, and names that are not known."""
         for name in ("ratio", "rated_torque_nm", "reference_torque_nm", "fixture_stiffness_nm_per_arcmin",
                      "break_torque_nm", "fit_end_nm", "stiffness_break_t1_nm", "stiffness_break_t2_nm",
-                     "spring_step_nm", "reversal_exclusion"):  # fmt: skip
+                     "spring_step_nm", "reversal_exclusion", "catalogue_stiffness_nm_per_arcmin"):  # fmt: skip
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise AnalysisError(f"method: {name}: found {value}; needed is a number above zero")

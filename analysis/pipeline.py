@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.alignment import Skew, align, skew_of_cycles
 from analysis.branches import Blocks, Branch, binned, branch_records, monotone
+from analysis.closure import closed_loops
 from analysis.drift import Pairs, correct_drift
 from analysis.errors import AnalysisError
 from analysis.evaluate import MetricResult, evaluate
@@ -104,10 +105,14 @@ def analyse(
         gates = judge_gates(Evidence(found, facts, tuple(invalid)), method.gate_limits)
         problems = gate_reasons(gates, tuple(invalid))
         errors, stage = measurement_of(found, figures, draws)
+        closed = closed_loops(found.loops, found.pairs, found.blocks)
         metrics = tuple(
-            evaluate(one, found.loops, found.quadrants, method, rule, invalid=bool(problems), measurement=errors)
+            evaluate(
+                one, found.loops, found.quadrants, method, rule,
+                invalid=bool(problems), measurement=errors, closed=closed,
+            )
             for one in wanted
-        )
+        )  # fmt: skip
         curves = _curves(found.loops)
     verdict, reasons = _overall(metrics, problems)
     ratio = found.quadrants if isinstance(found.quadrants, Quadrants) else None

@@ -1,14 +1,17 @@
 """Traces measured elsewhere: CSV, Parquet and NI TDMS files with known column names.
 
 Columns: t_s, torque_in_nm, torque_out_nm, angle_in_rad or angle_in_arcmin, angle_out_rad or angle_out_arcmin,
-temperature_c, segment. The unit is read from the name. Other columns are left alone. `segment` (or `branch`) names what
-each row is: "forward" or "return" (the cycle counts up whenever forward or return comes again), or
+temperature_c, segment. The unit is read from the name. Other columns are left alone, but for those that are nearly
+one of these: what is dropped there would be missed by the evaluation. `segment` (or `branch`) names what each row
+is: "forward" or "return" (the cycle counts up whenever forward or return comes again), or
 "role direction cycle" as `segment_name` writes it, for example "measure -1 2". Whole numbers say only that the load
 profile is not known, and turning points are then found on the curve.
 """
 
 from __future__ import annotations
 
+import re
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +44,12 @@ SEGMENT_COLUMNS = ("segment", "branch")
 BRANCH_NAMES = {"forward": 1, "return": -1}
 """Branch names of published loops, and the direction of torque."""
 
+QUANTITIES = ("angle", "torque", "temperature", "temp", "time", "t", "segment", "branch")
+"""First words of a column's name that say it is meant as one of ours, whatever unit or shaft comes after."""
+
+MISSPELT = 0.85
+"""Likeness (of difflib) from which a name is taken for one of ours with a wrong letter."""
+
 TDMS_MAGIC = b"TDSm"
 PARQUET_MAGIC = b"PAR1"
 
@@ -70,6 +79,7 @@ def read_trace(path: Path | str) -> Trace:
             f"{file}: found columns {', '.join(names) or 'none'}; needed are some of {', '.join(COLUMNS)}; "
             "name the columns in the first row, separated by commas"
         )
+    _refuse_near_misses(names, file)
     if table.num_rows == 0:
         raise AnalysisError(f"{file}: the header is followed by no rows; record a loop")
     segment: IntArray | None = None
@@ -80,6 +90,21 @@ def read_trace(path: Path | str) -> Trace:
             break
     arrays = {channel: values for channel, (_, values) in channels.items()}
     return Trace(**arrays, segment=segment, segments=segments, source=str(file))
+
+
+def _refuse_near_misses(names: list[str], file: Path) -> None:
+    """Refuse a column that is meant as one of ours and is named otherwise: dropped, it would change what is judged."""
+    allowed = (*COLUMNS, *SEGMENT_COLUMNS)
+    for name in names:
+        if name in allowed:
+            continue
+        plain = "_".join(re.findall("[^\\W_]+", name.lower()))
+        if plain.split("_")[0] in QUANTITIES or get_close_matches(plain, allowed, n=1, cutoff=MISSPELT):
+            raise AnalysisError(
+                f"{file}: column '{name}' is named nearly as a column of a trace and would be left out; allowed are "
+                f"{', '.join(allowed)}; convert it to that unit and name it so, or begin its name with another word, "
+                "as in motor_torque_nm, when it is something else"
+            )
 
 
 def segment_name(info: SegmentInfo) -> str:
@@ -152,16 +177,17 @@ def _numbers(column: Any, file: Path, name: str) -> FloatArray:
 
 
 def _first_not_a_number(column: Any) -> tuple[int, str]:
+    """Row and text of the first value that Arrow takes for no number: Python's float() takes more than it does."""
     for row, scalar in enumerate(column, start=1):
         try:
             value = scalar.as_py()
         except UnicodeDecodeError as error:
             return row, bytes(error.object).decode("utf-8", "replace")
         try:
-            float(value)
-        except (TypeError, ValueError):
+            pc.cast(pc.utf8_trim_whitespace(pa.scalar(value, pa.string())), pa.float64())
+        except (pa.ArrowException, TypeError, ValueError):
             return row, str(value)
-    return 0, "a column that holds no numbers"
+    return 1, f"{column.type}, which holds no numbers"
 
 
 def _segments(column: Any, file: Path, name: str) -> tuple[IntArray | None, dict[int, SegmentInfo]]:

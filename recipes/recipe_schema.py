@@ -182,6 +182,7 @@ class Validity(Section):
     temperature_high_c: Temperature = 50.0
     locked_motion_fraction: Fraction = 0.02
     fixture_share_fraction: Fraction = 0.25
+    loss_fraction: Fraction = 0.01
 
     @model_validator(mode="after")
     def _efficiencies_in_order(self) -> Validity:

@@ -74,6 +74,7 @@ def method_fields(recipe: Recipe) -> dict[str, Any]:
         "break_torque_nm": measurement.break_torque_nm,
         "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
         "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
+        "catalogue_stiffness_nm_per_arcmin": unit.stiffness_nm_per_arcmin,
         "gate_limits": gate_limits_of(recipe),
     }
 

@@ -32,7 +32,9 @@ from recipes.recipe_schema import Validity
 from recipes.section import option_name
 
 P1 = ReferenceUnit()
-METHOD = Method(ratio=RATIO, rated_torque_nm=412, fixture_stiffness_nm_per_arcmin=1e4)
+METHOD = Method(
+    ratio=RATIO, rated_torque_nm=412, fixture_stiffness_nm_per_arcmin=1e4, catalogue_stiffness_nm_per_arcmin=100.0
+)
 WANTED = [MetricWanted("backlash_width_3pct", max=1.0)]
 LAGS = {"torque_out_nm": 0.001, "torque_in_nm": 0.001, "angle_in_rad": 0.001, "angle_out_rad": 0.001}
 FACTS = RunFacts(periods=100_000, missed=3, missed_allowed=0.001, oldest_sample_scans=2, sample_age_allowed_scans=10)
@@ -107,6 +109,23 @@ def wrong_ratio(ratio: float, **limits: float) -> dict[str, Any]:
     return loaded_alone(dataclasses.replace(KNOWN, ratio=ratio, gate_limits=limits))
 
 
+def nearly_one_curve() -> dict[str, Any]:
+    """The falling branches are made of a tenth of themselves and nine tenths of the rising ones."""
+    angle, rising = GOOD.angle_in_rad.copy(), {}
+    for index, info in GOOD.segments.items():
+        if info.role == "measure" and info.direction > 0:
+            rising[info.cycle] = GOOD.segment == index
+    for index, info in GOOD.segments.items():
+        if info.role == "measure" and info.direction < 0:
+            here, there = GOOD.segment == index, rising[info.cycle]
+            order = np.argsort(GOOD.torque_out_nm[there])
+            other = np.interp(
+                GOOD.torque_out_nm[here], GOOD.torque_out_nm[there][order], GOOD.angle_in_rad[there][order]
+            )
+            angle[here] = 0.1 * angle[here] + 0.9 * other
+    return changed(angle_in_rad=angle)
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -136,6 +155,10 @@ BAD: dict[str, Bad] = {
     },
     "locked_motion": slipped,
     "fixture_share": lambda: loaded_alone(dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=300.0)),
+    "stiffness_agreement": lambda: changed(
+        angle_in_rad=GOOD.angle_in_rad / 60.0, angle_out_rad=GOOD.angle_out_rad / 60.0
+    ),
+    "loss": nearly_one_curve,
 }
 """What makes each gate fail."""
 
@@ -389,3 +412,36 @@ def test_a_drift_that_is_corrected_but_large_is_not_judged() -> None:
     result = analyse(drifting, METHOD, WANTED)
     assert result.metrics[0].headline.value == pytest.approx(0.94, abs=5e-5)
     assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+@pytest.mark.parametrize(("slip_arcmin", "verdict"), [(0.0, "FAIL"), (0.1, "NOT DECIDABLE"), (-0.1, "FAIL")])
+def test_a_slip_at_the_turn_that_the_gate_lets_pass_makes_no_pass(slip_arcmin: float, verdict: str) -> None:
+    # 0.1 arcmin are one per cent of the wind-up, and a tenth of the backlash that is judged.
+    one = bench_trace(P1, 453.2, cycles=1)
+    later = max(index for index, info in one.segments.items() if info.role == "measure")
+    direction = one.segments[later].direction
+    slipped = dataclasses.replace(
+        one, angle_in_rad=one.angle_in_rad + (one.segment == later) * direction * slip_arcmin * ARC * RATIO
+    )
+    honest = analyse(one, KNOWN, WANTED).metrics[0].headline.value
+    assert honest is not None
+    wanted = [MetricWanted("backlash_width_3pct", max=honest - 0.05)]
+    found = analyse(slipped, KNOWN, wanted)
+    (closure,) = [gate for gate in found.gates if gate.id == "loop_closure"]
+    assert closure.passed
+    assert found.verdict.value == verdict
+    assert any("with a slip at the turn undone" in reason for reason in found.reasons) == (verdict == "NOT DECIDABLE")
+
+
+@pytest.mark.parametrize("scale", [0.4, 0.6, 1.0, 1.7, 2.3])
+def test_a_wrong_scale_of_the_angle_is_seen_from_a_factor_of_two(scale: float) -> None:
+    passed = 0.5 < scale < 2.0
+    found = of(judged(**changed(angle_in_rad=scale * GOOD.angle_in_rad)), "stiffness_agreement")
+    assert found.passed is passed
+    assert ("and the recipe declares 100 for this unit" in found.text) is not passed
+
+
+def test_without_a_declared_stiffness_its_gate_says_so() -> None:
+    found = of(judged(method=dataclasses.replace(KNOWN, catalogue_stiffness_nm_per_arcmin=None)), "stiffness_agreement")
+    assert (found.passed, found.figure) == (None, None)
+    assert "no stiffness is declared" in found.text

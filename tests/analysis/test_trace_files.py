@@ -38,6 +38,25 @@ def test_units_are_read_from_the_names(tmp_path: Path) -> None:
     assert trace.segment is None
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "angle_in_deg", "angle_in", "Angle_In_rad", "angle_input_rad", "Angle out (arcmin)", "angel_in_rad", "T_s",
+        "t_ms", "time", "torque_in", "torque-out-nm", "TORQUE_OUT_NM", "temperature_C", "temperature_k", "temp_c",
+        "Segment", "segments", "Branch",
+    ],
+)  # fmt: skip
+def test_a_column_that_is_nearly_one_of_ours_is_not_dropped(tmp_path: Path, name: str) -> None:
+    with pytest.raises(AnalysisError, match="would be left out; allowed are t_s") as caught:
+        read_trace(written(tmp_path, f"torque_out_nm,{name}\n0,1\n1,2\n"))
+    assert f"column '{name}'" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["note", "sample_counter", "housing_temp_c", "drive_torque_nm", "order_segment", ""])
+def test_a_column_of_something_else_is_left_alone(tmp_path: Path, name: str) -> None:
+    assert read_trace(written(tmp_path, f"torque_out_nm,{name}\n0,1\n1,2\n")).samples == 2
+
+
 def test_byte_order_mark_and_windows_line_ends(tmp_path: Path) -> None:
     trace = read_trace(written(tmp_path, "\ufefft_s,torque_out_nm\r\n0,1\r\n1,2\r\n"))
     assert trace.t_s == pytest.approx(np.array([0, 1]))
@@ -83,6 +102,8 @@ def test_parquet(tmp_path: Path) -> None:
         ("t_s,torque_out_nm\n0,1\n1,1e10\n", "row 2, column torque_out_nm: found 10000000000.0"),
         ("t_s,torque_out_nm\n0,1\n-1,1\n", "row 2, column t_s: found -1.0 after 0.0"),
         ("t_s,torque_out_nm\n0,1\n1,1,7\n", "Expected 2 columns, got 3"),
+        ("t_s,torque_out_nm\n0,1\n1,1_000\n", "row 2, column torque_out_nm: found '1_000'"),
+        ("t_s,torque_out_nm\n0,1\n1,\u0661\n", "row 2, column torque_out_nm: found '\u0661'"),
         ("t_s;torque_out_nm\n0;1,5\n", "commas between"),
         ("angle_in_rad,angle_in_arcmin\n1,2\n", "angle_in_rad and angle_in_arcmin both are angle_in_rad"),
         ("branch,torque_out_nm\nforward,1\nbackwards,1\n", "row 2, column branch: found 'backwards'"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis import AnalysisError
 from recipes import RecipeError, find_bench, find_recipe
 from station.commands.analyze import analyze, elsewhere
 from station.commands.check import check
@@ -78,6 +79,23 @@ def test_errors_that_leave_no_metric_are_the_reason_and_not_the_number_of_cycles
     assert "cycles or more" not in reason
     assert "moved by the declared errors of its sensors" in reason
     assert "declared errors that are too large" in uncertainty_kind(found["metrics"])
+
+
+@pytest.mark.parametrize("bench_name", [None, "virtual"])
+@pytest.mark.parametrize("beside", ["the input torque", "calibrate segments"])
+def test_the_angle_of_the_lock_is_no_windup(tmp_path: Path, bench_name: str | None, beside: str) -> None:
+    head, *rows = TRACE.read_text("utf-8").splitlines()
+    if beside == "the input torque":
+        head, rows = f"{head},torque_in_nm", [f"{row},0.5" for row in rows]
+    else:
+        head = head.replace("branch", "segment")
+        rows = [row.replace("forward", "measure +1 1").replace("return", "measure -1 1") for row in rows]
+        rows.append(rows[-1].replace("measure -1 1", "calibrate +1 0"))
+    trace = tmp_path / "trace.csv"
+    trace.write_text("\n".join([head, *rows]) + "\n")
+    with pytest.raises(AnalysisError, match=f"found angle_out and {beside}") as caught:
+        elsewhere(trace, recipe(tmp_path, "simple"), bench_name, None)
+    assert "needed is the angle of the input shaft" in str(caught.value)
 
 
 def test_a_limit_that_no_unit_can_fail_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,63 @@
+"""Figures of the validity gates that ask whether a loop can be a reducer's at all: its stiffness, and what it loses.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+"""
+
+from __future__ import annotations
+
+import math
+
+from analysis.loop import Loop
+from analysis.measured import Evidence
+from analysis.reading import NOT_EVALUATED, Reading, span_arcmin
+
+SECANT = (0.25, 0.75)
+"""Torques between which the stiffness is read, of the lesser of peak and reference torque: beyond play and reversal."""
+
+
+def stiffness_agreement(evidence: Evidence) -> Reading | str:
+    """Factor between the secant stiffness of the loops and that of the catalogue, one or more; the worse side.
+
+    A factor tells a wrong unit or scale of angle or torque, which every metric of the loop carries unseen.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    declared = found.method.catalogue_stiffness_nm_per_arcmin
+    if declared is None:
+        return "no stiffness is declared for the unit"
+    secants = [_secant_nm_per_arcmin(loop, side) for loop in found.loops for side in (1, -1)]
+    if any(one is None for one in secants):
+        return "a loop does not pass through zero torque"
+    ratios = [one / declared for one in secants if one is not None]
+    # A wind-up that was made elsewhere may hold its fixture: softer than the unit by any factor, but never stiffer.
+    by_itself = found.angles != "given"
+    factors = [max(one, 1.0 / one if by_itself else one) if one > 0.0 else math.inf for one in ratios]
+    worst = max(range(len(factors)), key=factors.__getitem__)
+    words = (
+        f"the loop has {ratios[worst] * declared:.3g} N·m/arcmin, and the recipe declares {declared:g} for this unit: "
+        "an angle or a torque is in another unit or scale"
+    )
+    return Reading(factors[worst], words)
+
+
+def _secant_nm_per_arcmin(loop: Loop, side: int) -> float | None:
+    """Secant of the mean curve in the middle of one side, N·m/arcmin; None where the loop has no such side."""
+    ends = (loop.forward.torque_nm, loop.backward.torque_nm)
+    peak = min(float(one[-1] if side > 0 else -one[0]) for one in ends)
+    low, high = (part * min(peak, loop.reference_nm) for part in SECANT)
+    if not peak > 0.0 or not all(branch.covers(*sorted((side * low, side * high))) for branch in
+                                 (loop.forward, loop.backward)):  # fmt: skip
+        return None
+    way = side * (loop.raw_mean_at(side * high) - loop.raw_mean_at(side * low))
+    return (high - low) / way if way else math.inf
+
+
+def loss(evidence: Evidence) -> Reading | str:
+    """Energy of the cycle that loses least, % of the rectangle of torque and wind-up that its loop stands in."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    way = float(found.loops[0].forward.torque_nm[-1] - found.loops[0].forward.torque_nm[0])
+    least = min(loop.energy_nm_arcmin for loop in found.loops)
+    return Reading(100.0 * least / (way * span_arcmin(found)))

@@ -341,6 +341,19 @@ def test_limits_can_be_set_where_they_can() -> None:
             judged(method=dataclasses.replace(KNOWN, gate_limits={name: 1.0}))
 
 
+def test_a_loop_whose_reversals_are_missing_is_not_said_to_have_moved() -> None:
+    """Branches of a report whose torque was masked after each reversal: what is missing is named, not the unit."""
+    exact = exact_trace(P1, 480.0, cycles=2)
+    starts = np.flatnonzero(np.diff(exact.segment, prepend=-1))
+    kept = np.arange(exact.samples) - np.repeat(starts, 20_001) >= 3_000
+    cut = {name: getattr(exact, name)[kept] for name in ("torque_out_nm", "angle_out_rad", "segment")}
+    found = of(judged(dataclasses.replace(exact, **cut), METHOD, None), "loop_closure")
+    assert found.passed is False
+    assert "N·m are missing in the trace after a reversal" in found.text
+    assert "has moved" not in found.text
+    assert "has moved" in of(judged(**steps_in_angle()), "loop_closure").text
+
+
 def test_a_gearbox_before_the_sensor_does_not_look_like_a_gain() -> None:
     """What it takes while loading it gives back while unloading; its friction has no place in the gap."""
     losses = np.sign(np.gradient(GOOD.torque_out_nm)) * (1.0 + 0.1 * np.abs(GOOD.torque_out_nm))

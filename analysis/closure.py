@@ -60,3 +60,16 @@ def _signed_gaps(
         between = slope * float(leaving.torque_nm[0] - arriving.torque_nm[-1])
         gaps.append((float(leaving.angle_arcmin[0] - arriving.angle_arcmin[-1]) - between, rising_first))
     return gaps
+
+
+def widest_jump_nm(blocks: Sequence[Blocks]) -> float:
+    """Return the largest torque between the end of a branch and the start of the other one of its cycle [N·m].
+
+    blocks: rising and falling branch of each cycle in turn. What lies in such a jump is not in the trace.
+    """
+    pairs = zip(blocks[::2], blocks[1::2], strict=True)
+    jumps = [
+        min(abs(float(one.torque_nm[0] - other.torque_nm[-1])) for one, other in ((rising, falling), (falling, rising)))
+        for rising, falling in pairs
+    ]
+    return max(jumps)

@@ -18,6 +18,13 @@ SOFTER = 2.0
 """How much softer than declared a lock may be: brake and clamping are not in every figure of a fixture."""
 
 
+LEAST_SHARE = 0.002
+"""Share of the wind-up that the fixture must give way by, for its motion to be looked for: less makes no error."""
+
+CLEAR_OF_NOISE = 10.0
+"""Times the standard error of the locked shaft's slope that the declared one must be, for its encoder to show it."""
+
+
 def locked_angle(evidence: Evidence) -> Reading | str:
     """Count deflections that are in the wind-up and that nobody knows."""
     found = evidence.measured
@@ -50,6 +57,33 @@ def locked_motion(evidence: Evidence) -> Reading | str:
     left = float(np.ptp(angle - offset - slope * torque))
     words = f"the locked shaft moves by {left:.3g} arcmin that its torque does not explain"
     return Reading(100.0 * left / span_arcmin(found), words)
+
+
+def locked_compliance(evidence: Evidence) -> Reading | str:
+    """How far the locked shaft gives way with its torque, % of what the declared fixture does.
+
+    An encoder that stands leaves the whole deflection in the wind-up, one with the wrong sign twice of it.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    stiffness = found.method.fixture_stiffness_nm_per_arcmin
+    if stiffness is None or found.method.loading == "output":
+        return "not measured: nothing is declared of how far the locked shaft gives way"
+    torque, angle = _locked(found)
+    if found.angles != "both" or not torque.size:
+        return "not measured: there is no angle of the locked shaft with its torque"
+    expected = float(np.ptp(torque)) / stiffness
+    (slope, _), covariance = np.polyfit(torque, angle, 1, cov=True)
+    noise = CLEAR_OF_NOISE * float(np.sqrt(covariance[0, 0])) * float(np.ptp(torque))
+    if expected < max(noise, LEAST_SHARE * span_arcmin(found)):
+        why = "its encoder is too coarse for that" if noise > expected else "too little to matter"
+        return f"not measured: the fixture gives way by {expected:.2g} arcmin, {why}"
+    words = (
+        f"the locked shaft turns by {slope * float(np.ptp(torque)):.2g} arcmin with its torque where the fixture gives "
+        f"way by {expected:.2g} arcmin: its encoder stands, turns the wrong way, or the fixture is another"
+    )
+    return Reading(100.0 * float(slope) * stiffness, words)
 
 
 def _locked(found: Measured) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.alignment import skew_of_cycles, windup_speed
 from analysis.branches import Blocks
-from analysis.closure import closure_gaps_arcmin
+from analysis.closure import closure_gaps_arcmin, widest_jump_nm
 from analysis.errors import AnalysisError
 from analysis.measured import Evidence, Measured
 from analysis.reading import NOT_EVALUATED, Reading, span_arcmin
@@ -27,6 +27,9 @@ MIDDLE = 0.8
 
 RATE_BLOCKS = 60
 """Stretches of a branch whose rate is compared."""
+
+JUMP = 0.02
+"""Share of a branch's torque that may be missing at a reversal before the closure of its loop cannot be told."""
 
 BIN_FRACTION = 0.02
 """Width of a torque bin, of the reference torque."""
@@ -110,7 +113,13 @@ def loop_closure(evidence: Evidence) -> Reading | str:
     gaps = closure_gaps_arcmin(found.pairs, found.blocks)
     if gaps is None:
         return "the torque after a reversal is masked: the cycle has no start to compare"
-    return Reading(100.0 * max(gaps) / span_arcmin(found))
+    jump = widest_jump_nm(found.blocks)
+    words = (
+        f"the branches do not meet: {jump:.3g} N·m are missing in the trace after a reversal, and across them nothing "
+        "says whether the loop closes"
+    )
+    missing = jump > JUMP * float(np.ptp(found.blocks[0].torque_nm))
+    return Reading(100.0 * max(gaps) / span_arcmin(found), words if missing else "")
 
 
 def drift(evidence: Evidence) -> Reading | str:

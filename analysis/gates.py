@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from analysis import fixture_gates, loop_gates, torque_gates
+from analysis import drive_gates, fixture_gates, loop_gates, torque_gates
 from analysis import gate_figures as figures
 from analysis.errors import AnalysisError
 from analysis.measured import Evidence
@@ -184,6 +184,32 @@ GATES: dict[str, Gate] = {
         loop_gates.loss,
         "the loop loses less than the friction of a reducer: rising and falling branch are nearly one curve",
         "check that both branches were measured, and the lag of torque against angle", least=True,
+    ),
+    "torque_lines": _row(
+        "what a straight line of T_out over T_in leaves of the loading branches (rms), of the reference torque", "%",
+        0.5, torque_gates.torque_lines,
+        "the torques of both shafts leave their straight lines",
+        "check both torque channels for range, linearity and filters that lag",
+    ),
+    "drive_torque_agreement": _row(
+        "deviation of the torque that the drive reports over that of the loaded shaft's sensor from 1", "%", 10.0,
+        drive_gates.drive_torque_agreement,
+        "drive and torque sensor of the loaded shaft do not agree",
+        "check gain and calibration of both torque sensors, then the drive's rated torque and gear ratio",
+    ),
+    "drive_torque_gap": _row(
+        "drive's torque less that of the loaded shaft's sensor, rising against falling branch, of the torque between "
+        "the turning points",
+        "%", 1.0, drive_gates.drive_torque_gap,
+        "the torque sensor lags behind the drive, or friction lies between them",
+        "set the filters of both torque channels as in the bench file, or load slower and see whether it stays",
+    ),
+    "locked_compliance": _row(
+        "motion of the locked shaft with its torque, of what the declared fixture gives way by", "%", 30.0,
+        fixture_gates.locked_compliance,
+        "the locked shaft does not give way as its fixture does",
+        "check the encoder of the locked shaft, its sign, and the stiffness of the fixture in the bench file",
+        least=True,
     ),
 }  # fmt: skip
 """All gates by id."""

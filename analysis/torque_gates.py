@@ -9,9 +9,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from analysis.errors import AnalysisError
 from analysis.measured import Evidence
+from analysis.quadrant_fit import fit_lines
 from analysis.reading import NOT_EVALUATED, Reading
 from analysis.torque_lines import slopes_of
+
+LINE_SHOWN = ("load_positive", "load_negative")
+"""Lines whose residual is looked at: an unloading branch begins in the transition after its turn, which is no line."""
 
 LOADED_FRACTION = 0.5
 """Share of the reference torque above which the two torque channels are compared."""
@@ -77,3 +82,24 @@ def ratio_agreement(evidence: Evidence) -> Reading | str:
     shown = max(slopes.ratios(), key=lambda one: abs(one / ratio - 1.0))
     words = f"{slopes.where} show a ratio of {shown:.4g}, where the recipe has {ratio:g}"
     return Reading(100.0 * abs(shown / ratio - 1.0), words)
+
+
+def torque_lines(evidence: Evidence) -> Reading | str:
+    """What a straight loading line of T_out over T_in leaves in the measured cycles (rms), % of the reference torque.
+
+    More than noise is left by a channel that is not linear, by one that lags behind the other, and by a load that
+    swings because its control is given a late torque. The cycles are looked at, not the calibration: its first branch
+    begins at rest, with friction of its own.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if found.trace.torque_in_nm is None or found.trace.torque_out_nm is None:
+        return "not measured: one torque channel alone shows no line"
+    try:
+        fits = fit_lines(found.trace, [one.run for pair in found.pairs for one in pair])
+    except AnalysisError as error:
+        return f"not measured: {error}"
+    left_nm = max(fits[name].residual_sd_nm for name in LINE_SHOWN)
+    words = f"the torques of both shafts leave their straight lines by {left_nm:.3g} N·m"
+    return Reading(100.0 * left_nm / found.method.reference_nm, words)

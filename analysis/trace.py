@@ -22,6 +22,7 @@ CHANNELS = {
     "angle_in_rad": "angle of the input shaft",
     "angle_out_rad": "angle of the output shaft",
     "temperature_c": "temperature of the housing",
+    "drive_torque_nm": "torque that the servo drive reports, at the loaded shaft",
 }
 """Channels of a trace and their meaning; the unit is in the name."""
 
@@ -55,6 +56,7 @@ class Trace:
     angle_in_rad: FloatArray | None = None
     angle_out_rad: FloatArray | None = None
     temperature_c: FloatArray | None = None
+    drive_torque_nm: FloatArray | None = None
     segment: IntArray | None = None
     segments: Mapping[int, SegmentInfo] = field(default_factory=dict)
     source: str = "trace"

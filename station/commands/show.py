@@ -39,8 +39,9 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
         return 0
     console = result_console()
     manifest = run.manifest()
+    by = f" by {manifest['operator']}" if manifest.get("operator") else ""
     console.print(
-        f"{run.id}  attempt {manifest['attempt']}, started {manifest['started']}, {run.records()} scans on disk",
+        f"{run.id}  attempt {manifest['attempt']}, started {manifest['started']}{by}, {run.records()} scans on disk",
         highlight=False,
         soft_wrap=True,
     )

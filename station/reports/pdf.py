@@ -236,19 +236,25 @@ def _timing(result: dict[str, Any], run: dict[str, Any], pictures: dict[str, byt
     return _section("Timing", *parts)
 
 
-def _provenance(result: dict[str, Any], run: dict[str, Any], content: Content, conditions: dict[str, str]) -> list[Any]:
+def provenance_rows(result: dict[str, Any], run: dict[str, Any], conditions: dict[str, str]) -> list[tuple[str, str]]:
+    """Return what was run, when, by whom and with what: name and text."""
     recipe, bench, software, unit = run["recipe"], run["bench"], run["software"], run["unit"]
-    rows = [
+    return [
         ("run", str(result["run"])),
         ("started, ended", f"{run['started']}, {run['ended']}"),
         ("recipe", f"{recipe['name']} revision {recipe['revision']}, SHA-256 {recipe['sha256']}"),
         ("bench", f"{bench['name']} revision {bench.get('revision')}, SHA-256 {bench['sha256']}"),
+        *([("operator", str(run["operator"]))] if run.get("operator") else []),
         *([("virtual unit", str(unit["virtual"]))] if unit.get("virtual") else []),
         ("clock", f"{run['clock']} time"),
         ("software", f"{software['name']} {software['version']}, Python {software['python']}, {software['platform']}"),
         *conditions.items(),
-        *((f"calibration {name}", text) for name, text in content.calibrations),
     ]
+
+
+def _provenance(result: dict[str, Any], run: dict[str, Any], content: Content, conditions: dict[str, str]) -> list[Any]:
+    rows = provenance_rows(result, run, conditions)
+    rows += [(f"calibration {name}", text) for name, text in content.calibrations]
     parts = [*_heading("What was run"), grid(("", ""), rows, (35, 125))]
     if content.checksums:
         sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]

@@ -17,7 +17,7 @@ def number(value: float | None, uncertainty: float | None = None) -> str:
     """Return a value as far as its uncertainty carries (two digits of it), else four digits; a dash for none."""
     if value is None:
         return "–"
-    if uncertainty is not None and 0 < uncertainty < abs(value):
+    if uncertainty is not None and uncertainty > 0:
         decimals = 1 - floor(log10(uncertainty))
         if 0 <= decimals <= 6:
             return minus(f"{value:.{decimals}f}")

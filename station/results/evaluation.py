@@ -158,6 +158,7 @@ def trace_of(table: Table, segments: list[dict[str, Any]], bench: Bench, period_
         t_s=kept["scan"] * (period_ns * 1e-9),
         **measured,
         temperature_c=image["housing_temp_c"].copy(),
+        drive_torque_nm=image["drive_torque_nm"].copy(),
         segment=orders["segment"].astype(np.int64),
         segments=segment_table(segments),
         source=source,

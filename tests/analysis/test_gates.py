@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from reference_unit import ARC, RATIO, ReferenceUnit, bench_trace, exact_trace, timed_trace
+from scipy.signal import lfilter
 
 from analysis import (
     GATES,
@@ -38,8 +39,14 @@ METHOD = Method(
 WANTED = [MetricWanted("backlash_width_3pct", max=1.0)]
 LAGS = {"torque_out_nm": 0.001, "torque_in_nm": 0.001, "angle_in_rad": 0.001, "angle_out_rad": 0.001}
 FACTS = RunFacts(periods=100_000, missed=3, missed_allowed=0.001, oldest_sample_scans=2, sample_age_allowed_scans=10)
+DRIVE_COUNT_NM = 0.004
+"""A thousandth of the motor's rated torque: what 0x6077 of a drive counts in."""
+
+RUN = bench_trace(P1, 453.2, cycles=3)
 GOOD = dataclasses.replace(
-    bench_trace(P1, 453.2, cycles=3), temperature_c=np.linspace(22.0, 23.0, bench_trace(P1, 453.2, cycles=3).samples)
+    RUN,
+    temperature_c=np.linspace(22.0, 23.0, RUN.samples),
+    drive_torque_nm=np.round(RUN.torque_in_nm / DRIVE_COUNT_NM) * DRIVE_COUNT_NM,
 )
 KNOWN = dataclasses.replace(METHOD, lags_s=LAGS)
 
@@ -98,6 +105,18 @@ def slipped() -> dict[str, Any]:
     last = [index for index, info in GOOD.segments.items() if info.role == "measure"][2:]
     slip = np.isin(GOOD.segment, last) * 0.5 * ARC
     return changed(angle_in_rad=GOOD.angle_in_rad + slip * RATIO, angle_out_rad=GOOD.angle_out_rad + slip)
+
+
+def both_torques(gain: float = 1.0, lag_s: float = 0.0) -> dict[str, Any]:
+    """Both torque channels have the same gain, or come late by the same filter: nothing between them shows it."""
+    late = {name: gain * filtered(getattr(GOOD, name), lag_s) for name in ("torque_in_nm", "torque_out_nm")}
+    return changed(**late)
+
+
+def filtered(values: np.ndarray, lag_s: float) -> np.ndarray:
+    """What a filter of the first order lets through, sample after sample."""
+    share = GOOD.t_s[1] / (lag_s + GOOD.t_s[1])
+    return lfilter([share], [1.0, share - 1.0], values)
 
 
 def loaded_alone(method: Method) -> dict[str, Any]:
@@ -159,6 +178,10 @@ BAD: dict[str, Bad] = {
         angle_in_rad=GOOD.angle_in_rad / 60.0, angle_out_rad=GOOD.angle_out_rad / 60.0
     ),
     "loss": nearly_one_curve,
+    "torque_lines": lambda: changed(torque_in_nm=GOOD.torque_in_nm + 0.1 * np.sin(3.0 * GOOD.torque_in_nm)),
+    "drive_torque_agreement": lambda: both_torques(gain=1.25),
+    "drive_torque_gap": lambda: both_torques(lag_s=0.4),
+    "locked_compliance": lambda: changed(angle_out_rad=-GOOD.angle_out_rad),
 }
 """What makes each gate fail."""
 
@@ -227,7 +250,8 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     assert set(why) == {
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
         "lag", "ramp_rate", "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
-        "temperature_change", "temperature_low", "temperature_high", "locked_motion",
+        "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines",
+        "drive_torque_agreement", "drive_torque_gap", "locked_compliance",
     }  # fmt: skip
     assert "one cycle" in why["drift"]
     assert "no time" in why["ramp_rate"]
@@ -238,7 +262,8 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
 def without(role: str) -> Trace:
     """The good run without the segments of a role."""
     kept = np.isin(GOOD.segment, [index for index, info in GOOD.segments.items() if info.role != role])
-    names = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "temperature_c", "segment")
+    names = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "temperature_c", "segment",
+             "drive_torque_nm")  # fmt: skip
     return dataclasses.replace(GOOD, **{name: getattr(GOOD, name)[kept] for name in names})
 
 
@@ -337,6 +362,58 @@ def test_limits_can_be_set_where_they_can() -> None:
     for name in ("wrong_way", "no_such_gate", "missed_periods"):
         with pytest.raises(AnalysisError, match=name):
             judged(method=dataclasses.replace(KNOWN, gate_limits={name: 1.0}))
+
+
+def test_a_loop_whose_reversals_are_missing_is_not_said_to_have_moved() -> None:
+    """Branches of a report whose torque was masked after each reversal: what is missing is named, not the unit."""
+    exact = exact_trace(P1, 480.0, cycles=2)
+    starts = np.flatnonzero(np.diff(exact.segment, prepend=-1))
+    kept = np.arange(exact.samples) - np.repeat(starts, 20_001) >= 3_000
+    cut = {name: getattr(exact, name)[kept] for name in ("torque_out_nm", "angle_out_rad", "segment")}
+    found = of(judged(dataclasses.replace(exact, **cut), METHOD, None), "loop_closure")
+    assert found.passed is False
+    assert "N·m are missing in the trace after a reversal" in found.text
+    assert "has moved" not in found.text
+    assert "has moved" in of(judged(**steps_in_angle()), "loop_closure").text
+
+
+def test_a_gearbox_before_the_sensor_does_not_look_like_a_gain() -> None:
+    """What it takes while loading it gives back while unloading; its friction has no place in the gap."""
+    losses = np.sign(np.gradient(GOOD.torque_out_nm)) * (1.0 + 0.1 * np.abs(GOOD.torque_out_nm))
+    by_output = {"angle_in_rad": -GOOD.angle_in_rad, "angle_out_rad": -GOOD.angle_out_rad}
+    geared = dataclasses.replace(GOOD, drive_torque_nm=GOOD.torque_out_nm + losses, **by_output)
+    result = judged(geared, dataclasses.replace(KNOWN, loading="output"))
+    assert of(result, "drive_torque_agreement").figure < 1.0
+    assert of(result, "drive_torque_gap").passed is None
+    assert "gearbox" in of(result, "drive_torque_gap").text
+
+
+def test_a_drive_that_reports_no_torque_agrees_with_nothing() -> None:
+    result = judged(dataclasses.replace(GOOD, drive_torque_nm=np.zeros(GOOD.samples)))
+    assert of(result, "drive_torque_agreement").figure == pytest.approx(100.0)
+    assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_without_the_drive_its_gates_are_not_measured() -> None:
+    result = judged(dataclasses.replace(GOOD, drive_torque_nm=None))
+    for gate in ("drive_torque_agreement", "drive_torque_gap"):
+        assert of(result, gate).passed is None
+        assert "not measured: the torque that the drive reports is not in the trace" in of(result, gate).text
+
+
+def test_an_encoder_of_the_locked_shaft_that_stands_is_told() -> None:
+    result = judged(dataclasses.replace(GOOD, angle_out_rad=np.zeros(GOOD.samples)))
+    assert of(result, "locked_compliance").figure == pytest.approx(0.0)
+    assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_where_the_fixture_hardly_gives_way_its_encoder_is_not_judged() -> None:
+    """A fixture too stiff to matter, and an encoder too coarse for it: neither says anything of the encoder."""
+    stiff = dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=1e6)
+    assert "too little to matter" in of(judged(method=stiff), "locked_compliance").text
+    noise = np.random.default_rng(3).normal(0.0, 20 * ARC, GOOD.samples)
+    noisy = judged(dataclasses.replace(GOOD, angle_out_rad=GOOD.angle_out_rad + noise))
+    assert "too coarse" in of(noisy, "locked_compliance").text
 
 
 @pytest.mark.parametrize("torque_nm", [50.0, 350.0])

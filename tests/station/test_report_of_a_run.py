@@ -27,6 +27,7 @@ from station.record.store import RunRecord, Store
 from station.reports.content import budget_tables, gate_rows, shown_gates, stage_rows, uncertainty_kind
 from station.reports.headline import virtual_badges
 from station.reports.illustrate import Shown, illustrate
+from station.reports.pdf import provenance_rows
 from station.results.run_analysis import complete_run
 
 ROOT = Path(__file__).parents[2]
@@ -41,7 +42,8 @@ def command(*words: str) -> subprocess.CompletedProcess[str]:
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     data = tmp_path_factory.mktemp("measured")
-    done = command("run", "rv-40e-121-quick", "--virtual-time", "--serial", "R1", "--data", str(data))
+    words = ("--serial", "R1", "--operator", "A. Tester", "--data", str(data))
+    done = command("run", "rv-40e-121-quick", "--virtual-time", *words)
     assert done.returncode == 0, done.stderr
     # the verdict first, then where the report is
     assert done.stdout.index("PASS ") < done.stdout.index("report.html") < done.stdout.index("report.pdf")
@@ -93,6 +95,16 @@ def test_a_reader_can_compute_the_metrics_again_from_the_report_alone(run: RunRe
         found = again[metric["id"], metric["branch"]]
         for side, value in metric["sides"].items():
             assert found["sides"][side]["value"] == pytest.approx(value["value"], rel=2e-5), metric["id"]
+
+
+def test_who_measured_is_told_wherever_a_person_reads(run: RunRecord, tmp_path: Path) -> None:
+    assert "<dt>operator</dt><dd>A. Tester</dd>" in report(run, tmp_path / "out")
+    result, shown = run.read_json("result.json"), run.manifest()
+    rows = provenance_rows(result, shown, {})
+    assert ("operator", "A. Tester") in rows
+    assert "operator" not in dict(provenance_rows(result, shown | {"operator": None}, {}))
+    done = command("show", run.id, "--data", str(run.folder.parent))
+    assert " by A. Tester, " in done.stdout
 
 
 def test_an_altered_record_is_reported_as_altered(run: RunRecord, tmp_path: Path) -> None:

@@ -46,11 +46,13 @@ class Measured:
 
     Torques in N·m and angles in rad. `drive_enabled_expected`, `mode_expected` and `brake_current_expected_a` are what
     the orders of earlier scans should have led to by now. `drive_apart_rad`: by how much the drive's position and the
-    angle sensor of the loaded shaft have moved apart since they were last set equal.
+    angle sensor of the loaded shaft have moved apart since they were set equal; `angles_compared`: whether that still
+    tells anything. On the way back from a fault it does not: nobody knows where the two would agree.
     """
 
     __slots__ = (
         "agreement_live",
+        "angles_compared",
         "brake_current_expected_a",
         "brake_tolerance_a",
         "controlled_nm",
@@ -72,6 +74,7 @@ class Measured:
         self.lock_motion_limit_rad = inf
         self.brake_current_expected_a = self.brake_tolerance_a = 0.0
         self.drive_enabled_expected = self.counter_stands = self.agreement_live = False
+        self.angles_compared = True
         self.mode_expected = 0
 
 
@@ -230,7 +233,7 @@ def _torque_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> 
 
 def _angle_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
     apart_rad = abs(m.drive_apart_rad)
-    if apart_rad <= li.angle_agreement_rad:
+    if apart_rad <= li.angle_agreement_rad or not m.angles_compared:
         return False
     # the shaft turns on between two values of different age, and the couplings between drive and sensor twist
     scans = i.drive_age_scans + i.sample_age_scans + li.angle_lag_scans
@@ -292,7 +295,8 @@ INTERLOCKS: tuple[Interlock, ...] = (
     Interlock("sensor_not_a_number", _ALWAYS, _sensor_not_a_number),
     Interlock("sensor_saturated", _ALWAYS, _sensor_saturated),
     Interlock("torque_channels_disagree", _LOCKED | {S.RELEASE, S.FAULT}, _torque_channels_disagree),
-    # not in FAULT: nothing there goes by an angle, and a dead sensor must not stand against the way to zero
+    # not in FAULT, nor on the way back (`angles_compared`): a torque goes to zero there, by torque sensors that watch
+    # each other, and a dead angle sensor must not stand against it
     Interlock("angle_channels_disagree", _LOCKED, _angle_channels_disagree),
     Interlock("brake_stays_closed", frozenset({S.HOME}), _brake_stays_closed),
     Interlock("sample_late", _LOADED, _sample_late),

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from math import inf, isfinite
 from typing import NamedTuple
 
-from controller.debounce import debounce_scans
+from controller.debounce import debounce_scans, leaks
 from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from controller.image import (
     AGE_NEVER,
@@ -347,6 +347,7 @@ class Watch:
             for state in State
         }
         self._checks = {state: tuple(row[0] for row in rows) for state, rows in self._rows.items()}
+        self._leaking = sum(1 << fault.number for row in INTERLOCKS if leaks(fault := FAULT_BY_ID[row.fault]))
         self._counts = [0] * 64
         self._counting = 0
         self.active = 0
@@ -360,8 +361,7 @@ class Watch:
                 return self._weigh(image, measured, state)
         # the usual scan: no condition is present, so nothing counts
         if self._counting:
-            self._start_anew(self._counting)
-            self._counting = 0
+            self._counting = self._fall(self._counting)
         self.active = 0
         return 0
 
@@ -372,22 +372,28 @@ class Watch:
         for check, number, debounce, reaction in self._rows[state]:
             if check(image, measured, limits, program):
                 counting |= 1 << number
-                counts[number] += 1
+                # no further than it takes: what has lasted for long is not held against a unit for as long again
+                counts[number] = min(counts[number], debounce) + 1
                 if counts[number] > debounce:
                     active |= 1 << number
                     strongest = max(strongest, reaction)
-        self._start_anew(self._counting & ~counting)
-        self._counting = counting
+        self._counting = counting | self._fall(self._counting & ~counting)
         self.active = active
         self.latched |= active
         return strongest
 
-    def _start_anew(self, fell: int) -> None:
-        """Set the counts of conditions that are gone back to zero."""
-        while fell:
-            bit = fell & -fell
-            self._counts[bit.bit_length() - 1] = 0
-            fell ^= bit
+    def _fall(self, gone: int) -> int:
+        """Count conditions that are gone down by one, or to zero; return those that still count."""
+        left = 0
+        while gone:
+            bit = gone & -gone
+            gone ^= bit
+            number = bit.bit_length() - 1
+            count = self._counts[number] - 1 if self._leaking & bit else 0
+            self._counts[number] = count
+            if count:
+                left |= bit
+        return left
 
     def first_out(self, raised: int) -> int:
         """Number of the fault that counts as the cause of those raised together: the most severe, then the first."""

@@ -27,10 +27,11 @@ GROWS = list(range(21))
 @pytest.mark.parametrize(
     ("cause", "image", "proven"),
     [
-        ("missed_periods", {"missed_periods": [6]}, True),
+        ("missed_periods", {"missed_periods": [41]}, True),
         ("missed_periods", {}, False),
-        ("drive_emergency", {"missed_periods": [120, *[0] * 100]}, True),
-        ("drive_emergency", {"missed_periods": [120, *[0] * 250]}, False),
+        ("drive_emergency", {"missed_periods": [120, *[0] * 90]}, True),
+        ("drive_emergency", {"missed_periods": [120, *[0] * 150]}, False),
+        ("drive_fault", {"missed_periods": [6]}, False),
         ("sample_stale", {"drive_age_scans": GROWS, "sample_age_scans": GROWS}, True),
         ("sample_stale", {"sample_age_scans": GROWS}, False),
         ("drive_data_stale", {"drive_age_scans": GROWS}, False),

@@ -8,7 +8,23 @@ import pytest
 
 from recipes import PRESETS
 
-BENCH_RECIPES = ("rv-40e-121-inverse", "rv-40e-121-measurement", "rv-40e-121-output", "static-50nm")
+OF_UNIT_P1: dict[tuple[str, str | None], object] = {
+    ("backlash_width_3pct", None): pytest.approx(0.940, abs=0.03),
+    ("lost_motion", None): pytest.approx(0.376, abs=0.03),
+    ("spring_constant", None): pytest.approx(115.17, rel=0.02),
+    ("stiffness_50_100", "load"): pytest.approx(104.70, rel=0.01),
+    ("torque_ratio_slope", None): pytest.approx(94.7, rel=0.01),
+    ("torque_ratio_offset", None): pytest.approx(-13.9, abs=0.5),
+}
+"""What the inverse recipe must recover of the reference unit."""
+
+BENCH_RECIPES: dict[str, dict[tuple[str, str | None], object]] = {
+    "rv-40e-121-inverse": OF_UNIT_P1,
+    "rv-40e-121-measurement": {},
+    "rv-40e-121-output": {},
+    "static-50nm": {},
+}
+"""The recipes of each kind of bench, with figures of their default unit."""
 
 
 def recipe(name: str) -> str:
@@ -18,18 +34,6 @@ def recipe(name: str) -> str:
 def metric(result: dict, metric_id: str, branch: str | None = None) -> float:
     (value,) = [m["value"] for m in result["metrics"] if m["id"] == metric_id and branch in (None, m["branch"])]
     return value
-
-
-def test_inverse_recipe_recovers_the_figures_of_the_reference_unit(lostmotion):
-    ran = lostmotion("run", recipe("rv-40e-121-inverse"), "--virtual-time", "--json", "--unit", "P1", "--serial", "P1")
-    result = ran.json
-    assert (ran.exit_code, result["verdict"], result["state"]) == (0, "PASS", "complete")
-    assert metric(result, "backlash_width_3pct") == pytest.approx(0.940, abs=0.03)
-    assert metric(result, "lost_motion") == pytest.approx(0.376, abs=0.03)
-    assert metric(result, "spring_constant") == pytest.approx(115.17, rel=0.02)
-    assert metric(result, "stiffness_50_100", "load") == pytest.approx(104.70, rel=0.01)
-    assert metric(result, "torque_ratio_slope") == pytest.approx(94.7, rel=0.01)
-    assert metric(result, "torque_ratio_offset") == pytest.approx(-13.9, abs=0.5)
 
 
 def test_calibrated_input_torque_recovers_them_too(lostmotion, tmp_path):
@@ -43,9 +47,11 @@ def test_calibrated_input_torque_recovers_them_too(lostmotion, tmp_path):
 
 
 @pytest.mark.parametrize("name", BENCH_RECIPES)
-def test_recipe_of_each_bench_runs_to_complete(lostmotion, name):
+def test_recipe_of_each_bench_passes_its_unit_and_recovers_its_figures(lostmotion, name):
     ran = lostmotion("run", recipe(name), "--virtual-time", "--json", "--serial", "SN1")
-    assert (ran.json["state"], ran.json["verdict"]) == ("complete", "PASS"), ran.json["reasons"]
+    found = (ran.exit_code, ran.json["state"], ran.json["verdict"])
+    assert found == (0, "complete", "PASS"), ran.json["reasons"]
+    assert {key: metric(ran.json, *key) for key in BENCH_RECIPES[name]} == BENCH_RECIPES[name]
     assert [one["id"] for one in ran.json["metrics"] if one["value"] is None] == []
     presets = {"rv-40e-121-output": "output", "static-50nm": "static"}
     asked = {one.id for one in PRESETS[presets[name]].metrics} if name in presets else set()

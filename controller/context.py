@@ -86,6 +86,7 @@ class Context:
         self.lock_proven = False
         self.measured.lock_motion_limit_rad = math.inf
         self.measured.brake_current_expected_a = 0.0
+        self.measured.angles_compared = True
         self.control_from_input = not self.program.has_torque_out
         self.loading_slope = self.program.control.slope
         self.loading_offset_nm = self.program.control.offset_nm
@@ -125,17 +126,10 @@ class Context:
         self.drive_velocity_rad_s = 0.0
 
     def take_references(self, image: Image) -> None:
-        """Count angles of both shafts from where they stand now."""
+        """Count angles of both shafts, and the drive's position, from where they stand now."""
         self.angle_in_zero_rad = image.angle_in_rad
         self.angle_out_zero_rad = image.angle_out_rad
         self.lock_zero_rad = self.locked_angle_rad(image)
-        self.take_drive_reference(image)
-
-    def take_drive_reference(self, image: Image) -> None:
-        """Take the drive's position for equal to what the angle sensor of the loaded shaft shows now.
-
-        After homing, and again on the way back from a fault: a drive that was switched off may count from elsewhere.
-        """
         self.drive_angle_zero_rad = image.drive_angle_rad - self.travel_rad(image)
 
     def travel_rad(self, image: Image) -> float:

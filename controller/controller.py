@@ -232,7 +232,7 @@ class Controller:
         self.first_out = 0
         self._context.stopping = True
         self._context.control_from_input = not self.program.has_torque_out
-        self._context.take_drive_reference(image)
+        self._context.measured.angles_compared = False
         self._move("reset", image, scan)
 
     def _first_segment(self, state: State) -> int:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from math import inf, isfinite
 from typing import NamedTuple
 
-from controller.debounce import debounce_scans
+from controller.debounce import debounce_scans, leaks
 from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from controller.image import (
     AGE_NEVER,
@@ -46,11 +46,13 @@ class Measured:
 
     Torques in N·m and angles in rad. `drive_enabled_expected`, `mode_expected` and `brake_current_expected_a` are what
     the orders of earlier scans should have led to by now. `drive_apart_rad`: by how much the drive's position and the
-    angle sensor of the loaded shaft have moved apart since they were last set equal.
+    angle sensor of the loaded shaft have moved apart since they were set equal; `angles_compared`: whether that still
+    tells anything. On the way back from a fault it does not: nobody knows where the two would agree.
     """
 
     __slots__ = (
         "agreement_live",
+        "angles_compared",
         "brake_current_expected_a",
         "brake_tolerance_a",
         "controlled_nm",
@@ -72,6 +74,7 @@ class Measured:
         self.lock_motion_limit_rad = inf
         self.brake_current_expected_a = self.brake_tolerance_a = 0.0
         self.drive_enabled_expected = self.counter_stands = self.agreement_live = False
+        self.angles_compared = True
         self.mode_expected = 0
 
 
@@ -230,7 +233,7 @@ def _torque_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> 
 
 def _angle_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
     apart_rad = abs(m.drive_apart_rad)
-    if apart_rad <= li.angle_agreement_rad:
+    if apart_rad <= li.angle_agreement_rad or not m.angles_compared:
         return False
     # the shaft turns on between two values of different age, and the couplings between drive and sensor twist
     scans = i.drive_age_scans + i.sample_age_scans + li.angle_lag_scans
@@ -292,7 +295,8 @@ INTERLOCKS: tuple[Interlock, ...] = (
     Interlock("sensor_not_a_number", _ALWAYS, _sensor_not_a_number),
     Interlock("sensor_saturated", _ALWAYS, _sensor_saturated),
     Interlock("torque_channels_disagree", _LOCKED | {S.RELEASE, S.FAULT}, _torque_channels_disagree),
-    # not in FAULT: nothing there goes by an angle, and a dead sensor must not stand against the way to zero
+    # not in FAULT, nor on the way back (`angles_compared`): a torque goes to zero there, by torque sensors that watch
+    # each other, and a dead angle sensor must not stand against it
     Interlock("angle_channels_disagree", _LOCKED, _angle_channels_disagree),
     Interlock("brake_stays_closed", frozenset({S.HOME}), _brake_stays_closed),
     Interlock("sample_late", _LOADED, _sample_late),
@@ -343,6 +347,7 @@ class Watch:
             for state in State
         }
         self._checks = {state: tuple(row[0] for row in rows) for state, rows in self._rows.items()}
+        self._leaking = sum(1 << fault.number for row in INTERLOCKS if leaks(fault := FAULT_BY_ID[row.fault]))
         self._counts = [0] * 64
         self._counting = 0
         self.active = 0
@@ -356,8 +361,7 @@ class Watch:
                 return self._weigh(image, measured, state)
         # the usual scan: no condition is present, so nothing counts
         if self._counting:
-            self._start_anew(self._counting)
-            self._counting = 0
+            self._counting = self._fall(self._counting)
         self.active = 0
         return 0
 
@@ -368,22 +372,28 @@ class Watch:
         for check, number, debounce, reaction in self._rows[state]:
             if check(image, measured, limits, program):
                 counting |= 1 << number
-                counts[number] += 1
+                # no further than it takes: what has lasted for long is not held against a unit for as long again
+                counts[number] = min(counts[number], debounce) + 1
                 if counts[number] > debounce:
                     active |= 1 << number
                     strongest = max(strongest, reaction)
-        self._start_anew(self._counting & ~counting)
-        self._counting = counting
+        self._counting = counting | self._fall(self._counting & ~counting)
         self.active = active
         self.latched |= active
         return strongest
 
-    def _start_anew(self, fell: int) -> None:
-        """Set the counts of conditions that are gone back to zero."""
-        while fell:
-            bit = fell & -fell
-            self._counts[bit.bit_length() - 1] = 0
-            fell ^= bit
+    def _fall(self, gone: int) -> int:
+        """Count conditions that are gone down by one, or to zero; return those that still count."""
+        left = 0
+        while gone:
+            bit = gone & -gone
+            gone ^= bit
+            number = bit.bit_length() - 1
+            count = self._counts[number] - 1 if self._leaking & bit else 0
+            self._counts[number] = count
+            if count:
+                left |= bit
+        return left
 
     def first_out(self, raised: int) -> int:
         """Number of the fault that counts as the cause of those raised together: the most severe, then the first."""

@@ -68,7 +68,9 @@ def faults() -> str:
     return (
         "# Faults\n\n" + NOTE + "\nReactions by severity: warn < hold < unload < quick stop < power off; the strongest of all"
         " active faults wins. From unload upwards a fault is latched: it stays until its cause is gone **and** a person has"
-        " acknowledged it and asked for the reset.\n\n" + table(head, rows)
+        " acknowledged it and asked for the reset.\n\nA debounce in scans starts anew with the first good scan. One in time"
+        " counts up with each bad scan and down with each good one, so that what is wrong most of the time is seen too;"
+        " only `sample_frozen` starts anew, for one new sample disproves it.\n\n" + table(head, rows)
     )  # fmt: skip
 
 

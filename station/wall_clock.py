@@ -38,12 +38,17 @@ class JumpWatch:
 
     def __init__(self) -> None:
         self._before = self._ahead_s()
+        self._most_s = 0.0
 
     @staticmethod
     def _ahead_s() -> float:
         return WALL_CLOCK.now().timestamp() - time.monotonic()
 
+    def look(self) -> None:
+        """Look at the clock: one that is put back before the end was set all the same."""
+        self._most_s = max(self._most_s, self._ahead_s() - self._before, key=abs)
+
     def jumped_s(self) -> float:
-        """Return by how many seconds it was set since then; 0 where that is too little to tell."""
-        jumped = self._ahead_s() - self._before
-        return round(jumped, 3) if abs(jumped) >= SEEN_FROM_S else 0.0
+        """Return the most by which it was seen set since then [s]; 0 where that is too little to tell."""
+        self.look()
+        return round(self._most_s, 3) if abs(self._most_s) >= SEEN_FROM_S else 0.0

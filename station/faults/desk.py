@@ -160,6 +160,7 @@ def _left(record: RunRecord, ring: RingReader | None, desk: subprocess.Popen[byt
         disk_refused=ring is not None and ring.stop_cause is StopCause.DISK,
         clock_jumped_s=float(timing.get("wall_clock_jumped_s", 0.0)),
         missed=int(timing["missed"]),
+        period_ms=int(timing["period_ns"]) * 1e-6,
     )
     if ring is None:
         return Left(record, refused=why_refused, traces=traces)

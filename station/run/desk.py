@@ -239,6 +239,7 @@ class Desk:
             if self._attend is not None and ring.written:
                 self._attend(ring)
             self._look()
+            self._wall_clock.look()
             if writer.first_trouble and not self._disk_refused:
                 self._stop_for_the_disk(writer.first_trouble, ring, process, armed=armed)
             if now - shown > SHOW_EVERY_S and writer.newest:

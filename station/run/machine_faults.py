@@ -19,6 +19,8 @@ from drivers.virtual.scenario import Fault
 from station.wall_clock import WALL_CLOCK
 
 CLOCK_TOLERANCE_S = 0.3
+STOPPED_SHARE = 0.8
+"""Share of a stop that must have been missed: it may begin and end within periods, and waking takes its time."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class Traces:
     clock_jumped_s: float = 0.0
     missed: int = 0
     """Periods that the scan has missed."""
+    period_ms: float = 1.0
 
 
 class Deed(NamedTuple):
@@ -72,12 +75,17 @@ def free_disk(_value: float = 0.0) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
 
 
+def _held_up(traces: Traces, ms: float) -> bool:
+    """Tell whether so many periods were missed as the stop lasted, or nearly: any machine misses one now and then."""
+    return traces.scan_died or traces.missed >= max(1.0, STOPPED_SHARE * ms / traces.period_ms)
+
+
 def _jumped(traces: Traces, step_s: float) -> bool:
     return traces.clock_jumped_s != 0.0 and abs(traces.clock_jumped_s - step_s) < CLOCK_TOLERANCE_S
 
 
 DEEDS: dict[tuple[str, str], Deed] = {
-    ("process.scan", "stop"): Deed(_stop, _not_taken_back, lambda traces, _: traces.missed > 0 or traces.scan_died),
+    ("process.scan", "stop"): Deed(_stop, _not_taken_back, _held_up),
     ("process.scan", "kill"): Deed(_kill_scan, _not_taken_back, lambda traces, _: traces.scan_died),
     ("process.desk", "kill"): Deed(_kill_desk, _not_taken_back, lambda traces, _: traces.desk_killed),
     ("machine.disk", "full"): Deed(_fill_disk, free_disk, lambda traces, _: traces.disk_refused),

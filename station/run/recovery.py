@@ -26,6 +26,7 @@ from station.record.writer import RecordWriter
 
 DESK_DIED = "the desk ended in the middle of the run; the scan process went on without it"
 BOTH_DIED = "desk and scan process ended in the middle of the run"
+UNCOUNTED = "how many records the scan process wrote is not known: its ring is gone, and its report does not say it"
 LOOK_EVERY_S = 0.02
 
 Attend = Callable[[RingReader], None]
@@ -52,7 +53,7 @@ def recover(run: RunRecord) -> int:
             return 0
         path = _ring_of(run)
         if path is None:
-            _conclude(run, Ended(run.records()))
+            _conclude(run, Ended(None))
             return 0
         ring = RingReader(path)
         try:
@@ -110,17 +111,21 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
                 ring.note_stop(StopCause.DISK)
                 ring.send(Command.STOP)
     ended = Ended(ring.written, ring.lost, ring.stopped_because, finished=ring.state is ScanState.FINISHED)
-    run.update(ring=None, trouble=ended.because or DESK_DIED)
-    path.unlink()
+    run.update(trouble=ended.because or DESK_DIED)
     _conclude(run, ended)
+    # Only now: whoever is killed before the seal leaves the next one what the ring knows.
+    path.unlink(missing_ok=True)
     return writer.written
 
 
 @dataclass(frozen=True)
 class Ended:
-    """What the ring says of a scan: records written and lost, why it was stopped, whether it came to its end."""
+    """What the ring says of a scan: records written and lost, why it was stopped, whether it came to its end.
 
-    written: int
+    `written` is None where the ring is gone, as after a power failure.
+    """
+
+    written: int | None
     lost: int = 0
     because: str = ""
     finished: bool = False
@@ -134,6 +139,18 @@ def _report_of(run: RunRecord) -> dict[str, Any]:
     return {}
 
 
+def _counts(run: RunRecord, ended: Ended, said: dict[str, Any]) -> tuple[int, int, str]:
+    """Return how many records ought to be on disk, how many were lost, and what stands against believing it.
+
+    Ring and scan report are asked, and the higher word counts. The file is no witness of its own completeness.
+    """
+    lost = max(ended.lost, int(said.get("lost", 0)))
+    # the report counts the lost ones too
+    counted = [] if ended.written is None else [ended.written]
+    counted += [int(said["written"]) - lost] if "written" in said else []
+    return (max(counted), lost, "") if counted else (run.records(), lost, UNCOUNTED)
+
+
 def _conclude(run: RunRecord, ended: Ended) -> None:
     """Give the run its state, and its verdict when its scan came to its end."""
     # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
@@ -143,18 +160,19 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
 
     said = _report_of(run)
     finished = ended.finished or said.get("state") == "finished"
+    written, lost, uncounted = _counts(run, ended, said)
     run.samples.touch()
     try:
         job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
     except RecipeError as error:
-        run.update(state=INTERRUPTED, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
+        run.update(state=INTERRUPTED, ring=None, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
         return
     ending = Ending(
-        written=ended.written,
-        lost=ended.lost,
+        written=written,
+        lost=lost,
         realtime=said.get("realtime", {"details": {}}),
         notes=said.get("notes", []),
-        trouble="" if finished else BOTH_DIED,
+        trouble=uncounted if finished else BOTH_DIED,
         counters=said.get("counters", {}),
         times=said.get("times", {}),
         stopped_because=ended.because,

@@ -65,7 +65,7 @@ NOT_IN_THE_MATRIX = {
 
 
 PROOFS = {
-    ("process.scan", "stop"): Traces(missed=3),
+    ("process.scan", "stop"): Traces(missed=59),
     ("process.scan", "kill"): Traces(scan_died=True),
     ("process.desk", "kill"): Traces(desk_killed=True),
     ("machine.disk", "full"): Traces(disk_refused=True),
@@ -175,6 +175,14 @@ def test_every_fault_of_the_machine_is_proven_by_what_it_leaves_and_by_nothing_e
     for other, left in PROOFS.items():
         explains = key == ("process.scan", "stop") and other == ("process.scan", "kill")  # stopped until it died
         assert DEEDS[key].proof(left, value) == (other == key or explains)
+
+
+def test_a_few_periods_that_any_machine_misses_do_not_prove_a_stop() -> None:
+    deed = DEEDS["process.scan", "stop"]
+    assert not deed.proof(Traces(missed=3), 60.0)
+    assert not deed.proof(Traces(missed=11, period_ms=4.0), 60.0)
+    assert deed.proof(Traces(missed=12, period_ms=4.0), 60.0)
+    assert not deed.proof(Traces(missed=0), 0.5)
 
 
 def test_a_clock_that_jumped_otherwise_proves_nothing() -> None:

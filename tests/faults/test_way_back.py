@@ -167,3 +167,69 @@ def test_a_jammed_unit_is_left_to_a_person_with_its_torque_behind_the_closed_loc
     left = {"torque_nm": kept_nm, "release_torque_nm": 8.2, "lock": "closed"}
     left |= {f"{name}_known": True for name in ("torque", "lock", "drive")}
     assert "turn the loaded shaft back by hand" in left_action(left)
+
+
+@pytest.fixture(scope="module")
+def loaded() -> Bench:
+    """The bench in its first ramp, where friction keeps a rest in the unit once the drive is off."""
+    job = load_job("rv-40e-121-faults", None)
+    bench = Bench(job, virtual_config(job.bench, job.profile_paths, choose_unit(None, "RV-40E-121")), None)
+    assert bench.until(lambda orders: orders.state == State.RAMP_POS and orders.controlled_torque_nm > 100.0)
+    return bench
+
+
+def with_a_fault(bench: Bench, target: str, verb: str, value: float | None) -> Bench:
+    """A copy of the bench in which this fault has led to its end."""
+    fault = Fault(target=target, verb=verb, value=value, when=When(scan=bench.run.scans[-1]))
+    bench.run, run = FaultRun(bench.run.period_s), bench.run
+    twin = copy.deepcopy(bench)
+    bench.run = run
+    twin.faults.inject((fault,))
+    assert not twin.until(lambda _: False)
+    assert twin.controller.finished
+    return twin
+
+
+def goes_back(bench: Bench) -> None:
+    """One acknowledgement and one reset bring the torque to zero and open the lock, without another alarm."""
+    known = len(bench.run.alarms())
+    bench.order(Command.ACKNOWLEDGE)
+    bench.go()
+    bench.order(Command.RESET)
+    assert bench.until(lambda orders: orders.state == State.STOPPED), [event.text for event in bench.run.events]
+    assert bench.run.states[-4:] == ["fault", "unload", "release", "stopped"]
+    assert [event.text for event in bench.run.alarms()[known:]] == []
+    assert abs(bench.run.torque_nm[-1]) < 0.02 * RATED_NM
+    assert not bench.run.orders[-1].brake_on
+
+
+@pytest.mark.parametrize(("verb", "value"), [("stuck", None), ("flip", None), ("scale", 2.0), ("lag", 1.0)])
+def test_a_wrong_angle_sensor_does_not_stand_against_the_way_back(loaded, verb, value):
+    bench = with_a_fault(loaded, "sensor.angle_in", verb, value)
+    assert [event.text for event in bench.run.alarms()] == ["angle_channels_disagree"]
+    assert abs(bench.run.torque_nm[-1]) > 0.02 * RATED_NM, "friction keeps a rest to be unwound"
+    goes_back(bench)
+
+
+def test_a_wrong_angle_sensor_does_not_stand_against_it_after_everything_was_restarted_either(loaded):
+    bench = restarted(with_a_fault(loaded, "sensor.angle_in", "stuck", None), knowing=True)
+    settle(bench)
+    goes_back(bench)
+
+
+def test_a_reversed_angle_sensor_counts_anew_from_where_the_shaft_stands():
+    """What it shows is an over-travel that stays, so that the reset of the run itself is refused."""
+    job = load_job("rv-40e-121-output", None)
+    bench = Bench(job, virtual_config(job.bench, job.profile_paths, choose_unit(None, "RV-40E-121")), None)
+    assert bench.until(lambda orders: orders.state == State.RAMP_POS and orders.controlled_torque_nm > 200.0)
+    bench = with_a_fault(bench, "sensor.angle_out", "flip", None)
+    assert bench.run.alarms()[0].text == "over_travel"
+    twin = restarted(bench, knowing=True)
+    bench.order(Command.ACKNOWLEDGE)
+    bench.go()
+    bench.order(Command.RESET)
+    assert settle(bench, 100).state == State.FAULT
+    assert "reset refused: a cause is still present" in [event.text for event in bench.run.events]
+    assert "'lostmotion recover'" in FAULT_BY_ID["over_travel"].next_action
+    settle(twin)
+    goes_back(twin)

@@ -88,6 +88,8 @@ class Probes:
             established = node.bench.orders.phase in ESTABLISHED.get(state, ())
             if state not in condition.states and not (established and state in condition.established_in):
                 continue
+            if node.monitor.way_back and not condition.on_the_way_back:
+                continue
             self.count += 1
             self.states.setdefault(name, set()).add(state)
             self._probe_one(node, name)

@@ -29,6 +29,8 @@ class Condition(NamedTuple):
     reaction: Reaction
     established_in: tuple[State, ...] = ()
     """States in which it must be seen once they have established what it contradicts, see `ESTABLISHED`."""
+    on_the_way_back: bool = True
+    """Whether it must be seen after a reset too."""
 
 
 ESTABLISHED: dict[State, tuple[int, ...]] = {
@@ -76,7 +78,9 @@ CONDITIONS: dict[str, Condition] = {
     "sensor_saturated": Condition({"sample_status": 2}, ALWAYS, 3, R.QUICK_STOP),
     "sample_not_ready": Condition({"sample_status": 4}, ALWAYS, 6, R.QUICK_STOP),
     "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 3, R.QUICK_STOP, (S.UNLOAD,)),
-    "angle_channels_disagree": Condition({"drive_angle_rad": 0.4}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,)),
+    "angle_channels_disagree": Condition(
+        {"drive_angle_rad": 0.4}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,), on_the_way_back=False
+    ),
     "brake_stays_closed": Condition({"brake_on": 1, "brake_current_a": 6.0}, (S.HOME,), 1, R.POWER_OFF),
 }
 """Brake and drive conditions are asked for where what they contradict has been established."""

@@ -65,6 +65,8 @@ ACTS_IN: tuple[tuple[str, frozenset[State]], ...] = (
     ("_context.segment", LOADING),
     # the walks turn no shaft, so that no limit above zero tells; a probe does, where every way in has set the limit
     ("_context.measured.lock_motion_limit_rad", LOADING),
+    # set with the run and at a reset, which lead to these states
+    ("_context.measured.angles_compared", LOADING),
 )
 UNLOADING_ONLY = ("_fault._torque.", "_fault._unloading.")
 """Begun anew with each controlled unload."""

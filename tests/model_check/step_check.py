@@ -42,6 +42,7 @@ class Monitor(NamedTuple):
     left: bool = False  # a bench that an earlier run has left wound up: what holds that is proven for the way to zero
     held_scans: int = 0
     lock_proven: bool = False
+    way_back: bool = False  # since the reset of a fault
 
 
 def _cause_present(image: Image) -> bool:
@@ -188,4 +189,4 @@ def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, ord
     require(9, "no acknowledgement", holds=monitor.acknowledged)
     require(9, "no reset asked for", holds=monitor.reset_asked)
     require(9, "the cause is still present", holds=not _cause_present(image))
-    return Monitor(left=monitor.left, lock_proven=monitor.lock_proven)
+    return Monitor(left=monitor.left, lock_proven=monitor.lock_proven, way_back=True)

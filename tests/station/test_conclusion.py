@@ -12,13 +12,16 @@ from typing import Any
 
 import pytest
 
+import station.record.ring
 import station.run.conclusion
 from station.bench.request import load_job
 from station.commands.run import recipe_notes
 from station.record.check import check_file
+from station.record.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, RingWriter, ScanState, create
 from station.record.scan_record import RECORD_BYTES
 from station.record.store import RunRecord, Store
 from station.run.conclusion import Ending, conclude
+from station.run.recovery import recover
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
@@ -61,6 +64,19 @@ def copied(finished: tuple[dict[str, Any], Any], tmp_path: Path) -> RunRecord:
     target = tmp_path / source.name
     shutil.copytree(source, target)
     return RunRecord(target)
+
+
+def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> None:
+    """Make the run one whose desk died at its very end; `report` is what its scan process said."""
+    for name in ("result.json", "events.jsonl", "timing.json", "calibration.json"):
+        (record.folder / name).unlink()
+    manifest = record.manifest()
+    for name in ("records", "files", "ended"):
+        manifest.pop(name)
+    desk = {"pid": 999_999, "birth": "another process"}
+    record.write_json("run.json", manifest | {"state": "recording", "verdict": None, "ring": str(ring), "desk": desk})
+    if report is not None:
+        record.write_json("scan-report.json", report)
 
 
 def again(record: RunRecord, **changes: Any) -> dict[str, Any]:
@@ -257,3 +273,69 @@ def test_events_tell_the_story_in_order(copied: RunRecord) -> None:
     assert [event["to"] for event in events if event["kind"] == "transition"][:3] == ["home", "lock", "calibrate"]
     assert [event["to"] for event in events if event["kind"] == "transition"][-3:] == ["unload", "release", "complete"]
     assert all(first["scan"] <= second["scan"] for first, second in itertools.pairwise(events))
+
+
+def test_a_desk_that_died_when_all_was_on_disk_costs_nothing(copied: RunRecord, tmp_path: Path) -> None:
+    report = {"state": "finished", "written": copied.records(), "lost": 0, "realtime": {"details": {}}}
+    desert(copied, ring=tmp_path / "gone", report=report)
+    recover(copied)
+    assert copied.read_json("result.json")["verdict"] == "PASS"
+
+
+@pytest.mark.parametrize(
+    ("missing", "report", "reason"),
+    [
+        (200, {"state": "finished", "lost": 0}, "the record is not sound"),
+        (0, {"state": "finished", "lost": 2}, "2 records were lost"),
+        (200, None, "desk and scan process ended"),
+        (200, {"state": "running", "pid": 1}, "desk and scan process ended"),
+    ],
+)
+def test_a_file_does_not_vouch_for_its_own_end_when_the_ring_is_gone(
+    copied: RunRecord, tmp_path: Path, missing: int, report: dict[str, Any] | None, reason: str
+) -> None:
+    written = copied.records()
+    if report is not None and "lost" in report:
+        report = report | {"written": written + report["lost"]}
+    desert(copied, ring=tmp_path / "gone", report=report)
+    copied.samples.write_bytes(copied.samples.read_bytes()[: (written - missing) * RECORD_BYTES])
+    recover(copied)
+    result = copied.read_json("result.json")
+    assert result["verdict"] == copied.manifest()["verdict"] == "NOT DECIDABLE"
+    assert reason in " ".join(result["reasons"])
+
+
+def test_a_report_without_a_count_cannot_make_a_run_complete(copied: RunRecord, tmp_path: Path) -> None:
+    desert(copied, ring=tmp_path / "gone", report={"state": "finished"})
+    recover(copied)
+    result = copied.read_json("result.json")
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "how many records the scan process wrote is not known" in " ".join(result["reasons"])
+
+
+def test_a_recovery_that_is_killed_before_the_seal_leaves_the_ring_to_the_next(
+    copied: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(station.record.ring, "SHARED_MEMORY", tmp_path)
+    path, count = create(tmp_path, 8), copied.records()
+    writer = RingWriter(path)
+    words = {W_PID: 0, W_WRITTEN: count, W_READ: count, W_LOST: 3, W_STATE: int(ScanState.FINISHED)}
+    for word, value in words.items():
+        writer._words[word] = value
+    writer.close()
+    desert(copied, ring=path, report=None)
+
+    def killed(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(station.run.conclusion, "seal", killed)
+        with pytest.raises(KeyboardInterrupt):
+            recover(copied)
+    assert path.exists()
+    recover(copied)
+    result = copied.read_json("result.json")
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "3 records were lost" in " ".join(result["reasons"])
+    assert not path.exists()
+    assert copied.manifest()["ring"] is None

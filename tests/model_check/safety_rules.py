@@ -51,7 +51,7 @@ CONDITIONS: dict[str, Condition] = {
     "amplifier_lost": Condition({"links_lost": Link.AMPLIFIER}, ALWAYS, 1, R.QUICK_STOP),
     "sample_stale": Condition({"sample_age_scans": AGE_NEVER}, ALWAYS, 1, R.QUICK_STOP),
     "sample_late": Condition({"sample_age_scans": 6}, LOADED, 1, R.HOLD),
-    "sample_frozen": Condition({"sample_counter": 7}, RUNNING, 12, R.QUICK_STOP),
+    "sample_frozen": Condition({"sample_counter": 7}, RUNNING, 4, R.QUICK_STOP),
     "brake_link_lost": Condition({"brake_age_scans": AGE_NEVER}, ALWAYS, 1, R.UNLOAD),
     "brake_link_lost (link)": Condition({"links_lost": Link.BRAKE}, ALWAYS, 1, R.UNLOAD),
     "remote_io_lost": Condition({"io_age_scans": AGE_NEVER}, ALWAYS, 1, R.QUICK_STOP),
@@ -76,7 +76,7 @@ CONDITIONS: dict[str, Condition] = {
     "sensor_not_a_number": Condition({"torque_out_nm": math.nan}, ALWAYS, 1, R.QUICK_STOP),
     "sensor_not_a_number (in)": Condition({"torque_in_nm": math.inf}, ALWAYS, 1, R.QUICK_STOP),
     "sensor_saturated": Condition({"sample_status": 2}, ALWAYS, 3, R.QUICK_STOP),
-    "sample_not_ready": Condition({"sample_status": 4}, ALWAYS, 6, R.QUICK_STOP),
+    "sample_not_ready": Condition({"sample_status": 4}, ALWAYS, 3, R.QUICK_STOP),
     "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 3, R.QUICK_STOP, (S.UNLOAD,)),
     "angle_channels_disagree": Condition(
         {"drive_angle_rad": 0.4}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,), on_the_way_back=False

@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from analysis.errors import AnalysisError
 from analysis.units import FloatArray, IntArray
@@ -119,5 +118,9 @@ def _theil_sen(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     if x.size > THEIL_SEN_POINTS:
         picked = np.linspace(0, x.size - 1, THEIL_SEN_POINTS).astype(np.int64)
         x, y = x[picked], y[picked]
-    slope = float(stats.theilslopes(y, x).slope)
+    # scipy.stats has it too, but takes a third of a second to load, in every command
+    first, second = np.triu_indices(x.size, k=1)
+    apart = x[second] - x[first]
+    differ = apart != 0.0
+    slope = float(np.median((y[second] - y[first])[differ] / apart[differ]))
     return float(np.median(y)) - slope * float(np.median(x)), slope

@@ -41,7 +41,7 @@ def judged_recipe(folder: Path) -> Path:
     path = short_recipe(folder)
     text = path.read_text("utf-8")
     for old, new in (
-        ("{id: torque_ratio_slope}", "{id: torque_ratio_offset, min: -25 N·m}"),
+        ("{id: torque_ratio_slope, min: 50}", "{id: torque_ratio_offset, min: -25 N·m}"),
         ("period: 1 ms", "period: 4 ms"),
     ):
         assert old in text

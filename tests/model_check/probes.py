@@ -73,7 +73,7 @@ class Probes:
             at, seen = node, set()
             for _ in range(LONGEST_RUN):
                 self.steps += 1
-                at = self._stepper.step(at, choice)[0]
+                at = self._stepper.follow(at, self._stepper.happening(at.bench, choice))
                 key = self._stepper.key(at)
                 state = at.bench.orders.state
                 settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a way back waits for a person

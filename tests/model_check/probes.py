@@ -10,10 +10,11 @@ from small_bench import Choice, Shown
 from stepper import LONGEST_RUN, Node, Stepper
 
 from controller.aftermath import FaultReaction
+from controller.conditions import Measured
 from controller.debounce import debounce_scans
 from controller.faults import FAULT_BY_ID
 from controller.image import Reaction, State
-from controller.interlocks import Measured, Watch
+from controller.interlocks import Watch
 from controller.program import Program
 from controller.states import Sequence
 

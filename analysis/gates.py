@@ -59,7 +59,7 @@ GATES: dict[str, Gate] = {
         "scan periods were missed", "close other programs on this computer and measure again", configurable=False,
     ),
     "sample_age": _row(
-        "age of the oldest sample while measuring (limit: sampling.sample_age)", "scans", 30.0, figures.sample_age,
+        "age of the oldest sample while measuring (limit: sampling.sample_age)", "scans", 20.0, figures.sample_age,
         "a sample was too old", "check the measuring amplifier and its network", configurable=False,
     ),
     "torque_in_saturated": _row(

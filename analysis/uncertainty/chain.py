@@ -94,6 +94,6 @@ def line_moves(shape: Shape, circumstances: Circumstances, figures: SensorFigure
         if torque_in is None:
             continue
         change = np.zeros_like(torque_in) + effect.torque_out_nm - points.slope * effect.torque_in_nm
-        offset, slope = np.polynomial.polynomial.polyfit(torque_in, change, 1)
+        offset, slope = np.polynomial.polynomial.polyfit(torque_in, change, 1) if change.any() else (0.0, 0.0)
         found[name] = LineMove(float(offset), float(slope))
     return found

@@ -15,6 +15,9 @@ from station.reports.loop_plot import GRID, LIMIT, LOADING, STYLE, UNLOADING
 
 SIZE_INCH = (8.4, 4.6)
 MOST_POINTS = 4000
+ROOM = (0.16, 0.10)
+"""Room below the torque for the text of the alarm and above it for the names of the states, shares of its range."""
+
 AROUND_S = 1.0
 """Seconds shown before and behind the alarm in the window beside the whole run."""
 
@@ -43,6 +46,7 @@ def time_figure(history: History, title: str) -> Figure:
         grid = figure.subplots(rows, columns, sharex="col", squeeze=False, height_ratios=(2, 1)[:rows])
         for column in range(columns):
             _column(list(grid[:, column]), history, zoomed=column == 1)
+            _room(grid[0, column])
         grid[0, 0].set_ylabel("torque at the output  [N·m]")
         if rows == 2:
             grid[1, 0].set_ylabel("locked shaft  [arcmin]")
@@ -84,6 +88,13 @@ def _column(column: list[Axes], history: History, *, zoomed: bool) -> None:
             fontsize=8,
             fontweight="bold",
         )
+
+
+def _room(axes: Axes) -> None:
+    """Keep the curve out of the words above and below it."""
+    low, high = axes.get_ylim()
+    below, above = (share * (high - low) for share in ROOM)
+    axes.set_ylim(low - below, high + above)
 
 
 def _bands(axes: Axes, history: History, *, named: bool) -> None:

@@ -23,6 +23,7 @@ from analysis import (
 )
 from analysis.evaluate import SideValue, evaluate
 from analysis.pipeline import measure
+from analysis.quadrants import Leftover
 from analysis.uncertainty.budget import STUDENT
 from analysis.uncertainty.circumstances import Points, circumstances_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
@@ -58,6 +59,11 @@ CERTIFIED = dataclasses.replace(
     FIGURES,
     torque_in=TorqueFigures(5.0, stated_by="certificate"),
     torque_out=TorqueFigures(1000.0, stated_by="certificate"),
+)
+NO_NOISE = dataclasses.replace(
+    FIGURES,
+    torque_in=dataclasses.replace(FIGURES.torque_in, noise_fraction=0.0),
+    torque_out=dataclasses.replace(FIGURES.torque_out, noise_fraction=0.0),
 )
 EVERY = [MetricWanted(name) for name in METRICS]
 
@@ -336,7 +342,7 @@ def test_what_a_calibration_leaves_over_is_as_large_between_its_bins_as_in_them(
     """Zero torque lies between two bins: errors of unlike sign were averaged there, and U of the loop at zero small."""
     found = measure(TRACE, CALIBRATED)
     circumstances, loop = circumstances_of(found), found.loops[0]
-    _, moves = transfer_moves(loop, circumstances)
+    _, moves = transfer_moves(loop, circumstances, SensorFigures())
     for side, branch, direction in ((0, loop.forward, 1), (1, loop.backward, -1)):
         left = found.quadrants.left[direction]
         over = left.fine_error_nm - np.interp(left.fine_torque_nm, left.torque_nm, left.error_nm)
@@ -350,6 +356,33 @@ def test_what_a_calibration_leaves_over_is_as_large_between_its_bins_as_in_them(
         for point in about_zero:
             expected = np.sqrt(np.mean(np.square(over[fine == own[point]])))
             assert u[point] == pytest.approx(expected)
+
+
+def test_a_corrected_conversion_has_the_errors_of_the_output_sensor_and_none_of_the_input() -> None:
+    """Found by the coverage study: a line carried the reversibility to zero a sixth larger than the correction left it.
+
+    U of a width was too large by that, and stiffness at high torque had too little of it.
+    """
+    converted, measured = (metric("backlash_width_3pct", FIGURES, method) for method in (CALIBRATED, METHOD))
+    found, direct = contributions(converted), contributions(measured)
+    assert not any(name.startswith("torque_in") for name in found)
+    for name in ("torque_out_gain", "torque_out_zero", "torque_out_reversibility"):
+        assert found[name] == pytest.approx(direct[name], rel=0.05, abs=2e-6), name
+
+
+def test_noise_of_the_calibration_counts_as_the_mean_of_a_bin_has_it() -> None:
+    """Bins of nothing but noise: fine ones show more of it than the correction, their mean, carries."""
+    random, found = np.random.default_rng(3), measure(TRACE, CALIBRATED)
+    quiet = dataclasses.replace(NO_NOISE, torque_out=dataclasses.replace(FIGURES.torque_out, noise_fraction=1e-4))
+    fine_torque = (np.arange(960) + 0.5) * 0.9 - 432.0
+    fine_error = random.normal(0.0, 0.1 / math.sqrt(16.0), 960)  # 0.1 N·m per sample, 16 samples per fine bin
+    bins = [np.mean(values.reshape(-1, 4), axis=1) for values in (fine_torque, fine_error)]
+    left = Leftover(*bins, np.full(240, 64.0), fine_torque, fine_error, np.full(960, 16.0))
+    noisy = dataclasses.replace(found, quadrants=dataclasses.replace(found.quadrants, left={1: left, -1: left}))
+    u, _ = transfer_moves(found.loops[0], circumstances_of(noisy), quiet)
+    u_unknown, _ = transfer_moves(found.loops[0], circumstances_of(noisy), NO_NOISE)
+    assert u_unknown == pytest.approx(0.1 * math.sqrt(1.0 / 16.0 - 1.0 / 64.0), rel=0.1)
+    assert 0.1 / math.sqrt(64.0) <= u < 0.85 * u_unknown
 
 
 def test_tables_are_complete() -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from analysis import drive_gates, fixture_gates, loop_gates, torque_gates
+from analysis import cycle_gates, drive_gates, fixture_gates, loop_gates, record_gates, torque_gates
 from analysis import gate_figures as figures
 from analysis.errors import AnalysisError
 from analysis.measured import Evidence
@@ -51,29 +51,29 @@ def _row(  # noqa: PLR0917 - the columns of the table
 
 GATES: dict[str, Gate] = {
     "record": _row(
-        "objections against the record as a whole", "1", 0.0, figures.objections,
+        "objections against the record as a whole", "1", 0.0, record_gates.objections,
         "the record does not count", "measure again", configurable=False,
     ),
     "missed_periods": _row(
-        "scan periods that were missed (limit: sampling.missed_periods)", "%", 0.1, figures.missed_periods,
+        "scan periods that were missed (limit: sampling.missed_periods)", "%", 0.1, record_gates.missed_periods,
         "scan periods were missed", "close other programs on this computer and measure again", configurable=False,
     ),
     "sample_age": _row(
-        "age of the oldest sample while measuring (limit: sampling.sample_age)", "scans", 10.0, figures.sample_age,
+        "age of the oldest sample while measuring (limit: sampling.sample_age)", "scans", 10.0, record_gates.sample_age,
         "a sample was too old", "check the measuring amplifier and its network", configurable=False,
     ),
     "torque_in_saturated": _row(
         "samples whose status says that the input torque was beyond its range", "samples", 0.0,
-        figures.torque_in_saturated,
+        record_gates.torque_in_saturated,
         "the input torque sensor was saturated", "check its range", configurable=False,
     ),
     "torque_out_saturated": _row(
         "samples whose status says that the output torque was beyond its range", "samples", 0.0,
-        figures.torque_out_saturated,
+        record_gates.torque_out_saturated,
         "the output torque sensor was saturated", "check its range", configurable=False,
     ),
     "not_ready": _row(
-        "samples whose status says that the amplifier was not ready", "samples", 0.0, figures.not_ready,
+        "samples whose status says that the amplifier was not ready", "samples", 0.0, record_gates.not_ready,
         "the measuring amplifier said that it was not ready", "check its supply and its start-up, and measure again",
         configurable=False,
     ),
@@ -85,23 +85,29 @@ GATES: dict[str, Gate] = {
         "choose a sensor or a range that reaches further than the cycles",
     ),
     "wrong_way": _row(
-        "energy of the cycle that loses least: a loop gains none", "N·m·arcmin", 0.0, figures.wrong_way,
+        "energy of the cycle that loses least: a loop gains none", "N·m·arcmin", 0.0, cycle_gates.wrong_way,
         "the loop gains energy", "torque or angle has the wrong sign, or the branches are exchanged", least=True,
         configurable=False,
     ),
     "loop_closure": _row(
         "wind-up between start and end of a cycle at the same torque, of the whole wind-up", "%", 2.0,
-        figures.loop_closure,
+        cycle_gates.loop_closure,
         "the loop does not close: the unit, its lock or an angle has moved",
         "check lock, couplings and encoder, and measure again",
     ),
     "drift": _row(
-        "drift of the wind-up in a cycle, corrected or not, of the whole wind-up", "%", 1.0, figures.drift,
+        "drift of the wind-up in a cycle, corrected or not, of the whole wind-up", "%", 1.0, cycle_gates.drift,
         "the wind-up drifts", "let unit and bench warm up, or load faster",
     ),
     "repeat": _row(
-        "deviation of a cycle from the mean of all cycles (rms), of the whole wind-up", "%", 2.0, figures.repeat,
+        "deviation of a cycle from the mean of all cycles (rms), of the whole wind-up", "%", 2.0, cycle_gates.repeat,
         "the cycles do not repeat", "condition the unit by fatigue cycles, check the lock, and measure again",
+    ),
+    "copied_cycles": _row(
+        "samples of a branch that another cycle has bit by bit in the same place, where noise is declared", "%", 50.0,
+        cycle_gates.copied_cycles,
+        "cycles are copies of each other", "measure again: a copy has no scatter, and shows nothing of how sure the "
+        "values are", configurable=False,
     ),
     "lag": _row(
         "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",

@@ -102,7 +102,8 @@ def analyse(
     rows = [definition(one) for one in wanted]
     with np.errstate(all="ignore"):
         found = measure(trace, method, with_ratio=any(row.estimate is None for row in rows))
-        gates = judge_gates(Evidence(found, facts, tuple(invalid)), method.gate_limits)
+        noisy = figures is not None and figures.noisy
+        gates = judge_gates(Evidence(found, facts, tuple(invalid), noisy), method.gate_limits)
         problems = gate_reasons(gates, tuple(invalid))
         errors, stage = measurement_of(found, figures, draws)
         closed = closed_loops(found.loops, found.pairs, found.blocks)

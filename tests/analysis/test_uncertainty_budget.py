@@ -21,7 +21,8 @@ from analysis import (
     TorqueFigures,
     analyse,
 )
-from analysis.evaluate import SideValue, evaluate
+from analysis.evaluate import evaluate
+from analysis.metric_result import SideValue
 from analysis.pipeline import measure
 from analysis.quadrants import Leftover
 from analysis.uncertainty.budget import STUDENT

@@ -11,6 +11,7 @@ from bench_model import READY
 from programs import short_program
 from timeline import Timeline
 
+from controller.conditions import Measured
 from controller.debounce import DEBOUNCE_TIMES, debounce_scans
 from controller.faults import FAULT_BY_ID, FAULTS
 from controller.image import (
@@ -24,7 +25,7 @@ from controller.image import (
     SampleStatus,
     State,
 )
-from controller.interlocks import INTERLOCKS, RAISED_BY_STEPS, Measured, Watch
+from controller.interlocks import INTERLOCKS, RAISED_BY_STEPS, Watch
 
 S = State
 

@@ -28,9 +28,9 @@ The recipe of the drills allows 40 in a row; the drive waits 50 ms for set-point
 """
 
 BENCH_STOOD: dict[str, int] = {
-    "sample_stale": 10,
-    "sample_frozen": 10,
-    "drive_data_stale": 10,
+    "sample_stale": 30,
+    "sample_frozen": 20,
+    "drive_data_stale": 30,
     "drive_heartbeat_lost": 10,
     "remote_io_lost": 10,
     "brake_link_lost": 10,

@@ -21,7 +21,7 @@ def records(**image: list[int]):
     return table
 
 
-GROWS = list(range(21))
+GROWS = list(range(32))
 
 
 @pytest.mark.parametrize(

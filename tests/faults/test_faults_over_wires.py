@@ -90,7 +90,7 @@ def test_a_gateway_brings_faults_to_a_bench_on_a_cable(cable, tmp_path, capsys):
     path.write_text(
         "scenario: {name: silence on the cable}\n"
         "faults:\n  - {target: modbus.amplifier, verb: silence, when: {state: lock, after_scans: 300}}\n"
-        "expect:\n  - {event: sample_stale, within_scans: 16}\n  - {order: quick_stop, within_scans: 0}\n"
+        "expect:\n  - {event: sample_stale, within_scans: 36}\n  - {order: quick_stop, within_scans: 0}\n"
         "  - {final_state: fault}\nnever:\n  - {event: drive_heartbeat_lost}\n",
         encoding="utf-8",
     )

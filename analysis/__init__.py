@@ -6,12 +6,12 @@ Beside this stand `analysis.models` (models of a reducer), `analysis.line` (stat
 
 from analysis.branches import Branch
 from analysis.errors import AnalysisError
-from analysis.evaluate import COVERAGE_FACTOR, MetricResult, SideValue
 from analysis.fixture import blank_curve
 from analysis.fixture_curve import FixtureCurve, reducer_stiffness, series_stiffness
 from analysis.gates import GATES, GateResult, gate_reasons, is_loose, judge_gates
 from analysis.measured import Evidence, RunFacts
 from analysis.method import Decision, Method, MetricWanted
+from analysis.metric_result import MetricResult, SideValue
 from analysis.metrics import METRIC_UNITS, METRICS, Definition
 from analysis.pipeline import Curves, Result, analyse, measure
 from analysis.quadrant_fit import fit_quadrants
@@ -22,6 +22,7 @@ from analysis.stages import STAGES, Figure, StageRecord
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
 from analysis.trace_files import read_trace, segment_name
+from analysis.uncertainty.budget import COVERAGE_FACTOR
 from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
 from analysis.verdict import Verdict
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +15,12 @@ from analysis.estimators import Ask
 from analysis.grades import GRADED, backlash_limits, grade_of, grade_uncertainty
 from analysis.loop import Loop
 from analysis.method import Decision, Method, MetricWanted
+from analysis.metric_result import MetricResult, SideValue
 from analysis.metrics import Definition, definition
 from analysis.quadrants import Quadrants, TorqueLine
-from analysis.uncertainty.budget import COVERAGE_FACTOR, NOISE, SCATTER, Budget, of_scatter
+from analysis.uncertainty.budget import NOISE, SCATTER, Budget, of_scatter
 from analysis.uncertainty.measurement import ONE_CYCLE, Measurement
-from analysis.units import RAD_PER_ARCMIN
-from analysis.verdict import Verdict, check_limits, judge, worst
+from analysis.verdict import Verdict, check_limits, judge
 
 UNTIMED = (
     "delay and drift are not in its uncertainty, for the trace has no time; the guard band needs them: record the time "
@@ -28,8 +28,6 @@ UNTIMED = (
 )
 OF_CYCLES = (NOISE[0], SCATTER[0], "drift_unseen")
 """Rows of a budget that more cycles make smaller."""
-
-__all__ = ["COVERAGE_FACTOR", "MetricResult", "SideValue", "evaluate"]
 
 
 class _Measured(NamedTuple):
@@ -40,112 +38,6 @@ class _Measured(NamedTuple):
     trouble: str
     why_none: str = ONE_CYCLE
     """Why there is no budget where there are values."""
-
-
-@dataclass(frozen=True)
-class SideValue:
-    """A metric on one side ("+", "-" or "both"): mean over cycles, each cycle's value, and its verdict."""
-
-    side: str
-    value: float | None
-    uncertainty: float | None
-    """Expanded, U = 2·u of the budget; None where nothing is known: no figures of the sensors, and one cycle."""
-    standard_deviation: float | None
-    per_cycle: tuple[float, ...]
-    """Of a magnitude below zero where a cycle fell on the other side than their mean."""
-    verdict: Verdict
-    reason: str
-    budget: Budget | None = None
-    """Of a grade: the budget of its backlash."""
-
-    @property
-    def budget_rows(self) -> list[dict[str, object]]:
-        """Rows of the budget as plain data, largest contribution first."""
-        return [] if self.budget is None else [row._asdict() for row in self.budget.rows]
-
-    @property
-    def uncertainty_kind(self) -> str | None:
-        """What the uncertainty contains, the kind of `Budget`; None without any."""
-        return None if self.budget is None else self.budget.kind
-
-
-@dataclass(frozen=True)
-class MetricResult:
-    """A wanted metric: its definition and, headline first, the value of each side. The worse side judges."""
-
-    wanted: MetricWanted
-    definition: Definition
-    branch: str
-    estimator: str
-    band: float | None
-    torque_nm: float | None
-    sides: tuple[SideValue, ...]
-    choices: tuple[str, ...] = ()
-    """What was chosen otherwise than the definition does by itself."""
-
-    @property
-    def headline(self) -> SideValue:
-        """The side that is asked for, or the positive one."""
-        return self.sides[0]
-
-    @property
-    def limited(self) -> bool:
-        """Say whether the metric has a limit."""
-        return self.wanted.min is not None or self.wanted.max is not None
-
-    @property
-    def verdict(self) -> Verdict | None:
-        """Worst of the sides; None for a value that was asked for without a limit and could be had."""
-        found = worst(side.verdict for side in self.sides)
-        return None if found is Verdict.PASS and not self.limited else found
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why the metric does not pass."""
-        return tuple(side.reason for side in self.sides if side.reason)
-
-    def to_dict(self) -> dict[str, object]:
-        """Return the object of the JSON contract."""
-        shown, cycles = self.headline, self.headline.per_cycle
-        found: dict[str, object] = {
-            "id": self.wanted.id,
-            "definition": self.definition.text,
-            "value": shown.value,
-            "unit": self.definition.unit,
-            "uncertainty": shown.uncertainty,
-            "coverage_factor": None if shown.uncertainty is None else COVERAGE_FACTOR,
-            "uncertainty_kind": shown.uncertainty_kind,
-            "budget": shown.budget_rows,
-            "branch": self.branch,
-            "side": shown.side,
-            "estimator": self.estimator,
-            "choices": list(self.choices),
-            "band": self.band,
-            "torque_nm": self.torque_nm,
-            "cycles": len(cycles),
-            "mean": shown.value,
-            "standard_deviation": shown.standard_deviation,
-            "per_cycle": list(cycles),
-            "limits": {"min": self.wanted.min, "max": self.wanted.max},
-            "verdict": None if self.verdict is None else self.verdict.value,
-            "reasons": list(self.reasons),
-            "sides": {
-                side.side: {
-                    "value": side.value,
-                    "uncertainty": side.uncertainty,
-                    "budget": side.budget_rows,
-                    "standard_deviation": side.standard_deviation,
-                    "per_cycle": list(side.per_cycle),
-                    "verdict": side.verdict.value if self.limited or side.value is None else None,
-                }
-                for side in self.sides
-            },
-        }
-        if shown.budget is not None and shown.budget.monte_carlo is not None:
-            found["monte_carlo"] = shown.budget.monte_carlo._asdict()
-        if self.wanted.id == "hysteresis_energy":
-            found["value_j"] = None if shown.value is None else shown.value * RAD_PER_ARCMIN
-        return found
 
 
 def evaluate(

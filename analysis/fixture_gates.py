@@ -5,10 +5,12 @@ Each returns a Reading, or the reason in words why the figure does not apply her
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from analysis.measured import Evidence, Measured
-from analysis.reading import NOT_EVALUATED, Reading, span_arcmin
+from analysis.reading import NO_SPAN, NOT_EVALUATED, Reading, of_span, span_arcmin
 from analysis.units import ARCMIN_PER_RAD, FloatArray
 
 BLOCKS = 200
@@ -56,7 +58,7 @@ def locked_motion(evidence: Evidence) -> Reading | str:
         slope = min(slope, SOFTER / stiffness)
     left = float(np.ptp(angle - offset - slope * torque))
     words = f"the locked shaft moves by {left:.3g} arcmin that its torque does not explain"
-    return Reading(100.0 * left / span_arcmin(found), words)
+    return of_span(found, left, words)
 
 
 def locked_compliance(evidence: Evidence) -> Reading | str:
@@ -119,4 +121,5 @@ def fixture_share(evidence: Evidence) -> Reading | str:
         taken = (high - low) / method.fixture_stiffness_nm_per_arcmin
     else:
         taken = 0.0
-    return Reading(100.0 * taken / (span_arcmin(found) + taken))
+    whole = span_arcmin(found) + taken
+    return Reading(100.0 * taken / whole) if whole > 0.0 else Reading(math.inf, NO_SPAN)

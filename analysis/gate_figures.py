@@ -1,4 +1,4 @@
-"""Figures of the validity gates: one small function each, from the evidence to a number.
+"""Figures of the validity gates that look at the samples: channels that stand or lag, ramps, torque, temperature.
 
 Each returns a Reading, or the reason in words why the figure does not apply here.
 """
@@ -9,67 +9,21 @@ import numpy as np
 
 from analysis.alignment import skew_of_cycles, windup_speed
 from analysis.branches import Blocks
-from analysis.closure import closure_gaps_arcmin, widest_jump_nm
 from analysis.errors import AnalysisError
 from analysis.measured import Evidence, Measured
-from analysis.reading import NOT_EVALUATED, Reading, span_arcmin
+from analysis.reading import MIDDLE, NOT_EVALUATED, Reading, of_span
 from analysis.samples import BranchSamples
 from analysis.standing_angle import angle_stands, windup_stands
 from analysis.units import BoolArray, FloatArray
 
-NO_RECORD = "the trace comes from elsewhere: nothing is known of how it was recorded"
 EXAMPLE_LAG_S = 0.01
 """Lag whose effect is told where the lag is not known."""
-
-GRID_POINTS = 81
-MIDDLE = 0.8
-"""Share of the peak torque up to which branches are compared: beyond it friction may still be reversing."""
 
 RATE_BLOCKS = 60
 """Stretches of a branch whose rate is compared."""
 
-JUMP = 0.02
-"""Share of a branch's torque that may be missing at a reversal before the closure of its loop cannot be told."""
-
 BIN_FRACTION = 0.02
 """Width of a torque bin, of the reference torque."""
-
-
-def objections(evidence: Evidence) -> Reading | str:
-    """Count what was said against the record itself."""
-    return Reading(float(len(evidence.objections)), "; ".join(evidence.objections))
-
-
-def missed_periods(evidence: Evidence) -> Reading | str:
-    """Share of scan periods that were missed, %."""
-    facts = evidence.facts
-    if facts is None:
-        return NO_RECORD
-    share = facts.missed / facts.periods if facts.periods else 0.0
-    return Reading(share * 100.0, f"{facts.missed} of {facts.periods} scan periods were missed ({share:.3%})")
-
-
-def sample_age(evidence: Evidence) -> Reading | str:
-    """Age of the oldest sample, scans."""
-    facts = evidence.facts
-    if facts is None:
-        return NO_RECORD
-    return Reading(facts.oldest_sample_scans, f"a sample was {facts.oldest_sample_scans} scans old while measuring")
-
-
-def torque_in_saturated(evidence: Evidence) -> Reading | str:
-    """Count samples with the status bit."""
-    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.torque_in_saturated)
-
-
-def torque_out_saturated(evidence: Evidence) -> Reading | str:
-    """Count samples with the status bit."""
-    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.torque_out_saturated)
-
-
-def not_ready(evidence: Evidence) -> Reading | str:
-    """Count samples with the status bit."""
-    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.not_ready)
 
 
 def clipping(evidence: Evidence) -> Reading | str:
@@ -95,62 +49,6 @@ def clipping(evidence: Evidence) -> Reading | str:
     return Reading(100.0 * max(*shares, stands), words if stands > max(shares) else "")
 
 
-def wrong_way(evidence: Evidence) -> Reading | str:
-    """Energy of the cycle that loses least, N·m·arcmin."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
-    energy = min(loop.energy_nm_arcmin for loop in found.loops)
-    text = f"the loop runs the wrong way round ({energy:.3g} N·m·arcmin in a cycle; a loss is positive)"
-    return Reading(energy, text if energy < 0 else "")
-
-
-def loop_closure(evidence: Evidence) -> Reading | str:
-    """Wind-up between start and end of a cycle at the same torque, % of the wind-up of the loop."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
-    gaps = closure_gaps_arcmin(found.pairs, found.blocks)
-    if gaps is None:
-        return "the torque after a reversal is masked: the cycle has no start to compare"
-    jump = widest_jump_nm(found.blocks)
-    words = (
-        f"the branches do not meet: {jump:.3g} N·m are missing in the trace after a reversal, and across them nothing "
-        "says whether the loop closes"
-    )
-    missing = jump > JUMP * float(np.ptp(found.blocks[0].torque_nm))
-    return Reading(100.0 * max(gaps) / span_arcmin(found), words if missing else "")
-
-
-def drift(evidence: Evidence) -> Reading | str:
-    """Drift of the wind-up in a cycle, whether corrected or not, % of the wind-up."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
-    shift = found.drift.per_cycle_arcmin
-    if shift is None:
-        return "one cycle of a kind shows no drift"
-    return Reading(100.0 * abs(shift) / span_arcmin(found), f"the wind-up drifts by {abs(shift):.3g} arcmin in a cycle")
-
-
-def repeat(evidence: Evidence) -> Reading | str:
-    """Largest deviation (rms over torque) of a branch from the mean of its direction, % of the wind-up."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
-    if len(found.loops) < 2:
-        return "one cycle repeats nothing"
-    peak = min(min(-loop.forward.torque_nm[0], loop.backward.torque_nm[-1]) for loop in found.loops)
-    if not peak > 0.0:
-        return "the loops do not pass through zero torque"
-    grid = np.linspace(-MIDDLE * peak, MIDDLE * peak, GRID_POINTS)
-    worst = 0.0
-    for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):
-        angles = np.array([branch.at(grid) for branch in branches])
-        worst = max(worst, float(np.sqrt(np.square(angles - angles.mean(axis=0)).mean(axis=1)).max()))
-    return Reading(100.0 * worst / span_arcmin(found))
-
-
 def lag(evidence: Evidence) -> Reading | str:
     """Change of the loop's width by the skew of angle and torque, corrected or not, % of the wind-up."""
     found = evidence.measured
@@ -167,7 +65,7 @@ def lag(evidence: Evidence) -> Reading | str:
         return Reading(np.inf, "torque and angle lag differently and the trace has no time to say what it makes")
     width = 2.0 * speed * delay
     words = f"{delay * 1e3:.3g} ms between torque and angle move the width of the loop by {width:.3g} arcmin"
-    return Reading(100.0 * width / span_arcmin(found), words)
+    return of_span(found, width, words)
 
 
 def _lag_from_speeds(found: Measured) -> Reading | str:
@@ -190,7 +88,7 @@ def _lag_from_speeds(found: Measured) -> Reading | str:
     words = (
         f"the width of the loop changes with the speed as by {estimated.skew_s * 1e3:.3g} ms between torque and angle"
     )
-    return Reading(100.0 * width / span_arcmin(found), words)
+    return of_span(found, width, words)
 
 
 def ramp_rate(evidence: Evidence) -> Reading | str:

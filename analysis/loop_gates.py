@@ -9,7 +9,7 @@ import math
 
 from analysis.loop import Loop
 from analysis.measured import Evidence
-from analysis.reading import NOT_EVALUATED, Reading, span_arcmin
+from analysis.reading import NO_SPAN, NOT_EVALUATED, Reading, has_span, span_arcmin
 
 SECANT = (0.25, 0.75)
 """Torques between which the stiffness is read, of the lesser of peak and reference torque: beyond play and reversal."""
@@ -58,6 +58,8 @@ def loss(evidence: Evidence) -> Reading | str:
     found = evidence.measured
     if found is None:
         return NOT_EVALUATED
+    if not has_span(found):
+        return Reading(-math.inf, NO_SPAN)
     way = float(found.loops[0].forward.torque_nm[-1] - found.loops[0].forward.torque_nm[0])
     least = min(loop.energy_nm_arcmin for loop in found.loops)
     return Reading(100.0 * least / (way * span_arcmin(found)))

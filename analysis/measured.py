@@ -56,8 +56,12 @@ class RunFacts:
 
 @dataclass(frozen=True)
 class Evidence:
-    """All that validity gates look at; `measured` is None when the trace could not be evaluated at all."""
+    """All that validity gates look at; `measured` is None when the trace could not be evaluated at all.
+
+    noise_declared: a bench is known whose sensors have noise.
+    """
 
     measured: Measured | None
     facts: RunFacts | None = None
     objections: tuple[str, ...] = ()
+    noise_declared: bool = False

@@ -16,12 +16,13 @@ from analysis.branches import Blocks, Branch, binned, branch_records, monotone
 from analysis.closure import closed_loops
 from analysis.drift import Pairs, correct_drift
 from analysis.errors import AnalysisError
-from analysis.evaluate import MetricResult, evaluate
+from analysis.evaluate import evaluate
 from analysis.fixture import correct_fixture
 from analysis.gates import GateResult, gate_reasons, judge_gates
 from analysis.loop import Loop, fit_record, reversal_record
 from analysis.measured import Evidence, Measured, RunFacts
 from analysis.method import Decision, Method, MetricWanted
+from analysis.metric_result import MetricResult
 from analysis.metrics import definition
 from analysis.quadrants import Quadrants
 from analysis.samples import branch_samples, output_torque_record, torque_ratio
@@ -102,7 +103,8 @@ def analyse(
     rows = [definition(one) for one in wanted]
     with np.errstate(all="ignore"):
         found = measure(trace, method, with_ratio=any(row.estimate is None for row in rows))
-        gates = judge_gates(Evidence(found, facts, tuple(invalid)), method.gate_limits)
+        noisy = figures is not None and figures.noisy
+        gates = judge_gates(Evidence(found, facts, tuple(invalid), noisy), method.gate_limits)
         problems = gate_reasons(gates, tuple(invalid))
         errors, stage = measurement_of(found, figures, draws)
         closed = closed_loops(found.loops, found.pairs, found.blocks)

@@ -125,8 +125,8 @@ def _leftovers(trace: Trace, calibration: Sequence[Run], quadrants: Quadrants, p
     return left
 
 
-def _in_bins(torque: FloatArray, error: FloatArray, bins: int) -> tuple[FloatArray, FloatArray]:
-    """Mean of torque and error in bins of equal width; bins without samples are left out."""
+def _in_bins(torque: FloatArray, error: FloatArray, bins: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean of torque and error in bins of equal width, and their samples; bins without samples are left out."""
     low, high = float(torque.min()), float(torque.max())
     index = np.minimum(((torque - low) / (high - low) * bins).astype(np.int64), bins - 1)
     count = np.bincount(index, minlength=bins)
@@ -134,7 +134,7 @@ def _in_bins(torque: FloatArray, error: FloatArray, bins: int) -> tuple[FloatArr
     mean_torque, mean_error = (
         np.bincount(index, weights=values, minlength=bins)[there] / count[there] for values in (torque, error)
     )
-    return mean_torque, mean_error
+    return mean_torque, mean_error, count[there].astype(np.float64)
 
 
 def _fit_transition(trace: Trace, calibration: Sequence[Run], steady: Quadrants, peak: float) -> float | None:

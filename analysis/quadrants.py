@@ -44,12 +44,17 @@ class TorqueLine(NamedTuple):
 
 
 class Leftover(NamedTuple):
-    """Converted less measured torque [N·m] over converted torque [N·m], in two fineness: what is corrected, and all."""
+    """Converted less measured torque [N·m] over converted torque [N·m], in two fineness: what is corrected, and all.
+
+    counts: samples behind each.
+    """
 
     torque_nm: FloatArray
     error_nm: FloatArray
+    counts: FloatArray
     fine_torque_nm: FloatArray
     fine_error_nm: FloatArray
+    fine_counts: FloatArray
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from analysis.measured import Measured
 
 NOT_EVALUATED = "the trace could not be evaluated"
+NO_SPAN = "there is no measurable span: the wind-up does not change over the cycle"
+
+MIDDLE = 0.8
+"""Share of the peak torque up to which branches are compared: beyond it friction may still be reversing."""
+
+LEAST_SPAN_ARCMIN = 1e-9
+"""A wind-up below this is rounding: nothing is a share of it."""
 
 
 class Reading(NamedTuple):
@@ -16,9 +24,18 @@ class Reading(NamedTuple):
     words: str = ""
 
 
+def of_span(found: Measured, arcmin: float, words: str = "") -> Reading:
+    """Return an angle as a share of the wind-up, %; infinity, in plain words, where there is none to be a share of."""
+    return Reading(100.0 * arcmin / span_arcmin(found), words) if has_span(found) else Reading(math.inf, NO_SPAN)
+
+
+def has_span(found: Measured) -> bool:
+    """Say whether the wind-up changes over the first cycle at all."""
+    return span_arcmin(found) > LEAST_SPAN_ARCMIN
+
+
 def span_arcmin(found: Measured) -> float:
     """Wind-up between the turning points of the first cycle, arcmin: what shares of the wind-up are of."""
     loop = found.loops[0]
-    top = max(float(loop.forward.angle_arcmin[-1]), float(loop.backward.angle_arcmin[-1]))
-    bottom = min(float(loop.forward.angle_arcmin[0]), float(loop.backward.angle_arcmin[0]))
-    return max(top - bottom, 1e-12)
+    ends = [float(branch.angle_arcmin[end]) for branch in (loop.forward, loop.backward) for end in (0, -1)]
+    return max(ends) - min(ends)

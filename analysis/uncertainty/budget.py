@@ -122,7 +122,7 @@ def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigure
             moves = line_moves(name, line, loop, circumstances)
             text = f"calibration line, {name.replace('_', ' ')}, at the reference torque"
             found.append(UsedSource(f"calibration_{name}", text, "N·m", "normal", 1.0, u, 1.0, moves))
-    u, moves = transfer_moves(loop, circumstances)
+    u, moves = transfer_moves(loop, circumstances, figures)
     if u > 0.0:
         found.append(UsedSource(*TRANSFER, "N·m", "normal", 1.0, u, 1.0, moves))
     return tuple(found)

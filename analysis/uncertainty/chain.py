@@ -66,14 +66,21 @@ def _move(
     for branch, direction in ((loop.forward, 1), (loop.backward, -1)):
         points = circumstances.points(branch, direction)
         effect = shape(Setting(points, circumstances, figures)) if "measuring" in during else NOTHING
-        torque = _converted(effect, points, lines) if circumstances.converted else effect.torque_out_nm
+        corrected = circumstances.corrects(direction)
+        torque = (
+            _converted(effect, points, lines, corrected=corrected) if circumstances.converted else effect.torque_out_nm
+        )
         parts.append((torque, effect.angle_arcmin))
     return Move(parts[0], parts[1])
 
 
-def _converted(effect: Effect, points: Points, lines: dict[str, LineMove]) -> FloatArray | float:
-    """Error of a converted torque: of the input torque by the slope, and of the lines themselves."""
-    if points.torque_in_nm is None:
+def _converted(effect: Effect, points: Points, lines: dict[str, LineMove], *, corrected: bool) -> FloatArray | float:
+    """Error of a converted torque: of the input torque by the slope, and of the lines themselves.
+
+    A conversion that was corrected by what it left over while calibrating gives back what the output sensor read there,
+    whatever line lies between: its errors are the converted torque's, and those of the input sensor cancel.
+    """
+    if points.torque_in_nm is None or corrected:
         return effect.torque_out_nm
     still = LineMove(0.0, 0.0)
     positive, negative = (lines.get(line_name(sign, points.direction), still) for sign in (1, -1))
@@ -94,6 +101,6 @@ def line_moves(shape: Shape, circumstances: Circumstances, figures: SensorFigure
         if torque_in is None:
             continue
         change = np.zeros_like(torque_in) + effect.torque_out_nm - points.slope * effect.torque_in_nm
-        offset, slope = np.polynomial.polynomial.polyfit(torque_in, change, 1)
+        offset, slope = np.polynomial.polynomial.polyfit(torque_in, change, 1) if change.any() else (0.0, 0.0)
         found[name] = LineMove(float(offset), float(slope))
     return found

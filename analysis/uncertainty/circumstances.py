@@ -77,6 +77,10 @@ class Circumstances:
         """Say whether the calibration lines were measured in this run, by the same sensors and tares."""
         return self.quadrants is not None and bool(self.quadrants.fits)
 
+    def corrects(self, direction: int) -> bool:
+        """Say whether what the lines of this run left over while calibrating is taken off a branch."""
+        return self.lines_of_this_run and self.quadrants is not None and direction in self.quadrants.left
+
     @property
     def locked(self) -> str:
         """Encoder of the locked shaft."""

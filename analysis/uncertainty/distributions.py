@@ -1,7 +1,7 @@
 """Distributions of errors: standard uncertainty from a declared figure, and draws of the error's components.
 
-A cyclic error has two components (sine and cosine of the shaft's angle), for nobody knows its phase; the staircase of
-an encoder's counts has two for each of its harmonics.
+A cyclic error has two components (sine and cosine of the shaft's angle), for nobody knows its phase; the counts of an
+encoder have one for each way in which they may lie.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ def _cyclic(random: np.random.Generator, limit: float, draws: int, components: i
 
 
 def _quantised(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:
-    # One phase: sine and cosine parts of sin(k (x - phase)), whose sum is the staircase moved by the phase.
-    phase = random.uniform(0.0, 2.0 * math.pi, draws)
-    waves = np.arange(1, components // 2 + 1)[:, np.newaxis] * phase
-    parts = np.stack([np.cos(waves), -np.sin(waves)], axis=1).reshape(components, draws)
-    return limit * math.sqrt(2.0 / 3.0) * parts.T
+    # Counts lie in one way at a time, in each as often: all components together have the size of one error.
+    drawn = np.zeros((draws, components))
+    amount = random.choice((-1.0, 1.0), draws) * (limit * math.sqrt(components / 3.0))
+    drawn[np.arange(draws), random.permutation(draws) % components] = amount
+    return drawn
 
 
 def _phased(random: np.random.Generator, amplitude: FloatArray) -> FloatArray:

@@ -108,6 +108,13 @@ class SensorFigures:
         """Refuse figures below zero or not finite."""
         _check("figures", _numbers(self))
 
+    @property
+    def noisy(self) -> bool:
+        """Say whether any sensor is declared to have noise."""
+        torques = (one.noise_fraction for one in (self.torque_in, self.torque_out) if one is not None)
+        angles = (one.noise_rad for one in (self.angle_in, self.angle_out) if one is not None)
+        return any(noise > 0.0 for noise in (*torques, *angles))
+
 
 def _numbers(figures: object) -> dict[str, float]:
     return {name: value for name, value in vars(figures).items() if isinstance(value, int | float)}

@@ -19,12 +19,11 @@ from analysis.units import RAD_PER_ARCMIN, FloatArray
 
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
-STAIRCASE = (math.sqrt(6.0) / math.pi, math.sqrt(6.0) / (2.0 * math.pi), math.sqrt(1.0 - 7.5 / math.pi**2))
-"""Harmonics of the error of rounding, as parts of its standard deviation; the last stands for all that are higher.
+ROUNDINGS = 24
+"""Ways in which the counts of an encoder may lie over a loop; their contributions are averaged as variances."""
 
-The sawtooth sum of sin(k x) / k has 6 / (k π)² of its variance in harmonic k. One sine alone would cancel between two
-places that are a whole number of counts apart, and the staircase does not.
-"""
+ROUNDING_SEED = 5
+"""The same loop has the same uncertainty whenever it is evaluated."""
 
 TorqueName = Literal["torque_in", "torque_out"]
 
@@ -120,6 +119,13 @@ def _encoder(figures: SensorFigures, name: AngleName) -> AngleFigures | None:
     return figures.angle_in if name == "angle_in" else figures.angle_out
 
 
+def _turned_arcmin(setting: Setting, name: AngleName, stretch: float = 1.0) -> FloatArray:
+    """Angle that the shaft of an encoder has turned, at the output; stretch: of what the fixture gives way by."""
+    stiffness = setting.circumstances.method.fixture_stiffness_nm_per_arcmin or math.inf
+    turned: FloatArray = setting.points.torque_nm * (stretch / stiffness)
+    return turned if name == setting.circumstances.locked else turned + setting.points.angle_arcmin
+
+
 def _cyclic(
     name: AngleName, period_rad: Callable[[AngleFigures], float], wave: Callable[[FloatArray], FloatArray]
 ) -> Shape:
@@ -130,17 +136,53 @@ def _cyclic(
         if encoder is None:
             return NOTHING
         scale = method.ratio if name == "angle_in" else 1.0
-        turned = setting.points.torque_nm / (method.fixture_stiffness_nm_per_arcmin or math.inf)
-        if name != setting.circumstances.locked:
-            turned = turned + setting.points.angle_arcmin
-        phase = turned * (2.0 * math.pi * RAD_PER_ARCMIN * scale / period_rad(encoder))
+        phase = _turned_arcmin(setting, name) * (2.0 * math.pi * RAD_PER_ARCMIN * scale / period_rad(encoder))
         return Effect(angle_arcmin=wave(phase) / (60.0 * scale))
 
     return shape
 
 
-def _harmonic(wave: np.ufunc, harmonic: int, part: float) -> Callable[[FloatArray], FloatArray]:
-    return lambda phase: np.asarray(part * wave(harmonic * phase))
+class Rounding(NamedTuple):
+    """One way in which counts may lie: where the first begins [counts], phase of the error within a line [rad].
+
+    amplitude, stretch: of that error and of the fixture's deviation, parts of what is declared, 0…1 and -1…1.
+    """
+
+    start: float
+    phase: float
+    amplitude: float
+    stretch: float
+
+
+def _roundings() -> list[Rounding]:
+    """Return the ways that are tried: each of the four is spread evenly, in an order of its own."""
+    random = np.random.default_rng(ROUNDING_SEED)
+    start, phase, amplitude, stretch = ((random.permutation(ROUNDINGS) + 0.5) / ROUNDINGS for _ in range(4))
+    rows = zip(start, 2.0 * math.pi * phase, amplitude, 2.0 * stretch - 1.0, strict=True)
+    return [Rounding(*(float(value) for value in row)) for row in rows]
+
+
+def _rounded(name: AngleName, way: Rounding) -> Shape:
+    """Error of rounding to counts, per arcsec at the encoder's shaft; all ways together have the size of one.
+
+    Rounded is what the encoder reads: its angle with the error within a line in it. Between two places some counts
+    apart that error, and what is not known of the fixture, move the distance by more than a part of a count: so two
+    places that seem to be a whole number of counts apart are not rounded alike.
+    """
+
+    def shape(setting: Setting) -> Effect:
+        encoder = _encoder(setting.figures, name)
+        if encoder is None:
+            return NOTHING
+        scale = setting.circumstances.method.ratio if name == "angle_in" else 1.0
+        stretch = 1.0 + way.stretch * setting.figures.fixture_fraction
+        angle = _turned_arcmin(setting, name, stretch) * (RAD_PER_ARCMIN * scale)
+        wave = np.sin(2.0 * math.pi * angle / encoder.line_rad + way.phase)
+        counts = (angle + way.amplitude * encoder.interpolation_rad * wave) / encoder.step_rad + way.start
+        error = np.round(counts) - counts
+        return Effect(angle_arcmin=error * (math.sqrt(12.0 / ROUNDINGS) / (60.0 * scale)))
+
+    return shape
 
 
 def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
@@ -203,11 +245,6 @@ def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
     def both(period_rad: Callable[[AngleFigures], float]) -> tuple[Shape, ...]:
         return tuple(_cyclic(name, period_rad, wave) for wave in (np.sin, np.cos))
 
-    staircase = tuple(
-        _cyclic(name, lambda encoder: encoder.step_rad, wave)
-        for harmonic, part in enumerate(STAIRCASE, start=1)
-        for wave in (_harmonic(np.sin, harmonic, part), _harmonic(np.cos, harmonic, part))
-    )
     return [
         ErrorSource(
             f"{name}_turn", f"error of the {words} encoder over a turn", "arcsec", cyclic,
@@ -219,7 +256,8 @@ def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
         ),
         ErrorSource(
             f"{name}_step", f"counts of the {words} encoder (rounding)", "arcsec", lambda _: "quantised",
-            limit(lambda encoder: encoder.step_rad / 2.0), staircase,
+            limit(lambda encoder: encoder.step_rad / 2.0),
+            tuple(_rounded(name, way) for way in _roundings()),
         ),
     ]  # fmt: skip
 

@@ -1,8 +1,10 @@
 """What a converted torque may be wrong by beside its lines: friction about zero torque and after reversals.
 
-Lines measured in the same run are corrected by what they leave over while calibrating, in bins of torque. What is still
-left within the bins, noise of the calibration and structure that they do not resolve, is the error here; it has another
-sign in every bin. Stored lines bring no such record: about zero torque their friction may be that of either line.
+Lines measured in the same run are corrected by what they leave over while calibrating, in bins of torque. What the
+correction gets wrong is the error here: the noise of the mean of a bin, and the structure that a bin does not resolve,
+u² = s² − (σ_fine² − σ_bin²) + σ_bin². s² is the mean square of what finer bins show beyond the correction; declared
+noise over the samples of a fine bin and of a bin makes the σ. The error has another sign in every bin. Stored lines
+bring no such record: about zero torque their friction may be that of either line.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from analysis.loop import Loop
 from analysis.quadrants import Leftover, Quadrants
 from analysis.uncertainty.chain import Move
 from analysis.uncertainty.circumstances import Circumstances, line_name
+from analysis.uncertainty.figures import SensorFigures
 from analysis.units import FloatArray, IntArray
 
 PATTERNS = 12
@@ -25,7 +28,7 @@ SEED = 3
 Part = tuple[FloatArray | float, FloatArray | float]
 
 
-def transfer_moves(loop: Loop, circumstances: Circumstances) -> tuple[float, tuple[Move, ...]]:
+def transfer_moves(loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> tuple[float, tuple[Move, ...]]:
     """Return the standard uncertainty [N·m] of the conversion at one torque (root mean square) and its moves.
 
     A move is one standard uncertainty of a component. Zero and none without a conversion.
@@ -34,11 +37,11 @@ def transfer_moves(loop: Loop, circumstances: Circumstances) -> tuple[float, tup
     if not circumstances.converted or quadrants is None:
         return 0.0, ()
     if quadrants.left:
-        return _measured(loop, quadrants)
+        return _measured(loop, quadrants, figures)
     return _stored(loop, quadrants)
 
 
-def _measured(loop: Loop, quadrants: Quadrants) -> tuple[float, tuple[Move, ...]]:
+def _measured(loop: Loop, quadrants: Quadrants, figures: SensorFigures) -> tuple[float, tuple[Move, ...]]:
     random = np.random.default_rng(SEED)
     sizes = []
     parts: dict[int, list[Part]] = {1: [(0.0, 0.0)] * PATTERNS, -1: [(0.0, 0.0)] * PATTERNS}
@@ -46,7 +49,7 @@ def _measured(loop: Loop, quadrants: Quadrants) -> tuple[float, tuple[Move, ...]
         left = quadrants.left.get(direction)
         if left is None:
             continue
-        size = _size(left)
+        size = _size(left, _sample_variance(quadrants, left, direction, figures))
         sizes.append(size)
         signs = random.choice((-1.0, 1.0), (PATTERNS, size.size)) / math.sqrt(PATTERNS)
         # each point has the error of its own bin: between two bins of unlike sign the error is not smaller than in them
@@ -62,12 +65,30 @@ def _bins_at(torque_nm: FloatArray, left: Leftover) -> IntArray:
     return np.searchsorted(between, torque_nm)
 
 
-def _size(left: Leftover) -> FloatArray:
-    """Root mean square, per bin of the correction, of what the correction leaves over."""
+def _sample_variance(quadrants: Quadrants, left: Leftover, direction: int, figures: SensorFigures) -> FloatArray:
+    """Variance [N²·m²] of one sample of converted less measured torque by noise, at the fine bins."""
+    noise_in, noise_out = (
+        0.0 if sensor is None else sensor.noise_fraction * sensor.full_scale_nm
+        for sensor in (figures.torque_in, figures.torque_out)
+    )
+    positive, negative = (getattr(quadrants, line_name(sign, direction)).slope for sign in (1, -1))
+    slope = np.where(left.fine_torque_nm >= 0.0, positive, negative)
+    variance: FloatArray = np.square(slope * noise_in) + noise_out**2
+    return variance
+
+
+def _size(left: Leftover, sample_variance: FloatArray) -> FloatArray:
+    """Error of the correction, per bin of it: its noise, and what of the finer bins is more than noise."""
     over = left.fine_error_nm - np.interp(left.fine_torque_nm, left.torque_nm, left.error_nm)
     nearest = _bins_at(left.fine_torque_nm, left)
-    count = np.maximum(np.bincount(nearest, minlength=left.torque_nm.size), 1)
-    size: FloatArray = np.sqrt(np.bincount(nearest, weights=np.square(over), minlength=left.torque_nm.size) / count)
+    bins = left.torque_nm.size
+    count = np.maximum(np.bincount(nearest, minlength=bins), 1)
+    shown, of_sample, fine = (
+        np.bincount(nearest, weights=values, minlength=bins) / count
+        for values in (np.square(over), sample_variance, sample_variance / left.fine_counts)
+    )
+    noise = of_sample / left.counts
+    size: FloatArray = np.sqrt(np.maximum(shown - np.maximum(fine - noise, 0.0), 0.0) + noise)
     return size
 
 

@@ -67,11 +67,9 @@ def capability(
 ) -> None:
     """Capability of the line for one metric: Cp, Cpk, Pp and Ppk against its limits."""
     from station.commands import line_statistics as line
-    from station.commands.stored_values import Ask
+    from station.commands.stored_values import asked_of
 
-    asked = line.Asked(
-        file, column, data, None if metric is None else Ask(metric, side, branch, recipe, None, attempts)
-    )
+    asked = line.Asked(file, column, data, asked_of(metric, side, branch, recipe, attempts=attempts))
     raise typer.Exit(line.capability_of(asked, (lower, upper), subgroup, level, as_json=as_json))
 
 
@@ -88,9 +86,9 @@ def units(
 ) -> None:
     """How one metric differs from unit to unit, apart from how it repeats, and which units are unusual."""
     from station.commands import line_statistics as line
-    from station.commands.stored_values import Ask
+    from station.commands.stored_values import asked_of
 
-    asked = line.Asked(file, column, data, None if metric is None else Ask(metric, side, branch, recipe))
+    asked = line.Asked(file, column, data, asked_of(metric, side, branch, recipe))
     raise typer.Exit(line.units_of(asked, level, as_json=as_json))
 
 
@@ -117,9 +115,9 @@ def gage(
     from these stored runs.
     """
     from station.commands import gage as command_gage
-    from station.commands.stored_values import Ask
+    from station.commands.stored_values import asked_of
 
-    ask = None if metric is None else Ask(metric, side, branch, recipe)
+    ask = asked_of(metric, side, branch, recipe)
     raise typer.Exit(command_gage.gage(file, ask, data, by, (tolerance, level), as_json=as_json))
 
 
@@ -147,9 +145,9 @@ def master_part(
     Exit code: 0 in control, 1 a rule is broken, 2 bad input.
     """
     from station.commands import line_statistics as line
-    from station.commands.stored_values import Ask
+    from station.commands.stored_values import asked_of
 
-    ask = None if metric is None else Ask(metric, side, branch, recipe, serial)
+    ask = asked_of(metric, side, branch, recipe, serial)
     certified = None if reference is None else (reference, u_reference)
     raise typer.Exit(
         line.master_part_of(line.Asked(file, column, data, ask), baseline, certified, level, as_json=as_json)

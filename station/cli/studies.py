@@ -76,9 +76,9 @@ def temperature(
     temperature while measuring is taken.
     """
     from station.commands import studies as command_studies
-    from station.commands.stored_values import Ask
+    from station.commands.stored_values import asked_of
 
-    ask = None if metric is None else Ask(metric, side, branch, recipe, serial)
+    ask = asked_of(metric, side, branch, recipe, serial)
     raise typer.Exit(command_studies.temperature(file, column, ask, data, (reference, level), as_json=as_json))
 
 

@@ -18,6 +18,9 @@ from station.reports.result_text import limits_text, minus, unit_text
 TIMES = ("days", "day", "started", "time")
 """Columns of a CSV file that say when: a number of days, or a date and time as ISO 8601 writes it."""
 
+LEAST_SHARE = 1e-6
+"""Share of units beyond the limits that is still told as a figure: 1 in a million. No tail is known further out."""
+
 SECONDS_PER_DAY = 86400.0
 OUT_OF_CONTROL = 1
 
@@ -83,7 +86,7 @@ def capability_of(
     if limits == (None, None) and found.stored is not None:
         lower, upper = found.stored.limits.get("min"), found.stored.limits.get("max")
     if lower is None and upper is None:
-        raise StationError(f"capability of {found.name}: there is no limit; give --min, --max or both")
+        raise StationError(f"capability of {found.name}: {_no_limit(found)}")
     one = capability(found.values, lower, upper, subgroup, level)
     both = lower is not None and upper is not None
     rows = [
@@ -95,12 +98,29 @@ def capability_of(
         f"limit {limits_text({'min': lower, 'max': upper})} {unit_text(found.unit)}".rstrip(),
         Grid(("spread", "standard deviation", "Cp, Pp", "Cpk, Ppk"), rows, right=(1, 2, 3)),
         f"Cpk {figure(one.cpk_low, '', 3)} … {figure(one.cpk_high, '', 3)} with {level:.0%} confidence",
-        f"expected beyond limits: {100 * one.outside_fraction:.2g} % of the units, if they are normally distributed",
+        f"expected beyond limits: {_share(one.outside_fraction)} of the units, if they are normally distributed",
     ]
     if not both:
         blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk are of the side that has the limit")
     document = {**found.head(), "level": level, "subgroup": subgroup, **dataclasses.asdict(one)}
     return say(document, [*blocks, *found.notes()], as_json=as_json)
+
+
+def _no_limit(found: Values) -> str:
+    """Say why there is no limit, and how to give one."""
+    give = "give --min X, --max X or both"
+    if found.stored is None:
+        return f"a file has no limits; {give}"
+    newest = found.stored.values[-1].run
+    return (
+        f"the recipe of the newest run, {newest.id}, has no limit on it; {give}, or choose with --recipe NAME the runs "
+        "of a recipe that has one"
+    )
+
+
+def _share(fraction: float) -> str:
+    """Return a share of the units in per cent; below what any normal distribution can be trusted with, only that."""
+    return f"less than {100 * LEAST_SHARE:g} %" if fraction < LEAST_SHARE else f"{100 * fraction:.2g} %"
 
 
 def units_of(asked: Asked, level: float, *, as_json: bool) -> int:

@@ -36,6 +36,19 @@ class Ask:
     attempts: str = "all"
 
 
+def asked_of(
+    metric: str | None,
+    side: str | None = None,
+    branch: str | None = None,
+    recipe: str | None = None,
+    serial: str | None = None,
+    *,
+    attempts: str = "all",
+) -> Ask | None:
+    """Return what a command line asks of the stored runs; None without a metric: a file is meant."""
+    return None if metric is None else Ask(metric, side, branch, recipe, serial, attempts)
+
+
 @dataclass(frozen=True)
 class StoredValue:
     """One run's value of a metric, with the run it came from; operator: '' where the run has none."""

@@ -28,7 +28,7 @@ Row = tuple[str, ...]
 
 @dataclass(frozen=True)
 class BudgetTable:
-    """Uncertainty budget of one metric: rows of source, u, sensitivity, contribution, share."""
+    """Uncertainty budget of one metric: rows of `BUDGET_HEADS`."""
 
     metric: str
     expanded: str
@@ -57,7 +57,7 @@ class Content:
 
 
 LINE_HEADS = ("quadrant", "C [N·m]", "m", "u(C)", "u(m)", "correlation", "s [N·m]", "points", "flagged")
-BUDGET_HEADS = ("source", "u", "sensitivity", "contribution", "share")
+BUDGET_HEADS = ("source", "distribution", "u", "sensitivity", "contribution", "share")
 GATE_HEADS = ("gate", "what was found", "")
 
 
@@ -127,6 +127,7 @@ def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ..
         table = [
             (
                 str(row.get("text") or row.get("quantity")),
+                str(row.get("distribution") or "–"),
                 figure_text(row.get("u"), str(row.get("unit") or ""), 3),
                 figure_text(row.get("sensitivity"), "", 3),
                 figure_text(row.get("contribution"), metric["unit"], 3),
@@ -138,7 +139,7 @@ def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ..
             left = [row for row in rows if row not in shown]
             names = ", ".join(str(row.get("quantity")).replace("_", " ") for row in left)
             share = sum(float(row.get("share") or 0.0) for row in left)
-            table.append((f"less than {LEAST_SHARE:.1%} each: {names}", "", "", "", f"{share:.1%}"))
+            table.append((f"less than {LEAST_SHARE:.1%} each: {names}", "", "", "", "", f"{share:.1%}"))
         expanded = f"{number(metric['value'], metric['uncertainty'])} {uncertainty_text(dict(metric))}"
         found.append(BudgetTable(metric_name(dict(metric)), f"{expanded} {unit_text(metric['unit'])}", tuple(table)))
     return tuple(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,8 @@ from station.reports.timing_plot import timing_figure
 from station.results.evaluation import method_of
 
 HTML, PDF = "report.html", "report.pdf"
+TITLE_LETTERS = 90
+"""Letters of a title that fit the width of a picture."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +76,7 @@ def pictures_of(record: RunRecord, shown: Shown) -> dict[str, bytes]:
     pictures: dict[str, bytes] = {}
     if history is None:
         return pictures
-    title = "   ".join((result["serial"], result["recipe"]["name"], *virtual_badges(result)))
-    title += f"\n{headline(result).text}"
+    title = picture_title(result)
     method = method_of(job.recipe, job.bench)
     pictures["loop.png"] = png(loop_figure(history, shown.analysis, method, title))
     if result["state"] != "complete":
@@ -89,6 +91,12 @@ def pictures_of(record: RunRecord, shown: Shown) -> dict[str, bytes]:
     except (RecordError, AnalysisError, TypeError, ValueError, KeyError):
         timing = None
     return pictures | ({} if timing is None else {"timing.png": png(timing)})
+
+
+def picture_title(result: dict[str, Any]) -> str:
+    """Return what stands above a picture: what it came to, in lines that fit its width, then whose it is."""
+    said = textwrap.fill(headline(result).text, TITLE_LETTERS)
+    return "\n".join((said, "   ".join((result["serial"], result["recipe"]["name"], *virtual_badges(result)))))
 
 
 def write_reports(record: RunRecord, shown: Shown) -> None:

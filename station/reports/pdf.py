@@ -197,7 +197,7 @@ def _alarms(result: dict[str, Any]) -> list[Any]:
 def _budgets(content: Content) -> list[Any]:
     parts: list[Any] = []
     for budget in content.budgets:
-        table = grid(BUDGET_HEADS, budget.rows, (75, 27, 18, 30, 12))
+        table = grid(BUDGET_HEADS, budget.rows, (62, 21, 25, 18, 27, 12))
         parts.append(KeepTogether([paragraph(f"{budget.metric} = {budget.expanded}", "subhead"), table]))
     return [*_heading("Uncertainty budgets"), *parts] if parts else []
 

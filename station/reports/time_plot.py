@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from itertools import pairwise
 
 import matplotlib as mpl
@@ -15,6 +16,12 @@ from station.reports.loop_plot import GRID, LIMIT, LOADING, STYLE, UNLOADING
 
 SIZE_INCH = (8.4, 4.6)
 MOST_POINTS = 4000
+LINE_ROOM = 0.09
+"""Room for a line of words below or above the torque, share of its range."""
+
+LETTERS = 46
+"""Letters of the alarm's text that the width of the whole run holds."""
+
 AROUND_S = 1.0
 """Seconds shown before and behind the alarm in the window beside the whole run."""
 
@@ -43,6 +50,7 @@ def time_figure(history: History, title: str) -> Figure:
         grid = figure.subplots(rows, columns, sharex="col", squeeze=False, height_ratios=(2, 1)[:rows])
         for column in range(columns):
             _column(list(grid[:, column]), history, zoomed=column == 1)
+            _room(grid[0, column], len(_alarm_lines(history)))
         grid[0, 0].set_ylabel("torque at the output  [N·m]")
         if rows == 2:
             grid[1, 0].set_ylabel("locked shaft  [arcmin]")
@@ -72,9 +80,9 @@ def _column(column: list[Axes], history: History, *, zoomed: bool) -> None:
             axes.axvline(history.alarm_s, color=LIMIT, linewidth=1.2)
     column[-1].set_xlabel("time  [s]")
     if history.alarm_s is not None and not zoomed:
-        left = history.alarm_s > (start + end) / 2
-        column[0].annotate(
-            history.alarm_text,
+        left = _alarm_share(history) > 0.5
+        said = column[0].annotate(
+            "\n".join(_alarm_lines(history)),
             (history.alarm_s, 0.02),
             xycoords=("data", "axes fraction"),
             xytext=(-5 if left else 5, 4),
@@ -84,6 +92,26 @@ def _column(column: list[Axes], history: History, *, zoomed: bool) -> None:
             fontsize=8,
             fontweight="bold",
         )
+        said.set_in_layout(False)
+
+
+def _alarm_share(history: History) -> float:
+    """Return where in the whole run the alarm came, 0 to 1."""
+    start, end = float(history.t_s[0]), float(history.t_s[-1])
+    return 0.0 if history.alarm_s is None or end <= start else (history.alarm_s - start) / (end - start)
+
+
+def _alarm_lines(history: History) -> list[str]:
+    """Break the text of the alarm into lines that fit the wider side of it; none without an alarm."""
+    share = _alarm_share(history)
+    return textwrap.wrap(history.alarm_text, max(int(LETTERS * max(share, 1.0 - share)), 1))
+
+
+def _room(axes: Axes, lines: int) -> None:
+    """Keep the curve out of the words: lines of the alarm below it, names of states above it."""
+    low, high = axes.get_ylim()
+    words = LINE_ROOM * (high - low)
+    axes.set_ylim(low - (lines + 0.5) * words, high + words)
 
 
 def _bands(axes: Axes, history: History, *, named: bool) -> None:

@@ -22,6 +22,8 @@ from analysis import (
     Quadrants,
     Result,
     RunFacts,
+    SensorFigures,
+    TorqueFigures,
     TorqueLine,
     Trace,
     Verdict,
@@ -29,6 +31,7 @@ from analysis import (
     gate_reasons,
     judge_gates,
 )
+from analysis.cycle_gates import COMPARED
 from recipes.recipe_schema import Validity
 from recipes.section import option_name
 
@@ -50,6 +53,9 @@ GOOD = dataclasses.replace(
 )
 KNOWN = dataclasses.replace(METHOD, lags_s=LAGS)
 
+FIGURES = SensorFigures(torque_in=TorqueFigures(5.0), torque_out=TorqueFigures(1000.0))
+"""Noise is declared: no two cycles are alike."""
+
 Bad = Callable[[], dict[str, Any]]
 """What `judged` is given instead of the good run."""
 
@@ -57,7 +63,7 @@ Bad = Callable[[], dict[str, Any]]
 def judged(
     trace: Trace = GOOD, method: Method = KNOWN, facts: RunFacts | None = FACTS, invalid: tuple[str, ...] = ()
 ) -> Result:
-    return analyse(trace, method, WANTED, invalid=invalid, facts=facts)
+    return analyse(trace, method, WANTED, invalid=invalid, facts=facts, figures=FIGURES)
 
 
 def facts(**changes: Any) -> dict[str, Any]:
@@ -79,6 +85,19 @@ def one_cycle_off() -> dict[str, Any]:
     """The second cycle finds another angle, and the third the old one."""
     second = [index for index, info in GOOD.segments.items() if info.role == "measure" and info.cycle == 2]
     return changed(angle_in_rad=GOOD.angle_in_rad + np.isin(GOOD.segment, second) * 0.5 * ARC * RATIO)
+
+
+def copied_cycle(after: int = 1) -> dict[str, Any]:
+    """The second cycle is the first one once more, from a sample on."""
+    cycles = [[key for key, info in GOOD.segments.items() if info.role == "measure" and info.cycle == number]
+              for number in (1, 2)]  # fmt: skip
+    channels = {name: getattr(GOOD, name).copy() for name in COMPARED}
+    for source, target in zip(*cycles, strict=True):
+        here, there = (np.flatnonzero(GOOD.segment == key) for key in (source, target))
+        size = min(here.size, there.size)
+        for values in channels.values():
+            values[there[after:size]] = values[here[after:size]]
+    return changed(**channels)
 
 
 def uneven_ramp() -> dict[str, Any]:
@@ -157,6 +176,7 @@ BAD: dict[str, Bad] = {
     "loop_closure": steps_in_angle,
     "drift": lambda: changed(angle_in_rad=GOOD.angle_in_rad + 1.0 / 60 * GOOD.t_s * ARC * RATIO),
     "repeat": one_cycle_off,
+    "copied_cycles": copied_cycle,
     "lag": lambda: {"method": dataclasses.replace(KNOWN, lags_s=LAGS | {"torque_out_nm": 0.2})},
     "ramp_rate": uneven_ramp,
     "points_per_bin": sparse,
@@ -249,7 +269,7 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     why = {one.id: one.text for one in result.gates if one.passed is None}
     assert set(why) == {
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
-        "lag", "ramp_rate", "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
+        "copied_cycles", "lag", "ramp_rate", "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
         "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines",
         "drive_torque_agreement", "drive_torque_gap", "locked_compliance",
     }  # fmt: skip
@@ -522,3 +542,21 @@ def test_without_a_declared_stiffness_its_gate_says_so() -> None:
     found = of(judged(method=dataclasses.replace(KNOWN, catalogue_stiffness_nm_per_arcmin=None)), "stiffness_agreement")
     assert (found.passed, found.figure) == (None, None)
     assert "no stiffness is declared" in found.text
+
+
+def test_a_copied_cycle_is_told_by_its_number_and_only_where_noise_is_declared() -> None:
+    found = of(judged(**copied_cycle()), "copied_cycles")
+    assert (found.figure, found.limit) == (pytest.approx(100.0, abs=1.0), 50.0)
+    assert "cycles 1 and 2 are copies" in found.text
+    assert of(judged(**copied_cycle(after=5_000)), "copied_cycles").figure > 50.0
+    assert of(GOOD_RUN, "copied_cycles").figure < 1.0
+    unknown = analyse(copied_cycle()["trace"], KNOWN, WANTED, facts=FACTS)
+    assert "no noise of the sensors is declared" in of(unknown, "copied_cycles").text
+
+
+def test_a_windup_that_does_not_change_is_told_in_plain_words() -> None:
+    still = changed(angle_in_rad=np.zeros(GOOD.samples), angle_out_rad=np.zeros(GOOD.samples))
+    failed = {gate.id: gate.text for gate in judged(**still).gates if gate.passed is False}
+    for gate in ("wrong_way", "loop_closure", "loss"):
+        assert "no measurable span" in failed[gate]
+    assert not any("e+" in text for text in failed.values())

@@ -21,13 +21,15 @@ from analysis import (
     TorqueFigures,
     analyse,
 )
-from analysis.evaluate import SideValue, evaluate
+from analysis.evaluate import evaluate
+from analysis.metric_result import SideValue
 from analysis.pipeline import measure
+from analysis.quadrants import Leftover
 from analysis.uncertainty.budget import STUDENT
-from analysis.uncertainty.circumstances import circumstances_of
+from analysis.uncertainty.circumstances import Points, circumstances_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.repeatability import CONFIDENCE, enlarged, student_factor
-from analysis.uncertainty.sources import SOURCES, STAIRCASE
+from analysis.uncertainty.sources import ROUNDINGS, SOURCES, Setting
 from analysis.uncertainty.transfer import transfer_moves
 from analysis.units import ARCMIN_PER_RAD
 
@@ -58,6 +60,11 @@ CERTIFIED = dataclasses.replace(
     FIGURES,
     torque_in=TorqueFigures(5.0, stated_by="certificate"),
     torque_out=TorqueFigures(1000.0, stated_by="certificate"),
+)
+NO_NOISE = dataclasses.replace(
+    FIGURES,
+    torque_in=dataclasses.replace(FIGURES.torque_in, noise_fraction=0.0),
+    torque_out=dataclasses.replace(FIGURES.torque_out, noise_fraction=0.0),
 )
 EVERY = [MetricWanted(name) for name in METRICS]
 
@@ -336,7 +343,7 @@ def test_what_a_calibration_leaves_over_is_as_large_between_its_bins_as_in_them(
     """Zero torque lies between two bins: errors of unlike sign were averaged there, and U of the loop at zero small."""
     found = measure(TRACE, CALIBRATED)
     circumstances, loop = circumstances_of(found), found.loops[0]
-    _, moves = transfer_moves(loop, circumstances)
+    _, moves = transfer_moves(loop, circumstances, SensorFigures())
     for side, branch, direction in ((0, loop.forward, 1), (1, loop.backward, -1)):
         left = found.quadrants.left[direction]
         over = left.fine_error_nm - np.interp(left.fine_torque_nm, left.torque_nm, left.error_nm)
@@ -352,6 +359,33 @@ def test_what_a_calibration_leaves_over_is_as_large_between_its_bins_as_in_them(
             assert u[point] == pytest.approx(expected)
 
 
+def test_a_corrected_conversion_has_the_errors_of_the_output_sensor_and_none_of_the_input() -> None:
+    """Found by the coverage study: a line carried the reversibility to zero a sixth larger than the correction left it.
+
+    U of a width was too large by that, and stiffness at high torque had too little of it.
+    """
+    converted, measured = (metric("backlash_width_3pct", FIGURES, method) for method in (CALIBRATED, METHOD))
+    found, direct = contributions(converted), contributions(measured)
+    assert not any(name.startswith("torque_in") for name in found)
+    for name in ("torque_out_gain", "torque_out_zero", "torque_out_reversibility"):
+        assert found[name] == pytest.approx(direct[name], rel=0.05, abs=2e-6), name
+
+
+def test_noise_of_the_calibration_counts_as_the_mean_of_a_bin_has_it() -> None:
+    """Bins of nothing but noise: fine ones show more of it than the correction, their mean, carries."""
+    random, found = np.random.default_rng(3), measure(TRACE, CALIBRATED)
+    quiet = dataclasses.replace(NO_NOISE, torque_out=dataclasses.replace(FIGURES.torque_out, noise_fraction=1e-4))
+    fine_torque = (np.arange(960) + 0.5) * 0.9 - 432.0
+    fine_error = random.normal(0.0, 0.1 / math.sqrt(16.0), 960)  # 0.1 N·m per sample, 16 samples per fine bin
+    bins = [np.mean(values.reshape(-1, 4), axis=1) for values in (fine_torque, fine_error)]
+    left = Leftover(*bins, np.full(240, 64.0), fine_torque, fine_error, np.full(960, 16.0))
+    noisy = dataclasses.replace(found, quadrants=dataclasses.replace(found.quadrants, left={1: left, -1: left}))
+    u, _ = transfer_moves(found.loops[0], circumstances_of(noisy), quiet)
+    u_unknown, _ = transfer_moves(found.loops[0], circumstances_of(noisy), NO_NOISE)
+    assert u_unknown == pytest.approx(0.1 * math.sqrt(1.0 / 16.0 - 1.0 / 64.0), rel=0.1)
+    assert 0.1 / math.sqrt(64.0) <= u < 0.85 * u_unknown
+
+
 def test_tables_are_complete() -> None:
     ids = [source.id for source in SOURCES]
     assert len(ids) == len(set(ids))
@@ -365,22 +399,44 @@ def test_tables_are_complete() -> None:
 @pytest.mark.parametrize("name", list(DISTRIBUTIONS))
 def test_draws_have_the_standard_uncertainty_of_their_distribution(name: str) -> None:
     row = DISTRIBUTIONS[name]
-    components = {"cyclic": 2, "quantised": 2 * len(STAIRCASE)}.get(name, 1)
+    components = {"cyclic": 2, "quantised": ROUNDINGS}.get(name, 1)
     drawn = row.draw(np.random.default_rng(5), 3.0, 200_000, components)
     assert drawn.shape == (200_000, components)
     assert drawn.std(axis=0) == pytest.approx(3.0 / row.divisor, rel=0.01)
 
 
-@pytest.mark.parametrize("counts", [0.1, 0.3, 0.5, 0.8])
-def test_two_readings_of_an_encoder_differ_by_its_staircase(counts: float) -> None:
+def rounding_between(counts: float, figures: SensorFigures) -> float:
+    """Standard deviation, in counts, of the rounding of two places of the locked shaft that are so far apart."""
+    step_nm = FIGURES.angle_out.step_rad * ARCMIN_PER_RAD * METHOD.fixture_stiffness_nm_per_arcmin
+    torque = np.array([0.0, counts * step_nm])
+    points = Points(torque, torque / 100.0, 1, None, 0.0, None, 0.0)
+    setting = Setting(points, circumstances_of(measure(QUIET, METHOD)), figures)
+    (source,) = [one for one in SOURCES if one.id == "angle_out_step"]
+    apart = [np.diff(shape(setting).angle_arcmin)[0] * 60.0 for shape in source.shapes]
+    return math.hypot(*apart) / math.sqrt(12.0)
+
+
+EXACT_SHAFT = dataclasses.replace(
+    FIGURES, angle_out=dataclasses.replace(FIGURES.angle_out, interpolation_rad=0.0), fixture_fraction=0.0
+)
+
+
+@pytest.mark.parametrize("counts", [0.0, 0.25, 0.5, 0.75, 1.0, 16.0, 16.25])
+def test_two_readings_of_an_encoder_differ_by_its_rounding(counts: float) -> None:
     """Two places so many counts apart, anywhere on the scale: rounding makes d or d - 1 of a distance of d counts."""
-    amounts = DISTRIBUTIONS["quantised"].draw(np.random.default_rng(7), 0.5, 100_000, 2 * len(STAIRCASE))
-    shapes = [
-        part * (wave(2.0 * np.pi * harmonic * counts) - wave(0.0))
-        for harmonic, part in enumerate(STAIRCASE, start=1)
-        for wave in (np.sin, np.cos)
-    ]
-    assert (amounts @ np.array(shapes)).std() == pytest.approx(math.sqrt(counts * (1.0 - counts)), rel=0.12)
+    part = counts % 1.0
+    assert rounding_between(counts, EXACT_SHAFT) == pytest.approx(math.sqrt(part * (1.0 - part)), rel=0.12, abs=1e-6)
+
+
+@pytest.mark.parametrize("without", ["interpolation", "fixture"])
+def test_places_some_counts_apart_are_not_rounded_alike(without: str) -> None:
+    """Found by the coverage study: 206 and 412 N·m are eight counts apart, and the error within a line moves them."""
+    encoder = dataclasses.replace(FIGURES.angle_out, interpolation_rad=math.radians(0.5 / 3600.0))
+    figures = dataclasses.replace(FIGURES, angle_out=encoder, fixture_fraction=0.0)
+    if without == "interpolation":
+        figures = dataclasses.replace(EXACT_SHAFT, fixture_fraction=0.05)
+    assert rounding_between(16.0, figures) == pytest.approx(math.sqrt(1.0 / 6.0), rel=0.35)
+    assert rounding_between(0.0, figures) == 0.0
 
 
 @pytest.mark.parametrize(

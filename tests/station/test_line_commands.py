@@ -103,9 +103,26 @@ def test_capability_against_the_limit_of_the_recipe(runs: Path, capsys: pytest.C
 
 def test_capability_of_a_file_needs_a_limit(tmp_path: Path) -> None:
     path = csv(tmp_path, "value\n9.9\n10.1\n10\n")
-    with pytest.raises(StationError, match="there is no limit"):
+    with pytest.raises(StationError, match=r"a file has no limits; give --min X, --max X or both"):
         line.capability_of(of_file(path), (None, None), 1, 0.95, as_json=False)
     assert line.capability_of(of_file(path), (9.0, 11.0), 1, 0.95, as_json=False) == 0
+
+
+def test_capability_says_how_to_give_a_limit_that_the_recipe_lacks(tmp_path: Path) -> None:
+    for number in range(3):
+        store_run(tmp_path, f"U{number}", [metric(0.4 + 0.01 * number, limits={"min": None, "max": None})])
+    asked = Asked(None, "value", tmp_path, Ask("lost_motion"))
+    with pytest.raises(StationError, match=r"newest run, .* has no limit on it; give --min X, .* or .*--recipe NAME"):
+        line.capability_of(asked, (None, None), 1, 0.95, as_json=False)
+
+
+@pytest.mark.parametrize(("limit", "said"), [("12", "less than 0.0001 %"), ("10.2", "2.3 %")])
+def test_a_share_beyond_the_limits_that_nobody_can_know_is_not_told_as_a_figure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], limit: str, said: str
+) -> None:
+    path = csv(tmp_path, "value\n9.9\n10\n10.1\n")  # mean 10, standard deviation 0.1
+    line.capability_of(of_file(path), (None, float(limit)), 1, 0.95, as_json=False)
+    assert f"expected beyond limits: {said} of the units" in capsys.readouterr().out
 
 
 def test_units_are_compared_apart_from_their_repeatability(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:

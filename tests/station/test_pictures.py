@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,19 @@ def test_the_time_picture_shows_the_alarm_and_its_surroundings() -> None:
     assert len(figure.axes) == 4
     assert "Guard opened" in [text.get_text() for axes in figure.axes for text in axes.texts]
     assert len(time_figure(history(None), "SN1").axes) == 2
+
+
+def test_the_words_of_the_alarm_stay_below_the_curve_and_within_the_picture() -> None:
+    text = "Locked shaft moves more than allowed while the lock is closed"
+    long = dataclasses.replace(history(2.5), alarm_text=text)
+    figure = time_figure(long, "SN1")
+    whole = figure.axes[0]
+    (words,) = [one for one in whole.texts if "Locked shaft" in one.get_text()]
+    figure.draw_without_rendering()
+    box = words.get_window_extent().transformed(whole.transData.inverted())
+    assert words.get_text().split() == text.split()
+    assert box.y1 < long.torque_nm.min()
+    assert box.x1 <= whole.get_xlim()[1]
 
 
 def test_the_loop_without_an_analysis_shows_all_samples_and_the_alarm() -> None:

@@ -275,6 +275,7 @@ def test_gates_budgets_and_stages_become_rows() -> None:
         {
             "quantity": "g",
             "text": "gain",
+            "distribution": "normal, k = 2",
             "u": 0.001,
             "unit": "1",
             "sensitivity": -9.0,
@@ -286,8 +287,8 @@ def test_gates_budgets_and_stages_become_rows() -> None:
     (table,) = budget_tables([metric | {"budget": budget}, metric])
     assert (table.metric, table.expanded) == ("windup", "9.00 ± 0.20 arcmin")
     assert table.rows == (
-        ("gain", "0.001", "−9", "0.1 arcmin", "100.0%"),
-        ("less than 0.5% each: q", "", "", "", "0.0%"),
+        ("gain", "normal, k = 2", "0.001", "−9", "0.1 arcmin", "100.0%"),
+        ("less than 0.5% each: q", "", "", "", "", "0.0%"),
     )
     assert shown_gates({"metrics": [], "gates": gates}) == gates[2:]
     assert shown_gates({"metrics": [metric], "gates": gates}) == gates

@@ -1,0 +1,118 @@
+"""Figures of the validity gates that hold cycles against each other, and the end of a cycle against its start.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+
+from analysis.closure import closure_gaps_arcmin, widest_jump_nm
+from analysis.measured import Evidence, Measured
+from analysis.reading import MIDDLE, NO_SPAN, NOT_EVALUATED, Reading, has_span, of_span
+from analysis.runs import Run
+from analysis.units import FloatArray
+
+GRID_POINTS = 81
+JUMP = 0.02
+"""Share of a branch's torque that may be missing at a reversal before the closure of its loop cannot be told."""
+
+COMPARED = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
+"""Channels of the trace in which a copied cycle is the same."""
+
+
+def wrong_way(evidence: Evidence) -> Reading | str:
+    """Energy of the cycle that loses least, N·m·arcmin."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if not has_span(found):
+        return Reading(-math.inf, NO_SPAN)
+    energy = min(loop.energy_nm_arcmin for loop in found.loops)
+    text = f"the loop runs the wrong way round ({energy:.3g} N·m·arcmin in a cycle; a loss is positive)"
+    return Reading(energy, text if energy < 0 else "")
+
+
+def loop_closure(evidence: Evidence) -> Reading | str:
+    """Wind-up between start and end of a cycle at the same torque, % of the wind-up of the loop."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    gaps = closure_gaps_arcmin(found.pairs, found.blocks)
+    if gaps is None:
+        return "the torque after a reversal is masked: the cycle has no start to compare"
+    jump = widest_jump_nm(found.blocks)
+    words = (
+        f"the branches do not meet: {jump:.3g} N·m are missing in the trace after a reversal, and across them nothing "
+        "says whether the loop closes"
+    )
+    missing = jump > JUMP * float(np.ptp(found.blocks[0].torque_nm))
+    return of_span(found, max(gaps), words if missing else "")
+
+
+def drift(evidence: Evidence) -> Reading | str:
+    """Drift of the wind-up in a cycle, whether corrected or not, % of the wind-up."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    shift = found.drift.per_cycle_arcmin
+    if shift is None:
+        return "one cycle of a kind shows no drift"
+    return of_span(found, abs(shift), f"the wind-up drifts by {abs(shift):.3g} arcmin in a cycle")
+
+
+def repeat(evidence: Evidence) -> Reading | str:
+    """Largest deviation (rms over torque) of a branch from the mean of its direction, % of the wind-up."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if len(found.loops) < 2:
+        return "one cycle repeats nothing"
+    peak = min(min(-loop.forward.torque_nm[0], loop.backward.torque_nm[-1]) for loop in found.loops)
+    if not peak > 0.0:
+        return "the loops do not pass through zero torque"
+    grid = np.linspace(-MIDDLE * peak, MIDDLE * peak, GRID_POINTS)
+    worst = 0.0
+    for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):
+        angles = np.array([branch.at(grid) for branch in branches])
+        worst = max(worst, float(np.sqrt(np.square(angles - angles.mean(axis=0)).mean(axis=1)).max()))
+    return of_span(found, worst)
+
+
+def copied_cycles(evidence: Evidence) -> Reading | str:
+    """Largest share of a branch's samples that another cycle has bit by bit in the same place, %.
+
+    Cycles that are copies have no scatter, and the uncertainty would believe them. Noise makes every cycle another one,
+    so only where noise is declared is a copy no measurement.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if len(found.loops) < 2:
+        return "one cycle repeats nothing"
+    if not evidence.noise_declared:
+        return "no noise of the sensors is declared: without noise cycles may be alike"
+    worst, where = 0.0, ""
+    for side in (0, 1):
+        branches = [(pair[side].cycle, _as_measured(found, pair[side].run)) for pair in found.pairs]
+        for (first, one), (second, other) in combinations(branches, 2):
+            share = _alike(one, other)
+            if share > worst:
+                worst, where = share, f"cycles {first} and {second} are copies of each other, sample by sample"
+    return Reading(100.0 * worst, where)
+
+
+def _as_measured(found: Measured, run: Run) -> FloatArray:
+    """Torques and angles of a branch as they were recorded, shape (samples, channels)."""
+    channels = (getattr(found.trace, name) for name in COMPARED)
+    return np.stack([run.take(values) for values in channels if values is not None], axis=1)
+
+
+def _alike(one: FloatArray, other: FloatArray) -> float:
+    """Share of equal samples, counted from the start or from the end, whichever has more."""
+    size = min(len(one), len(other))
+    counted = ((one[:size], other[:size]), (one[-size:], other[-size:]))
+    return max(float((first == second).all(axis=1).mean()) for first, second in counted)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from functools import cache
 
 import pytest
 from bench_model import READY
@@ -71,11 +72,16 @@ ORDER_OF = {
 }
 
 
-def mid_ramp() -> Timeline:
+@cache
+def _in_ramp() -> Timeline:
     run = Timeline(short_program())
     run.until_state(S.RAMP_NEG)
     run.until(lambda orders: orders.controlled_torque_nm < 200.0)
     return run
+
+
+def mid_ramp() -> Timeline:
+    return _in_ramp().branch()
 
 
 def test_every_interlock_has_a_case_here_and_every_fault_a_detector():

@@ -21,7 +21,8 @@ from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 
-from kills import LASTS_S, short_recipe  # noqa: E402 - after the path of a script run by hand
+from kills import LASTS_S  # noqa: E402 - after the path of a script run by hand
+from patient import patient_bench, short_recipe  # noqa: E402
 from warm_desk import COMMAND, ROOT  # noqa: E402
 
 from station.record.check import check_file, read_table  # noqa: E402
@@ -69,7 +70,7 @@ class Drill:
         self.data = data
         self.runs = data / "runs"
         self.known: dict[str, tuple[str, int]] = {}
-        self.recipe = short_recipe(data)
+        self.words = (str(short_recipe(data)), "--bench", str(patient_bench(data)))
 
     def cut(self, after_s: float, *, ring_too: bool, loaded: bool) -> tuple[str, list[str]]:
         """Start a run, cut the power so long after the command, restart; what was found, and what must not be.
@@ -77,7 +78,7 @@ class Drill:
         `loaded`: so long after the first record instead.
         """
         desk = subprocess.Popen(
-            [*COMMAND, "run", str(self.recipe), "--serial", "PC", "--json", "--data", str(self.runs)],
+            [*COMMAND, "run", *self.words, "--serial", "PC", "--json", "--data", str(self.runs)],
             cwd=ROOT,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""Runs the command as a person does: real sockets on loopback where it is over wires, records in a folder of the test."""
+"""Runs the command as a person does: real sockets on loopback where it is over wires, records in the test's folder."""
 
 from __future__ import annotations
 
@@ -51,9 +51,3 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Running]]:
 def one_ramp(tmp_path: Path) -> tuple[str, ...]:
     """Words for `lostmotion run`: a recipe that soon is in its first ramp, on a bench that waits."""
     return (str(short_recipe(tmp_path, ONE_RAMP)), "--bench", str(patient_bench(tmp_path)))
-
-
-@pytest.fixture
-def every_state(tmp_path: Path) -> tuple[str, ...]:
-    """Words for `lostmotion run`: a recipe through every state, on a bench that waits."""
-    return (str(short_recipe(tmp_path)), "--bench", str(patient_bench(tmp_path)))

@@ -20,9 +20,9 @@ from typing import Any
 from machine_trips import tripped_by_the_machine
 from warm_desk import Started, cold
 
-sys.path.append(str(Path(__file__).parents[1]))
+sys.path.append(str(Path(__file__).parents[1]))  # where a script run by hand finds the next
 
-from patient import patient_bench, short_recipe  # noqa: E402 - where a script run by hand finds it
+from patient import patient_bench, short_recipe
 
 from station.commands.replay import replay_run
 from station.record.check import check_file, read_table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shutil
 import subprocess
@@ -16,7 +17,6 @@ from lostmotion_command import ROOT, Running, apart
 from patient import GOLDEN_RECIPE
 
 from station.record.check import check_file
-from station.record.ring import FILE_PREFIX, SHARED_MEMORY
 from station.record.scan_record import RECORD_BYTES
 
 pytestmark = pytest.mark.wires
@@ -59,14 +59,12 @@ def recording(data: Path) -> bool:
     return any(path.stat().st_size > IN_THE_RAMP * RECORD_BYTES for path in data.glob("*/samples.bin"))
 
 
-def rings() -> set[Path]:
-    return set(SHARED_MEMORY.glob(f"{FILE_PREFIX}*"))
-
-
 def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
-    before = rings()
     run = begin(disk)
     run.wait_for(lambda: recording(disk))
+    (manifest,) = disk.glob("*/run.json")
+    ring = Path(json.loads(manifest.read_bytes())["ring"])
+    assert ring.exists()
     ballast = fill(disk)
     ran = run.finish()
     (folder,) = (path.parent for path in disk.glob("*/run.json"))
@@ -88,7 +86,7 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert whole.problems == ()
     assert whole.records > on_disk
     assert apart("replay", str(folder)).exit_code == 0
-    assert rings() <= before
+    assert not ring.exists()
 
 
 def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begin):

@@ -47,10 +47,9 @@ class Held:
 
 def held(name: str, data: Path, capsys: pytest.CaptureFixture[str]) -> Held:
     """Run a shipped scenario with more time for all that it expects; it must hold, and its record replay."""
-    files = (str(short_recipe(data, IN_CALIBRATION)), None, True, str(patient_bench(data)), data / "runs")
-    code = command_faults.run(
-        patient_scenario(ROOT / "scenarios" / f"{name}.yaml", data), command_faults.How(*files), as_json=True
-    )
+    recipe, bench = short_recipe(data, IN_CALIBRATION), patient_bench(data)
+    how = command_faults.How(str(recipe), wires=True, bench=str(bench), data=data / "runs")
+    code = command_faults.run(patient_scenario(ROOT / "scenarios" / f"{name}.yaml", data), how, as_json=True)
     said = json.loads(capsys.readouterr().out)
     assert (code, said["wrong"]) == (0, [])
     found = Held(said)

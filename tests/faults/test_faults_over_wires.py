@@ -24,10 +24,13 @@ pytestmark = pytest.mark.wires
 ROOT = Path(__file__).parents[2]
 
 
+def patient_run(folder: Path, bench: Path) -> command_faults.How:
+    return command_faults.How(str(short_recipe(folder)), wires=True, bench=str(bench), data=folder / "runs")
+
+
 def test_a_scenario_holds_over_wires_and_its_record_is_kept(tmp_path, capsys):
     path = patient_scenario(ROOT / "scenarios" / "heartbeat-lost.yaml", tmp_path)
-    files = (str(short_recipe(tmp_path)), None, True, str(patient_bench(tmp_path)), tmp_path / "runs")
-    code = command_faults.run(path, command_faults.How(*files), as_json=True)
+    code = command_faults.run(path, patient_run(tmp_path, patient_bench(tmp_path)), as_json=True)
     said = json.loads(capsys.readouterr().out)
     assert (code, said["wrong"]) == (0, [])
     assert [row["fault"] for row in said["acted"]] == ["can.drive.heartbeat off"]
@@ -97,7 +100,7 @@ def test_a_gateway_brings_faults_to_a_bench_on_a_cable(cable, tmp_path, capsys):
         "  - {final_state: fault}\nnever:\n  - {event: drive_heartbeat_lost}\n",
         encoding="utf-8",
     )
-    how = command_faults.How(str(short_recipe(tmp_path)), None, True, str(cable.file), tmp_path / "runs")
+    how = patient_run(tmp_path, cable.file)
     code = command_faults.run(path, how, as_json=True)
     said = json.loads(capsys.readouterr().out)
     assert (code, said["wrong"], said["refused"]) == (0, [], "")

@@ -13,6 +13,9 @@ from pathlib import Path
 import pytest
 from lostmotion_command import ROOT, Ran, here
 
+os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""Before numpy is loaded: on small matrices a second thread only waits, and doubles the processor time of the fits."""
+
 
 @dataclass(frozen=True)
 class Stored:

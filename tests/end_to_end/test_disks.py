@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from lostmotion_command import ROOT, Running, apart
+from lostmotion_command import ROOT, Running, here
 from patient import GOLDEN_RECIPE
 
 from station.record.check import check_file
@@ -79,13 +79,13 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert on_disk > 0
 
     ballast.unlink()
-    shown = apart("show", folder.name, "--data", str(disk), "--json").json
+    shown = here("show", folder.name, "--data", str(disk), "--json").json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
     assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
     whole = check_file(folder / "samples.bin", shown["timing"]["scans"])
     assert whole.problems == ()
     assert whole.records > on_disk
-    assert apart("replay", str(folder)).exit_code == 0
+    assert here("replay", str(folder)).exit_code == 0
     assert not ring.exists()
 
 
@@ -108,7 +108,7 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
 def test_a_disk_without_room_is_refused_before_anything_moves(disk):
     ballast = fill(disk)
     os.truncate(ballast, ballast.stat().st_size - 4_000_000)
-    done = apart("run", GOLDEN, "--serial", "D", "--data", str(disk / "runs"))
+    done = here("run", GOLDEN, "--serial", "D", "--data", str(disk / "runs"))
     assert done.exit_code == 2
     assert "MB free" in done.err
     assert "Free the disk" in done.err
@@ -117,7 +117,7 @@ def test_a_disk_without_room_is_refused_before_anything_moves(disk):
 
 def test_a_read_only_disk_is_refused_before_anything_moves(disk):
     subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)  # noqa: S607
-    done = apart("run", GOLDEN, "--serial", "D", "--data", str(disk))
+    done = here("run", GOLDEN, "--serial", "D", "--data", str(disk))
     assert done.exit_code == 2
     assert "Read-only file system" in done.err
     assert "--data" in done.err

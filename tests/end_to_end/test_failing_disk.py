@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from lostmotion_command import apart
+from lostmotion_command import here
 from test_disks import recording
 
 from station.record.check import check_file
@@ -71,7 +71,7 @@ def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ram
 
     subprocess.run(["umount", str(disk)], check=True)  # noqa: S607
     mounted(image, disk)
-    done = apart("show", folder.name, "--data", str(disk), "--json")
+    done = here("show", folder.name, "--data", str(disk), "--json")
     assert done.exit_code == 0, done.err
     shown = done.json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lostmotion_command import COMMAND, ROOT, Running, apart, here
+from lostmotion_command import COMMAND, ROOT, Running, here
 from patient import ONE_RAMP, patient_bench, short_recipe
 
 from controller.image import DriveCommand, State
@@ -105,7 +105,7 @@ def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp
     data, bench = tmp_path / "runs", ("--bench", str(stands_apart.path))
     words = (str(short_recipe(tmp_path, ONE_RAMP)), *bench)
     torn_off(start, words, data)
-    again = apart("run", *words, "--serial", "X", "--json", "--data", str(data))
+    again = here("run", *words, "--serial", "X", "--json", "--data", str(data))
     assert again.exit_code == 4
     refused = again.json
     assert refused["alarms"][0]["id"] == "brake_stays_closed"
@@ -114,7 +114,7 @@ def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp
 
     says_no(stands_apart, data)
 
-    done = apart("recover", *bench, "--data", str(data), "--yes", "--json")
+    done = here("recover", *bench, "--data", str(data), "--yes", "--json")
     report = done.json
     assert (done.exit_code, report["released"]) == (0, True), done.err
     for said in ("Torque at the output", "Lock                  closed", "Check:", "bringing the torque to zero"):

@@ -84,6 +84,7 @@ def test_a_lost_record_stops_the_run() -> None:
 
 
 REQUESTS = """
+from station.scan import realtime
 print("\\n".join(f"{grant.name}:{bool(grant.detail)}" for grant in realtime.request_all()))
 """
 

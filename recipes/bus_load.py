@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from recipes.bench_schema import Bench, ModbusDevice
@@ -17,6 +18,9 @@ SYNC_BITS = 55
 
 PDOS_PER_SCAN = 3
 """One receive and two transmit PDOs."""
+
+HEARTBEAT_BITS = 65
+"""A heartbeat with its one byte, likewise."""
 
 SCAN_BITS = SYNC_BITS + PDOS_PER_SCAN * FRAME_BITS
 
@@ -42,17 +46,28 @@ def line_s(device: ModbusDevice, registers: int) -> float:
     return characters * bits / device.baudrate
 
 
+def shortest_period_s(bench: Bench) -> float:
+    """Return the shortest period in which a scan's frames fit on the CAN bus [s]; infinite where heartbeats fill it."""
+    drive = bench.drive
+    heartbeat_bits_s = HEARTBEAT_BITS * (1.0 / drive.controller_heartbeat_s + 1.0 / drive.drive_heartbeat_s)
+    free_bits_s = bench.can.bitrate - heartbeat_bits_s
+    return SCAN_BITS / free_bits_s if free_bits_s > 0.0 else math.inf
+
+
 def check_bus(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
-    """The frames of a scan fit on the CAN bus within its period."""
-    period_s, bitrate = recipe.sampling.period_s, bench.can.bitrate
-    needed_s = bus_us(bitrate) * 1e-6
-    if period_s < needed_s:
-        found = (
-            f"{show(period_s, PERIOD)}, though the frames of a scan (SYNC and {PDOS_PER_SCAN} PDOs, {SCAN_BITS} bits "
-        )
-        found += f"at worst) take {show(needed_s, PERIOD, 4)} on a CAN bus of {bitrate / 1000:g} kbit/s"
-        hint = "Raise the period, or the bus's bitrate on the drive and in the bench file."
-        yield Finding(("sampling", "period"), found, f"at least {show(needed_s, PERIOD, 4)}", hint)
+    """The frames of a scan, and the heartbeats meanwhile, fit on the CAN bus within its period."""
+    period_s, shortest_s = recipe.sampling.period_s, shortest_period_s(bench)
+    if period_s >= shortest_s:
+        return
+    found = f"{show(period_s, PERIOD)}, though a CAN bus of {bench.can.bitrate / 1000:g} kbit/s"
+    if math.isinf(shortest_s):
+        hint = "Raise the bus's bitrate on the drive and in the bench file, or send heartbeats less often."
+        yield Finding(("sampling", "period"), f"{found} is full of heartbeats alone", "no period on this bus", hint)
+        return
+    found += f" needs {show(shortest_s, PERIOD, 4)} for the frames of a scan"
+    found += f" (SYNC and {PDOS_PER_SCAN} PDOs, {SCAN_BITS} bits at worst, and heartbeats meanwhile)"
+    hint = "Raise the period, or the bus's bitrate on the drive and in the bench file."
+    yield Finding(("sampling", "period"), found, f"at least {show(shortest_s, PERIOD, 4)}", hint)
 
 
 def check_line(recipe: Recipe, bench: Bench) -> Iterator[Finding]:

@@ -152,6 +152,14 @@ class Cia402Machine:
         """Note that the supervised receive PDO arrived."""
         self._setpoint_ns = now_ns
 
+    def excuse_silence(self, standstill_ns: int) -> None:
+        """Let time pass in which nobody could be heard: time-outs of set-points and heartbeats end so much later."""
+        if self._setpoint_ns is not None:
+            self._setpoint_ns += standstill_ns
+        for node_id, (timeout_ms, heard_ns) in self._consumers.items():
+            if heard_ns is not None:
+                self._consumers[node_id] = (timeout_ms, heard_ns + standstill_ns)
+
     def network_stopped(self, now_ns: int) -> None:
         """Note that the node left the NMT state operational: set-points end, which a moving motor must not survive."""
         self._setpoint_ns = None

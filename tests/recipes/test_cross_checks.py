@@ -127,11 +127,15 @@ CASES = {
     ),
     "period shorter than the bus": (
         INVERSE, {"period: 1 ms": "period: 500 µs"}, {"bitrate: 1000000": "bitrate: 800000"}, "sampling.period",
-        "(SYNC and 3 PDOs, 460 bits at worst) take 0.575 ms on a CAN bus of 800 kbit/s; allowed: at least 0.575 ms",
+        "(SYNC and 3 PDOs, 460 bits at worst, and heartbeats meanwhile); allowed: at least 0.5797 ms",
     ),
     "bus slower than the period": (
         INVERSE, {}, {"bitrate: 1000000": "bitrate: 125000"}, "sampling.period",
-        "take 3.68 ms on a CAN bus of 125 kbit/s; allowed: at least 3.68 ms",
+        "a CAN bus of 125 kbit/s needs 3.882 ms for the frames of a scan",
+    ),
+    "bus full of heartbeats": (
+        INVERSE, {}, {"bitrate: 1000000": "bitrate: 10000", "drive_heartbeat: 20 ms": "drive_heartbeat: 5 ms"},
+        "sampling.period", "a CAN bus of 10 kbit/s is full of heartbeats alone; allowed: no period on this bus",
     ),
     "serial line slower than the period": (
         INVERSE, {},

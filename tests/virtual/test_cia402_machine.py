@@ -219,6 +219,23 @@ def test_supervision_waits_for_the_first_heartbeat_and_starts_again_with_the_nex
     assert drive.error_code == 0
 
 
+@pytest.mark.parametrize("how", ["heartbeat", "setpoint"])
+def test_a_standstill_of_the_computer_is_no_silence_and_silence_after_it_counts(how: str) -> None:
+    drive = machine(LOADED)
+    enable(drive)
+    if how == "heartbeat":
+        drive.consume_heartbeats_of(126, 100)
+        drive.heartbeat(126, 0)
+    else:
+        drive.objects.setpoint_timeout_ms = 100
+        drive.setpoint_received(0)
+    drive.excuse_silence(70 * MS)
+    drive.step(170 * MS, LOADED)
+    assert drive.error_code == 0
+    drive.step(171 * MS, LOADED)
+    assert drive.error_code == (0x8130 if how == "heartbeat" else 0x8250)
+
+
 def test_an_emergency_stop_cuts_the_torque_and_keeps_it_off() -> None:
     drive = machine(LOADED)
     enable(drive)

@@ -15,10 +15,11 @@ from patient import short_recipe
 import station.record.ring
 import station.reports.illustrate
 import station.run.conclusion
+import station.run.recovery
 from station.bench.request import load_job
 from station.commands.run import recipe_notes
 from station.record.check import check_file
-from station.record.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, RingWriter, ScanState, create
+from station.record.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, RingReader, RingWriter, ScanState, create
 from station.record.scan_record import RECORD_BYTES
 from station.record.store import RunRecord, Store
 from station.run.conclusion import Ending, conclude
@@ -303,6 +304,33 @@ def test_a_report_without_a_count_cannot_make_a_run_complete(copied: RunRecord, 
     result = copied.read_json("result.json")
     assert result["verdict"] == "NOT DECIDABLE"
     assert "how many records the scan process wrote is not known" in " ".join(result["reasons"])
+
+
+def test_a_record_that_the_scan_appends_while_a_new_desk_looks_is_not_skipped(
+    copied: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(station.record.ring, "SHARED_MEMORY", tmp_path)
+    path, count = create(tmp_path, 8), copied.records()
+    writer = RingWriter(path)
+    writer._words[W_WRITTEN] = writer._words[W_READ] = count
+
+    def appended_then(reader: RingReader) -> int:
+        reader._words[W_WRITTEN] += 1
+        return int(reader._words[W_WRITTEN]) - 1
+
+    class Asked(Exception):  # noqa: N818 - what the test wants to know
+        pass
+
+    def asked(*_: Any, skip: int) -> None:
+        raise Asked(skip)
+
+    desert(copied, ring=path, report=None)
+    monkeypatch.setattr(RingReader, "written", property(appended_then))
+    monkeypatch.setattr(station.run.recovery, "RecordWriter", asked)
+    with pytest.raises(Asked) as caught:
+        station.run.recovery.resume(copied, lambda _ring: None)
+    assert caught.value.args == (0,)
+    writer.close()
 
 
 def test_a_recovery_that_is_killed_before_the_seal_leaves_the_ring_to_the_next(

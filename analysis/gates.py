@@ -55,11 +55,11 @@ GATES: dict[str, Gate] = {
         "the record does not count", "measure again", configurable=False,
     ),
     "missed_periods": _row(
-        "scan periods that were missed (limit: sampling.missed_periods)", "%", 0.1, figures.missed_periods,
+        "scan periods that were missed (limit: sampling.missed_periods)", "%", 1.0, figures.missed_periods,
         "scan periods were missed", "close other programs on this computer and measure again", configurable=False,
     ),
     "sample_age": _row(
-        "age of the oldest sample while measuring (limit: sampling.sample_age)", "scans", 10.0, figures.sample_age,
+        "age of the oldest sample while measuring (limit: sampling.sample_age)", "scans", 30.0, figures.sample_age,
         "a sample was too old", "check the measuring amplifier and its network", configurable=False,
     ),
     "torque_in_saturated": _row(

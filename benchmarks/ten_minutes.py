@@ -52,7 +52,7 @@ def failures(report: dict[str, Any]) -> list[str]:
     """Return what must not be; empty when the run was as it should be."""
     found = []
     if report["missed"] > MISSED_ALLOWED * report["periods"]:
-        found.append(f"{report['missed']} of {report['periods']} periods were missed, a recipe allows 0.1 %")
+        found.append(f"{report['missed']} of {report['periods']} periods were missed, allowed are 0.1 %")
     if lost_records(report):
         found.append(lost_records(report))
     grown_kb = report["resident_kb"]["after"] - report["resident_kb"]["before"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from controller.conditions import Measured
 from controller.image import AGE_NEVER, DriveCommand, DriveMode, Image
-from controller.interlocks import Measured
 from controller.program import Program
 
 

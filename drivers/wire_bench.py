@@ -20,6 +20,7 @@ from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
 from drivers.other_controller import refuse_other_controller
 from drivers.part_fields import PART_FIELDS, check_parts
+from drivers.position_count import PositionCount
 from drivers.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 
 WORST_REPLY_TIMEOUTS = 3
@@ -43,6 +44,7 @@ class WireBench:
         self._lines: dict[str, ModbusLine] = {}
         self._link: CanLink | None = None
         self._drive: CanDrive | None = None
+        self._position = PositionCount()
         self.amplifier = self._device(config.amplifier)
         self.brake = self._device(config.brake)
         self.remote_io = self._device(config.remote_io)
@@ -123,6 +125,7 @@ class WireBench:
         verified = set_up_drive(link, self.config.drive, self.config.period_ns)
         heartbeat_scans = in_scans(self.config.drive.controller_heartbeat_s, self.config.period_ns)
         self._drive = CanDrive(link, self.config.drive, heartbeat_scans)
+        self._position = PositionCount()
         return [f"{self.config.can.where}: open", *verified]
 
     def read(self, scan: int, missed_periods: int, command: int) -> Image:
@@ -157,7 +160,7 @@ class WireBench:
             drive_homing_attained=homing_attained(statusword, mode),
             drive_homing_error=homing_error(statusword, mode),
             drive_torque_nm=drive.value("actual_torque") * units.torque_nm_per_count,
-            drive_angle_rad=drive.value("actual_position") * units.angle_rad_per_count,
+            drive_angle_rad=self._position.follow(drive.value("actual_position")) * units.angle_rad_per_count,
             drive_velocity_rad_s=drive.value("actual_velocity") * units.velocity_rad_s_per_count,
             drive_age_scans=drive_age_scans,
             drive_nmt_state=drive.nmt_state,

@@ -170,7 +170,7 @@ def check_metrics(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
 
 
 def check_ages(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
-    """Limits on the age of values leave room for how often each value comes."""
+    """Limits on the age of values leave room for how often each value comes, and end before the drive gives up."""
     period_s, limits, drive = recipe.sampling.period_s, recipe.interlocks, bench.drive
     if period_s * ROUNDING < bench.amplifier.poll_every_s:
         allowed = f"from {show(bench.amplifier.poll_every_s, PERIOD)}: the amplifier is not asked more often"
@@ -188,7 +188,13 @@ def check_ages(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
             found = f"{show(age_s, PERIOD)}, though {what} every {show(max(every_s, period_s), PERIOD)}"
             allowed = f"at least {show(shortest_s, PERIOD)}"
             yield Finding(option, found, allowed, "Raise it: every run would trip.")
+    waits = f"the drive waits {show(drive.setpoint_timeout_s, PERIOD)} for a set-point "
+    waits += "(drive.setpoint_timeout of the bench)"
+    for name, age_s in (("sample_age", limits.sample_age_s), ("drive_age", limits.drive_age_s)):
+        if age_s > drive.setpoint_timeout_s * ROUNDING:
+            allowed = f"up to {show(drive.setpoint_timeout_s, PERIOD)}: {waits}"
+            hint = "Lower it: nobody may wait longer for the drive than the drive waits for its controller."
+            yield Finding(("interlocks", name), show(age_s, PERIOD), allowed, hint)
     if drive.setpoint_timeout_s * ROUNDING < 2 * period_s:
-        allowed = f"up to {show(drive.setpoint_timeout_s / 2, PERIOD)}: the drive waits "
-        allowed += f"{show(drive.setpoint_timeout_s, PERIOD)} for a set-point (drive.setpoint_timeout of the bench)"
+        allowed = f"up to {show(drive.setpoint_timeout_s / 2, PERIOD)}: {waits}"
         yield Finding(("sampling", "period"), show(period_s, PERIOD), allowed, "Lower the period.")

@@ -121,8 +121,8 @@ class Interlocks(Section):
     travel_rad: Travel
     lock_slip_rad: SmallAngle
     housing_temperature_c: Temperature
-    sample_age_s: Age = 0.01
-    drive_age_s: Age = 0.01
+    sample_age_s: Age = 0.03
+    drive_age_s: Age = 0.03
     io_age_s: Age = 0.1
     brake_age_s: Age = 0.1
     drive_heartbeat_s: Age = 0.1

@@ -22,6 +22,7 @@ from controller.image import (
     Orders,
 )
 from drivers.can_drive import SILENT_AFTER_SCANS
+from drivers.position_count import PositionCount
 from drivers.virtual import cia402_tables as tables
 from drivers.virtual.cia402_tables import PowerState
 from drivers.virtual.config import BenchConfig
@@ -84,6 +85,7 @@ class VirtualTimeBench:
         # Values as the devices last sent them, and the scans at which they arrive.
         self._status = (0, 0, 0, 0, 0)  # state, word, mode, torque, error register
         self._motion = (0, 0)
+        self._position = PositionCount()
         self._late_status: list[tuple[int, bytes]] = []  # arrival [ns] and data of delayed frames
         self._emcy = 0
         self._status_scan = self._motion_scan = -AGE_NEVER
@@ -118,7 +120,7 @@ class VirtualTimeBench:
                 1 if homing and word & tables.HOMING_ATTAINED else 0,
                 1 if homing and word & tables.HOMING_ERROR else 0,
                 torque * self._torque_unit_nm,
-                position * self._rad_per_count,
+                self._position.follow(position) * self._rad_per_count,
                 velocity * self._rad_s_per_count,
                 age if (age := scan - min(self._status_scan, self._motion_scan)) < AGE_NEVER else AGE_NEVER,
                 self._nmt_state,

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analysis import Result
+from controller.conditions import Measured
 from controller.faults import FAULT_BY_NUMBER
 from controller.image import Image, Reaction, State
-from controller.interlocks import INTERLOCKS, Measured, Watch
+from controller.interlocks import INTERLOCKS, Watch
 from controller.program import Program
 from recipes import Bench, Recipe
 from station.record.check import Table

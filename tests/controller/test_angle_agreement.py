@@ -10,11 +10,12 @@ from bench_model import READY, freeze_limits
 from programs import ARCMIN, LIMITS, short_program
 from timeline import Timeline
 
+from controller.conditions import Measured
 from controller.context import Context
 from controller.debounce import debounce_scans
 from controller.faults import FAULT_BY_ID
 from controller.image import Command, Reaction, State
-from controller.interlocks import Measured, Watch
+from controller.interlocks import Watch
 from controller.program import Program
 
 S = State

@@ -186,6 +186,15 @@ def test_a_device_that_answers_with_exceptions_is_lost(running: Stand) -> None:
     assert running.bench.counters()["amplifier.exceptions"] >= 3
 
 
+def test_a_position_goes_on_where_its_32_bits_wrap(running: Stand) -> None:
+    rad_per_count = running.bench.drive.units.angle_rad_per_count
+    running.drive.od.write(0x6064, 0, 2**31 - 5)
+    before = running.run(lambda image: image.drive_angle_rad > 1.0)
+    running.drive.od.write(0x6064, 0, -(2**31) + 5)
+    after = running.run(lambda image: image.drive_angle_rad != before.drive_angle_rad)
+    assert after.drive_angle_rad - before.drive_angle_rad == pytest.approx(10 * rad_per_count, rel=1e-3)
+
+
 def test_a_frozen_amplifier_ages(running: Stand) -> None:
     running.modbus.counting = False
     running.run(lambda image: image.sample_age_scans > 10)

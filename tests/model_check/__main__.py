@@ -64,7 +64,8 @@ def walk_all(pool: ProcessPoolExecutor) -> bool:
         proven = proven and found.complete
         print(
             f"{name}: {found.states} states, {found.choices} choices that come to {found.steps} steps, "
-            f"{found.places} places, {found.probes} probes, longest run {found.longest_scans} scans, "
+            f"{found.places} places, {found.probes} probes, {found.compared} pairs compared, "
+            f"longest run {found.longest_scans} scans, "
             f"{'COMPLETE' if found.complete else 'NOT COMPLETE'}, {cpu_s:.1f} s of CPU"
         )
     if proven:

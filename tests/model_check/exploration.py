@@ -10,8 +10,7 @@ from graph import Graph
 from mutants import Mutant
 from probes import Probes, check_agreement, check_trips
 from safety_rules import BrokenRuleError
-from small_bench import Choice, Devices, Shown, advance
-from stepper import Node, Stepper, coarse_time
+from stepper import Happening, Node, Stepper, coarse_time
 
 from controller.image import State
 
@@ -28,6 +27,7 @@ class Explored:
     steps: int = 0
     places: int = 0
     probes: int = 0
+    compared: int = 0
     longest_scans: int = 0
     complete: bool = False
     visited: set[State] = field(default_factory=set)
@@ -61,30 +61,22 @@ class Explorer:
         found.states, found.places = len(self.graph), len(self._places)
         found.steps += probes.steps
         found.probes, found.probed = probes.count, probes.states
+        found.compared = self.stepper.compared
         found.longest_scans = self.graph.longest_way()
         return found
 
     def _expand(self, number: int, node: Node) -> None:
-        """Let everything happen that may happen in one scan.
-
-        Choices that leave the devices alike and show the controller the same image, such as a drive that lags where it
-        has nothing to do, are one and the same step: the controller sees nothing else.
-        """
-        following: dict[tuple[Devices, int, Shown], int] = {}
-        for choice in self.stepper.choices:
-            devices = advance(node.bench, choice)
-            same = devices, choice.command, choice.shown
-            if same not in following:
-                following[same] = self._follow(number, node, choice, devices)
+        """Let everything happen that may happen in one scan."""
+        happenings = self.stepper.happenings(node.bench)
+        self.graph.follow(number, tuple([self._follow(number, node, what) for what in happenings]))
         self.found.choices += len(self.stepper.choices)
-        self.found.steps += len(following)
-        self.graph.follow(number, tuple(following.values()))
+        self.found.steps += len(happenings)
 
-    def _follow(self, number: int, node: Node, choice: Choice, devices: Devices) -> int:
+    def _follow(self, number: int, node: Node, what: Happening) -> int:
         try:
-            return self._take_in(self.stepper.step(node, choice, devices)[0], (number, choice.name))
+            return self._take_in(self.stepper.follow(node, what), (number, what.name))
         except BrokenRuleError as error:
-            error.add_note("timeline: " + ", ".join(self.graph.way_to(number, choice.name)))
+            error.add_note("timeline: " + ", ".join(self.graph.way_to(number, what.name)))
             raise
 
     def _take_in(self, node: Node, came_from: tuple[int, str]) -> int:
@@ -93,7 +85,7 @@ class Explorer:
         if number is not None:
             return number
         orders, bench = node.bench.orders, node.bench
-        state = State(orders.state)
+        state = orders.state
         number = self.graph.add(key, came_from, running=state not in ENDS)
         self.found.visited.add(state)
         self._queue.append((number, node))

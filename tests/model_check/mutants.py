@@ -13,7 +13,7 @@ import small_bench
 from safety_rules import AGREEMENT_STATES, CONDITIONS
 from small_bench import LOCK_A
 
-from controller import aftermath, interlocks, preparation, states
+from controller import aftermath, conditions, interlocks, preparation, states
 from controller.aftermath import FaultReaction, Release
 from controller.context import Context, Outcome
 from controller.faults import FAULT_BY_ID
@@ -206,8 +206,8 @@ def guards() -> list[Mutant]:
             lambda program: replace(program, lock=replace(program.lock, limit_scans=10**9)))),
         Mutant("drive enabled from anywhere", preparation, "ENABLE_PATH", dict.fromkeys(DriveState, 3)),
         # the drive that does not follow, in each of the modes
-        Mutant("following not asked for by torque", interlocks, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_VELOCITY,)),
-        Mutant("following not asked for by speed", interlocks, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_TORQUE,)),
+        Mutant("following not asked for by torque", conditions, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_VELOCITY,)),
+        Mutant("following not asked for by speed", conditions, "CYCLIC_MODES", (DriveMode.CYCLIC_SYNC_TORQUE,)),
     ]  # fmt: skip
     budgets = ("enable_scans", "homing_scans", "mode_scans", "release_scans", "unload_limit_scans")
     return found + [_endless(name) for name in budgets]

@@ -10,10 +10,11 @@ from small_bench import Choice, Shown
 from stepper import LONGEST_RUN, Node, Stepper
 
 from controller.aftermath import FaultReaction
+from controller.conditions import Measured
 from controller.debounce import debounce_scans
 from controller.faults import FAULT_BY_ID
 from controller.image import Reaction, State
-from controller.interlocks import Measured, Watch
+from controller.interlocks import Watch
 from controller.program import Program
 from controller.states import Sequence
 
@@ -73,7 +74,7 @@ class Probes:
             at, seen = node, set()
             for _ in range(LONGEST_RUN):
                 self.steps += 1
-                at = self._stepper.step(at, choice)[0]
+                at = self._stepper.follow(at, self._stepper.happening(at.bench, choice))
                 key = self._stepper.key(at)
                 state = at.bench.orders.state
                 settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a way back waits for a person

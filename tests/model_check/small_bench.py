@@ -116,7 +116,7 @@ class BenchState(NamedTuple):
     orders: Orders
 
 
-START = BenchState(D.SWITCH_ON_DISABLED, 0, 0.0, 0, Orders(*[0] * len(Orders._fields)))
+START = BenchState(D.SWITCH_ON_DISABLED, 0, 0.0, 0, Orders(*[0] * len(Orders._fields))._replace(state=S.IDLE))
 
 
 class Devices(NamedTuple):

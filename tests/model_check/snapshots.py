@@ -7,8 +7,7 @@ out what cannot act any more, by the tables below, each row with its reason; eve
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import chain
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from controller.aftermath import FaultReaction
@@ -72,62 +71,47 @@ UNLOADING_ONLY = ("_fault._torque.", "_fault._unloading.")
 """Begun anew with each controlled unload."""
 
 PLAIN = (int, float, str, tuple, type(None))
+CAPS: dict[str, int] = {"_waited": CAP, "_at_bound": Unloading.STUCK_SCANS + 1}
+"""Counters that stop in a key, by their last name."""
+
+Snapshot = tuple[Any, ...]
+"""The state of a controller: values by name of each object that keeps state, then one tuple per list."""
+
+Read = Callable[[Any], Any]
 
 
-Parts = tuple[tuple[Any, ...], ...]
+class Selection(NamedTuple):
+    """What counts in a state: values of objects as they are, counters with the number where they stop, and lists."""
 
-
-class Snapshot(NamedTuple):
-    """The state of a controller: one tuple of values per object that keeps state, then one per list."""
-
-    parts: Parts
+    plain: tuple[tuple[Any, Read], ...]
+    capped: tuple[tuple[Any, str, int], ...]
+    lists: tuple[tuple[Any, str], ...]
 
 
 class Freezer:
-    """Knows where a controller keeps its state.
-
-    A scan changes few of the controller's objects. So what they hold is remembered, and only those that differ are
-    written when a snapshot is put back. Numbers that are equal count as the same there, as they do in the keys.
-    """
+    """Knows where a controller keeps its state."""
 
     def __init__(self, controller: Controller, watched_alarms: int) -> None:
         self._controller = controller
         self._watched_alarms = watched_alarms
-        self._things: list[tuple[Any, tuple[str, ...], Callable[[Any], tuple[Any, ...]]]] = []
-        self._lists: list[tuple[Any, str]] = []
-        self._holds: Parts | None = None
-        self.paths: list[str] = []
-        list_paths: list[str] = []
-        self._walk(controller, "", set(), list_paths)
-        self.paths += list_paths
-        unknown = set(NEVER_ACTS) - set(self.paths) - {"events", "_context.notes"}
+        self._things: list[tuple[Any, str, tuple[str, ...], Read]] = []
+        self._lists: list[tuple[Any, str, str]] = []
+        self._walk(controller, "", set())
+        paths = {f"{path}{name}" for _, path, names, _ in self._things for name in names}
+        paths |= {f"{path}{name}" for _, path, name in self._lists}
+        self._writers = [_writer(thing) for thing, _, _, _ in self._things]
+        unknown = set(NEVER_ACTS) - paths - {"events", "_context.notes"}
         assert not unknown, f"no such state in the controller any more: {unknown}"
-        self._at = {path: i for i, path in enumerate(self.paths)}
-        self._selected = {
-            (state, unloading): self._selection(state, unloading=unloading)
-            for state in State
-            for unloading in (True, False)
-        }
-        caps = {"_waited": CAP, "_at_bound": Unloading.STUCK_SCANS + 1}
-        self._caps = {
-            which: [
-                (position, caps[name])
-                for position, i in enumerate(selected)
-                if (name := self.paths[i].rpartition(".")[2]) in caps
-            ]
-            for which, selected in self._selected.items()
-        }
-        self._select = {which: itemgetter(*selected) for which, selected in self._selected.items()}
-        self._waited_in_fault = self._selected[S.FAULT, False].index(self._at["_fault._waited"])
-        self._pulsed_in_fault = self._selected[S.FAULT, False].index(self._at["_fault._pulsed"])
+        self._selected: dict[tuple[State, int], Selection] = {}
         # a condition that has counted beyond its debounce is the same as one that has counted longer
         self._enough = [0] * 64
         for fault in FAULTS:
             scans = debounce_scans(fault, controller.program)
             self._enough[fault.number] = scans + 1 if scans else 0
         self._enough[FAULT_BY_ID["drive_internal_limit"].number] = CAP
+        self._no_counts = (0,) * len(self._enough)
 
-    def _walk(self, thing: Any, path: str, seen: set[int], list_paths: list[str]) -> None:
+    def _walk(self, thing: Any, path: str, seen: set[int]) -> None:
         seen.add(id(thing))
         names = list(getattr(thing, "__dict__", ())) + [
             n for c in type(thing).__mro__ for n in vars(c).get("__slots__", ())
@@ -142,83 +126,100 @@ class Freezer:
             if isinstance(value, PLAIN) or type(value).__name__ == "Segment":
                 plain.append(name)
             elif isinstance(value, list):
-                self._lists.append((thing, name))
-                list_paths.append(f"{path}{name}")
+                self._lists.append((thing, path, name))
             elif type(value).__module__.startswith("controller.") and id(value) not in seen:
                 inner.append((value, f"{path}{name}."))
         if plain:
-            # the name that is there twice makes `attrgetter` answer a tuple for a single one, too
-            self._things.append((thing, tuple(plain), attrgetter(*plain, plain[0])))
-            self.paths += [f"{path}{name}" for name in (*plain, plain[0])]
+            self._things.append((thing, path, tuple(plain), _reader(plain)))
         for value, here in inner:
             if id(value) not in seen:
-                self._walk(value, here, seen, list_paths)
+                self._walk(value, here, seen)
 
-    def _selection(self, state: State, *, unloading: bool) -> list[int]:
-        chosen = []
-        for path in dict.fromkeys(self.paths):
-            if path in NEVER_ACTS:
-                continue
-            if any(path.startswith(prefix) and state not in states for prefix, states in ACTS_IN):
-                continue
-            if path.startswith(UNLOADING_ONLY) and not unloading:
-                continue
-            if state == S.FAULT and path == "_context.stopping":
-                continue  # set when the fault is left
-            chosen.append(self._at[path])
-        return chosen
+    def _select(self, state: State, phase: int) -> Selection:
+        """Return what counts in a state; `phase` is that of the reaction to a fault."""
+        plain, capped = [], []
+        for thing, path, names, _ in self._things:
+            acting = [name for name in names if _acts(f"{path}{name}", state, phase)]
+            capped += [(thing, name, CAPS[name]) for name in acting if name in CAPS]
+            # of a segment its number tells all
+            uncapped = ["segment.index" if name == "segment" else name for name in acting if name not in CAPS]
+            if uncapped:
+                plain.append((thing, attrgetter(*uncapped)))
+        lists = [
+            (thing, name)
+            for thing, path, name in self._lists
+            if f"{path}{name}" != COUNTS and _acts(f"{path}{name}", state, phase)
+        ]
+        return Selection(tuple(plain), tuple(capped), tuple(lists))
 
     def take(self) -> Snapshot:
         """The state as it is now."""
-        self._controller.events.clear()
-        parts = [read(thing) for thing, _, read in self._things]
-        parts += [tuple(getattr(thing, name)) for thing, name in self._lists]
-        self._holds = tuple(parts)
-        return Snapshot(self._holds)
+        parts = [dict(zip(names, read(thing), strict=True)) for thing, _, names, read in self._things]
+        return (*parts, *(tuple(getattr(thing, name)) for thing, _, name in self._lists))
 
     def put_back(self, snapshot: Snapshot) -> None:
         """Make the controller what it was."""
-        parts = snapshot.parts
-        now = self._holds or ((),) * len(parts)
-        self._holds = None  # until it is looked at again: a step may follow
-        plain = len(self._things)
-        for index, (part, held) in enumerate(zip(parts, now, strict=True)):
-            if part == held:
-                continue
-            if index < plain:
-                thing, names, _ = self._things[index]
-                for name, value in zip(names, part, strict=False):
-                    setattr(thing, name, value)
-            else:
-                thing, name = self._lists[index - plain]
-                setattr(thing, name, list(part))
+        self._controller.events.clear()
+        for write, values in zip(self._writers, snapshot, strict=False):
+            write(values)
+        for (thing, _, name), part in zip(self._lists, snapshot[len(self._things) :], strict=True):
+            setattr(thing, name, list(part))
 
-    def value(self, snapshot: Snapshot, path: str) -> Any:
-        """One value of a snapshot."""
-        return self._flat(snapshot)[self._at[path]]
+    def key(self) -> tuple[Any, ...]:
+        """What the controller is now, so that two which behave alike have the same.
 
-    def _flat(self, snapshot: Snapshot) -> list[Any]:
-        plain = len(self._things)
-        return [*chain.from_iterable(snapshot.parts[:plain]), *snapshot.parts[plain:]]
-
-    def key(self, snapshot: Snapshot) -> tuple[Any, ...]:
-        """What makes two snapshots behave alike; counters of scans stop where no limit is beyond."""
-        values, at = self._flat(snapshot), self._at
-        state = values[at["_sequence.state"]]
+        Counters of scans stop where no limit is beyond.
+        """
+        controller = self._controller
+        state, watch = controller._sequence.state, controller._watch
         fault = state == S.FAULT
-        phase = values[at["_context.phase"]] if fault else 0
-        which = state, fault and phase == FaultReaction.UNLOADING
-        values[at["_context.segment"]] = values[at["_context.segment"]].index
-        counts = values[at["_watch._counts"]]
-        if any(counts):
-            values[at["_watch._counts"]] = tuple(map(min, counts, self._enough))
-        alarms = values[at["_watch.latched"]] & self._watched_alarms if fault else 0
-        chosen = list(self._select[which](values))
-        for position, cap in self._caps[which]:
-            chosen[position] = min(chosen[position], cap)
-        # both begin anew with the way back
-        if fault and phase == FaultReaction.SETTLED:
-            chosen[self._waited_in_fault] = 0
-        if fault and phase not in (FaultReaction.UNLOADING, FaultReaction.DRIVE_RESET):
-            chosen[self._pulsed_in_fault] = False
-        return (alarms, *chosen)
+        which = state, controller._context.phase if fault else 0
+        selected = self._selected.get(which)
+        if selected is None:
+            selected = self._selected[which] = self._select(*which)
+        return (
+            watch.latched & self._watched_alarms if fault else 0,
+            tuple(map(min, watch._counts, self._enough)) if watch._counting else self._no_counts,
+            *[read(thing) for thing, read in selected.plain],
+            *[min(getattr(thing, name), cap) for thing, name, cap in selected.capped],
+            *[tuple(getattr(thing, name)) for thing, name in selected.lists],
+        )
+
+
+COUNTS = "_watch._counts"
+"""The one list whose numbers stop somewhere: each at its own debounce."""
+
+
+def _reader(names: list[str]) -> Read:
+    """Return what reads names of an object as a tuple, of a single name too."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    (name,) = names
+    return lambda thing: (getattr(thing, name),)
+
+
+def _writer(thing: Any) -> Callable[[dict[str, Any]], None]:
+    """Return what sets values of an object by their names: at once where it has a dictionary."""
+    if hasattr(thing, "__dict__"):
+        return vars(thing).update
+
+    def write(values: dict[str, Any]) -> None:
+        for name, value in values.items():
+            setattr(thing, name, value)
+
+    return write
+
+
+def _acts(path: str, state: State, phase: int) -> bool:
+    """Whether a value may still act in a state, and in a phase of the reaction to a fault."""
+    if path in NEVER_ACTS or any(path.startswith(prefix) and state not in states for prefix, states in ACTS_IN):
+        return False
+    if path.startswith(UNLOADING_ONLY) and not (state == S.FAULT and phase == FaultReaction.UNLOADING):
+        return False
+    if state != S.FAULT:
+        return True
+    if path == "_fault._waited":
+        return phase != FaultReaction.SETTLED  # begins anew with the way back
+    if path == "_fault._pulsed":
+        return phase in (FaultReaction.UNLOADING, FaultReaction.DRIVE_RESET)  # same
+    return path != "_context.stopping"  # set when the fault is left

@@ -11,7 +11,9 @@ from safety_rules import ALLOWED, LOADED, LOCKED, broken, require
 from small_bench import LOCK_A, LOCK_TOLERANCE_A, PROOF_NM, RELEASE_NM, SLEW_NM, TORQUE_LIMIT_NM, ZERO_NM, BenchState
 
 from controller.aftermath import FaultReaction
+from controller.faults import FAULT_BY_ID
 from controller.image import Command, DriveCommand, DriveMode, DriveState, Image, Orders, Reaction, State
+from controller.interlocks import INTERLOCKS
 
 S, R = State, Reaction
 RESTING = (S.IDLE, S.COMPLETE, S.STOPPED)
@@ -23,6 +25,9 @@ OFF = (
     DriveState.READY_TO_SWITCH_ON,
     DriveState.FAULT,
 )
+WATCHED_ALARMS = sum(1 << FAULT_BY_ID[row.fault].number for row in INTERLOCKS if S.FAULT in row.live_in)
+"""What can come up in a fault as another cause. Any other alarm stays in a fault what it was when the fault began."""
+
 PROVE_SCANS = 2
 HOLD_SCANS = 2
 EPSILON = 1e-9
@@ -33,7 +38,7 @@ class Monitor(NamedTuple):
 
     started: bool = False
     acknowledged: bool = False
-    alarms: int = 0  # seen in this fault
+    alarms: int = 0  # of `WATCHED_ALARMS`, seen in this fault
     reset_asked: bool = False
     tared: bool = False
     proof_up: bool = False
@@ -51,7 +56,8 @@ def _cause_present(image: Image) -> bool:
 
 def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Orders) -> Monitor:
     """Hold one step against the rules and return what is to be remembered; `before.orders` are the last scan's."""
-    was, now, last = before.orders, State(orders.state), State(before.orders.state)
+    was = before.orders
+    now, last = orders.state, was.state
     if now != last and now not in ALLOWED[last]:
         broken(1, f"{last.name} -> {now.name}")
     _check_fault(image, orders)
@@ -171,12 +177,13 @@ def _remember_lock(monitor: Monitor, last: State, now: State, image: Image, orde
 
 
 def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:
+    alarms = orders.alarms & WATCHED_ALARMS
     if last != S.FAULT:
-        fault = Monitor(alarms=orders.alarms, left=monitor.left, lock_proven=monitor.lock_proven)
+        fault = Monitor(alarms=alarms, left=monitor.left, lock_proven=monitor.lock_proven)
         return fault if now == S.FAULT else monitor
-    if now == S.FAULT and orders.alarms & ~monitor.alarms:
+    if now == S.FAULT and alarms & ~monitor.alarms:
         # another fault on top wants its own acknowledgement
-        monitor = monitor._replace(acknowledged=False, reset_asked=False, alarms=orders.alarms)
+        monitor = monitor._replace(acknowledged=False, reset_asked=False, alarms=alarms)
     if image.command == Command.ACKNOWLEDGE:
         monitor = monitor._replace(acknowledged=True)
     if image.command == Command.RESET and monitor.acknowledged:

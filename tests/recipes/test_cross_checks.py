@@ -204,7 +204,15 @@ CASES = {
         "from 1 ms",
     ),
     "sample age below the poll": (
-        INVERSE, {"sample_age: 10 ms": "sample_age: 1 ms"}, {}, "sampling.sample_age", "at least 2 ms",
+        INVERSE, {"sample_age: 30 ms": "sample_age: 1 ms"}, {}, "sampling.sample_age", "at least 2 ms",
+    ),
+    "samples older than the drive waits": (
+        INVERSE, {"  speed: 60 rpm": "  sample_age: 51 ms\n  speed: 60 rpm"}, {}, "interlocks.sample_age",
+        "found 51 ms; allowed: up to 50 ms: the drive waits 50 ms for a set-point (drive.setpoint_timeout of the",
+    ),
+    "a drive that waits less than the default": (
+        INVERSE, {}, {"setpoint_timeout: 50 ms": "setpoint_timeout: 25 ms"}, "interlocks.drive_age",
+        "found 30 ms; allowed: up to 25 ms",
     ),
     "brake age below the poll": (
         INVERSE, {}, {"poll_every: 10 ms": "poll_every: 60 ms"}, "interlocks.brake_age", "at least 120 ms",
@@ -214,7 +222,7 @@ CASES = {
         "a slope of 94.7 with a ratio of 141, which is an efficiency of 67.2 %; allowed: one from 70 % to 86 %",
     ),
     "set-points too rare": (
-        INVERSE, {"period: 1 ms": "period: 10 ms", "sample_age: 10 ms": "sample_age: 20 ms"},
+        INVERSE, {"period: 1 ms": "period: 10 ms", "sample_age: 30 ms": "sample_age: 20 ms"},
         {"setpoint_timeout: 50 ms": "setpoint_timeout: 15 ms"}, "sampling.period",
         "up to 7.5 ms: the drive waits 15 ms",
     ),

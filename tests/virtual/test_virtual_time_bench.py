@@ -97,6 +97,19 @@ def test_latency_and_ages_are_those_of_the_wires(bench_config: BenchConfig) -> N
     assert ages.count(0) == 2
 
 
+def test_a_position_at_the_end_of_its_32_bits_goes_on_as_any_other(bench_config: BenchConfig) -> None:
+    def turned_rad(begin_counts: int) -> float:
+        scans = Scans(bench_config)
+        machine = scans.bench.axis.machine
+        machine._home_counts = machine._motor.position_counts - begin_counts
+        begin = scans.run(3, orders(DriveCommand.DISABLE_VOLTAGE))
+        return scans.ramp(1.0).drive_angle_rad - begin.drive_angle_rad
+
+    plain = turned_rad(0)
+    assert plain > 1e-3
+    assert turned_rad(2**31 - 2) == pytest.approx(plain, abs=1e-6)
+
+
 def test_missed_periods_pass_for_the_plant_too(bench_config: BenchConfig) -> None:
     scans = Scans(bench_config)
     idle = orders(DriveCommand.DISABLE_VOLTAGE)

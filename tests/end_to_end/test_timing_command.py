@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from kills import LASTS_S
-from patient import short_recipe
+from patient import patient_bench, short_recipe
 
 from station.commands.timing import explain, lines
 
@@ -54,10 +54,11 @@ def test_every_period_is_counted_or_missed_and_the_figures_are_explained(lostmot
 
 def test_two_kilohertz_by_the_recipe(lostmotion, tmp_path):
     path = str(short_recipe(tmp_path, {"sampling": {"period": "500 us"}}))
-    ran = lostmotion("timing", "--recipe", path, "--seconds", "1", "--json")
+    bench = str(patient_bench(tmp_path))
+    ran = lostmotion("timing", "--recipe", path, "--bench", bench, "--seconds", "1", "--json")
     assert (ran.json["period_ns"], ran.json["records"]["problem"]) == (500_000, "")
     assert ran.json["periods"] >= 2000
-    ran = lostmotion("run", path, "--virtual-time", "--json", "--serial", "FAST")
+    ran = lostmotion("run", path, "--bench", bench, "--virtual-time", "--json", "--serial", "FAST")
     assert (ran.json["state"], ran.json["verdict"]) == ("complete", "PASS")
     assert ran.json["timing"]["period_ns"] == 500_000
     assert ran.json["timing"]["scans"] * 500e-6 == pytest.approx(LASTS_S["run"], abs=1.0)

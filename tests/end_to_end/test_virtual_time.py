@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from patient import short_recipe
+from patient import patient_bench, short_recipe
 
 from recipes import PRESETS
 
@@ -88,9 +88,9 @@ def test_a_loose_lock_ends_in_a_fault_that_names_it(lostmotion):
 
 
 def test_same_seed_same_bytes_another_seed_other_bytes(lostmotion, tmp_path):
-    recipe_file = str(short_recipe(tmp_path))
+    recipe_file, bench = str(short_recipe(tmp_path)), str(patient_bench(tmp_path))
     runs = [
-        lostmotion("run", recipe_file, "--virtual-time", "--json", "--unit", unit, "--serial", "S")
+        lostmotion("run", recipe_file, "--bench", bench, "--virtual-time", "--json", "--unit", unit, "--serial", "S")
         for unit in ("P1:7", "P1:7", "P1:8")
     ]
     first, again, other = ((run.record / "samples.bin").read_bytes() for run in runs)
@@ -126,8 +126,8 @@ def test_published_loop_through_analyze_gives_its_check_values(lostmotion):
 
 
 def test_stored_run_is_shown_listed_and_analysed_again(lostmotion, tmp_path):
-    recipe_file = str(short_recipe(tmp_path))
-    ran = lostmotion("run", recipe_file, "--virtual-time", "--json", "--serial", "S1")
+    recipe_file, bench = str(short_recipe(tmp_path)), str(patient_bench(tmp_path))
+    ran = lostmotion("run", recipe_file, "--bench", bench, "--virtual-time", "--json", "--serial", "S1")
     run_id = ran.json["run"]
     assert run_id in lostmotion("list").out.replace("\n", "") or "S1" in lostmotion("list").out
     assert "PASS" in lostmotion("show", run_id).out

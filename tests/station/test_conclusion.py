@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from lostmotion_command import ROOT, Ran, here
-from patient import short_recipe
+from patient import patient_bench, short_recipe
 
 import station.record.ring
 import station.reports.illustrate
@@ -201,7 +201,7 @@ def test_a_disk_that_is_full_for_the_report_does_not_hide_the_result(
 
     monkeypatch.setattr(station.reports.illustrate, "png", no_room)
     words = ("--virtual-time", "--json", "--serial", "F", "--data", str(tmp_path))
-    done = here("run", str(short_recipe(tmp_path)), *words)
+    done = here("run", str(short_recipe(tmp_path)), "--bench", str(patient_bench(tmp_path)), *words)
     assert done.exit_code == 0
     assert done.json["verdict"] == "PASS"
     assert "warning" in done.err

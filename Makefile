@@ -46,7 +46,7 @@ run: $(STAMP)
 
 # The tests on real wires run alone: they share the two cores with a virtual bench that keeps real time.
 test: $(STAMP)
-	$(BIN)/python -m pytest -m "not wires" -n 2 --dist loadfile
+	$(BIN)/python -m pytest -m "not wires" -n 2 --dist loadfile --no-loadscope-reorder
 	$(BIN)/python -m pytest -m wires
 
 model-check: $(STAMP)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import optimize
+import scipy  # loads optimize where it is used
 
 from analysis.errors import AnalysisError
 from analysis.samples import BranchSamples
@@ -131,7 +131,7 @@ def made_rising(torque: FloatArray, angle: FloatArray, counts: FloatArray) -> Br
     angle: wind-up [arcmin]; counts: samples behind each point.
     """
     if not (np.diff(torque) > 0).all():
-        fitted = optimize.isotonic_regression(torque, weights=counts)
+        fitted = scipy.optimize.isotonic_regression(torque, weights=counts)
         starts = fitted.blocks[:-1]
         weights = np.add.reduceat(counts, starts)
         angle = np.add.reduceat(angle * counts, starts) / weights

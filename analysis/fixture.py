@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import optimize
+import scipy  # loads optimize where it is used
 
 from analysis.errors import AnalysisError
 from analysis.fixture_curve import Angles, FixtureCurve
@@ -80,6 +80,6 @@ def blank_curve(loops: Sequence[Loop], angles: Angles, name: str = "") -> Fixtur
     half = CURVE_POINTS // 2
     torque = np.concatenate((np.linspace(low, 0.0, half + 1)[:-1], np.linspace(0.0, high, half + 1)))
     branches = [branch.at(torque) for loop in loops for branch in (loop.forward, loop.backward)]
-    fitted = optimize.isotonic_regression(np.mean(branches, axis=0)).x
+    fitted = scipy.optimize.isotonic_regression(np.mean(branches, axis=0)).x
     deflection = fitted - fitted[half]
     return FixtureCurve(tuple(torque.tolist()), tuple(deflection.tolist()), angles, name)

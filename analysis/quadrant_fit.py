@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import optimize
+import scipy  # loads optimize where it is used
 
 from analysis.errors import AnalysisError
 from analysis.quadrants import QUADRANTS, Leftover, Quadrants, TorqueLine, blended, by_lines, turn_lines
@@ -167,7 +167,7 @@ def _fit_transition(trace: Trace, calibration: Sequence[Run], steady: Quadrants,
     grid = np.linspace(float(shortest), float(longest), 40)
     best = int(np.argmin([mean_square(point) for point in grid]))
     bounds = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
-    found = optimize.minimize_scalar(mean_square, bounds=bounds, method="bounded")
+    found = scipy.optimize.minimize_scalar(mean_square, bounds=bounds, method="bounded")
     if not np.sqrt(found.fun) <= TRANSITION_RESIDUAL * peak:
         return None
     return float(np.exp(found.x))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
+import scipy  # loads ndimage where it is used
 
 from analysis.errors import AnalysisError
 from analysis.torque_ratio import RatioFit
@@ -149,7 +149,7 @@ def _end_of_unloading(unloaded: FloatArray, friction_nm: float) -> int:
 
     Near zero friction changes and the line no longer holds: the last piece that it holds for is continued straight.
     """
-    smooth = ndimage.uniform_filter1d(unloaded, ZERO_SAMPLES, mode="nearest")
+    smooth = scipy.ndimage.uniform_filter1d(unloaded, ZERO_SAMPLES, mode="nearest")
     far, near = (int(np.argmax(smooth >= -share * friction_nm)) for share in NEAR_ZERO)
     if smooth[near] < -NEAR_ZERO[1] * friction_nm:
         return int(unloaded.size)

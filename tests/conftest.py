@@ -1,43 +1,72 @@
-"""Tests over wires where the machine stood still under them: repeated, and undecided where it did so every time.
-
-What such a test says then is about the machine. It is undecided, and never passed: pytest counts it as skipped and
-prints how long the machine stood still. A test that fails while the machine gave it its time has failed.
-"""
+"""Runs in virtual time that several test files look at: made once, by whichever worker needs one first."""
 
 from __future__ import annotations
 
-import sys
+import fcntl
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from _pytest.runner import runtestprotocol
+from lostmotion_command import ROOT, Ran, here
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from machine_watch import MachineWatch
-
-TRIES = 2
-"""How often a test over wires is tried whose failure the machine may have caused."""
+os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""Before numpy is loaded: on small matrices a second thread only waits, and doubles the processor time of the fits."""
 
 
-def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """Run a test over wires, once more where it failed while the machine was held up."""
-    if item.get_closest_marker("wires") is None:
-        return None
-    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    for _ in range(TRIES):
-        item._initrequest()  # type: ignore[attr-defined]
-        with MachineWatch() as watch:
-            reports = runtestprotocol(item, log=False, nextitem=nextitem)
-        failed = any(report.failed for report in reports)
-        if not (failed and watch.held_up):
-            break
-        why = f"{item.nodeid}: failed while the machine stood still for {1e3 * watch.longest_s:.0f} ms"
-        sys.stderr.write(f"\n{why}\n")
-    for report in reports:
-        if failed and watch.held_up and report.failed:
-            report.outcome = "skipped"
-            report.longrepr = (str(item.path), item.location[1] or 0, f"undecided: {why}")
-        item.ihook.pytest_runtest_logreport(report=report)
-    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
-    return True
+@dataclass(frozen=True)
+class Stored:
+    """A run that is there to be copied and never to be written to: its data folder, and what the command printed."""
+
+    data: Path
+    ran: Ran
+
+    @property
+    def record(self) -> Path:
+        return self.ran.record
+
+    def copy(self, folder: Path) -> Path:
+        """Copy the data folder with its index; return the record in the copy."""
+        return Path(shutil.copytree(self.data, folder)) / self.record.name
+
+
+@pytest.fixture(scope="session")
+def stored_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Stored]:
+    """Run `lostmotion run ARGS` in virtual time into a folder of that name, unless another worker has done so."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def make(name: str, *args: str) -> Stored:
+        data, said = shared / f"{name}-runs", shared / f"{name}.json"
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not said.exists():
+                ran = here("run", *args, "--virtual-time", "--json", "--data", str(data))
+                said.write_text(json.dumps([ran.exit_code, ran.out, ran.err]), encoding="utf-8")
+        return Stored(data, Ran(*json.loads(said.read_text(encoding="utf-8"))))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def quick_run(stored_once: Callable[..., Stored]) -> Stored:
+    """The shipped quick recipe with a good unit: PASS."""
+    stored = stored_once("quick", "rv-40e-121-quick", "--serial", "SN 1", "--operator", "A. Tester")
+    assert stored.ran.exit_code == 0, stored.ran
+    return stored
+
+
+@pytest.fixture(scope="session")
+def worn_run(stored_once: Callable[..., Stored]) -> Stored:
+    """The shipped quick recipe with a worn unit: FAIL."""
+    recipe = ROOT / "recipes" / "rv-40e-121-quick.yaml"
+    return stored_once("worn", str(recipe), "--unit", "worn", "--serial", "W1")
+
+
+@pytest.fixture(scope="session")
+def golden_run(stored_once: Callable[..., Stored]) -> Stored:
+    """The short recipe of the golden runs: nothing to decide by."""
+    return stored_once("golden", str(ROOT / "tests" / "golden" / "golden.yaml"), "--serial", "R")

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import special
+import scipy  # loads special where it is used
 
 CONFIDENCE = math.erf(math.sqrt(2.0))
 """Confidence that k = 2 stands for, of a normal distribution: 95.45 %."""
@@ -20,7 +20,7 @@ def student_factor(freedom: float) -> float:
     """Return t of the two-sided confidence 95.45 % for degrees of freedom above zero; 2.000 for infinitely many."""
     if not math.isfinite(freedom):
         return 2.0
-    return float(special.stdtrit(freedom, 0.5 + CONFIDENCE / 2.0))
+    return float(scipy.special.stdtrit(freedom, 0.5 + CONFIDENCE / 2.0))
 
 
 def enlarged(u_known: float, u_scatter: float, freedom: float) -> float:

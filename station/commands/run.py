@@ -14,7 +14,6 @@ from station.commands.show import stored_result
 from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
 from station.record.store import RunRecord, Store, check_operator, check_serial, now_text
-from station.reports.illustrate import HTML, Shown, write_reports
 from station.reports.result_view import result_console, show_report, show_result
 from station.run.conclusion import Conclusion, Ending, conclude
 from station.run.disk_space import refuse_full_disk
@@ -100,7 +99,7 @@ def run(options: Options) -> int:
         result = conclusion.result
         log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
         _show(options, result)
-        _report(options, log, Shown(job, result, conclusion.analysis), record)
+        _report(options, log, job, conclusion, record)
     return exit_code(result)
 
 
@@ -113,10 +112,12 @@ def _show(options: Options, result: dict[str, Any]) -> None:
     sys.stdout.flush()
 
 
-def _report(options: Options, log: Any, shown: Shown, record: RunRecord) -> None:
+def _report(options: Options, log: Any, job: Job, conclusion: Conclusion, record: RunRecord) -> None:
     """Write pictures and reports; without them the run is none the worse, and that they are missing is said."""
+    from station.reports.illustrate import HTML, Shown, write_reports  # noqa: PLC0415 - brings matplotlib, late enough here
+
     try:
-        write_reports(record, shown)
+        write_reports(record, Shown(job, conclusion.result, conclusion.analysis))
     except Exception as error:
         log.exception("no report", kind=type(error).__name__)
         sys.stderr.write(f"warning: plot and report are incomplete, the result is stored: {error}\n")

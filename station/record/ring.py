@@ -266,6 +266,11 @@ class RingReader(_Mapped):
         return int(self._words[W_STARTED])
 
     @property
+    def taken(self) -> int:
+        """Records that were appended and taken."""
+        return int(self._words[W_READ])
+
+    @property
     def waiting(self) -> int:
         """Records that were appended and not taken yet."""
         words = self._words

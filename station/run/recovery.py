@@ -97,7 +97,8 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
         os.truncate(run.samples, on_disk * RECORD_BYTES)
     file = Appender(run.samples)
     # A desk that died between writing and noting it in the ring has written these already: no record twice.
-    writer = RecordWriter(ring, file, skip=max(on_disk - (ring.written - ring.waiting), 0))
+    # One number, and not a difference of two: the scan may append between two looks, and its record would be skipped.
+    writer = RecordWriter(ring, file, skip=max(on_disk - ring.taken, 0))
     with ExitStack() as ending:
         ending.callback(file.close)
         ending.callback(writer.finish)

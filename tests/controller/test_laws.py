@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 from bench_model import READY
 from hypothesis import given, settings
@@ -59,15 +60,34 @@ def check_laws(before: State, image: Image, orders) -> None:
     assert image is not None
 
 
-@settings(max_examples=60, deadline=None)
-@given(at=st.integers(0, 11), episode=episodes(), scans=st.integers(1, 40))
-def test_any_input_at_any_state(at, episode, scans):
+@cache
+def way_to(target: State) -> Timeline:
+    """A run that has just come to a state, or to its end without it; tests go on in branches of it."""
     run = Timeline(PROGRAM)
-    target = list(State)[at]
     for _ in range(14_000):
         run.go()
         if run.controller.state == target or run.controller.finished:
             break
+    return run
+
+
+def test_branches_go_on_like_the_run_and_do_not_touch_each_other() -> None:
+    run = Timeline(PROGRAM)
+    run.until_state(State.CALIBRATE)
+    first, second = run.branch(), run.branch()
+    second.bench.frozen = {"estop_released": 0}
+    second.go(1000)
+    first.go(3000)
+    run.go(3000)
+    assert first.orders == run.orders
+    assert first.images == run.images
+    assert second.controller.state == State.FAULT
+
+
+@settings(max_examples=60, deadline=None)
+@given(at=st.integers(0, 11), episode=episodes(), scans=st.integers(1, 40))
+def test_any_input_at_any_state(at, episode, scans):
+    run = way_to(list(State)[at]).branch()
     for change in episode:
         run.bench.frozen = change
         for _ in range(scans):
@@ -91,8 +111,7 @@ def test_arbitrary_images_never_raise(changes):
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.sampled_from([Command.NONE, Command.START, Command.STOP, Command.RESET]), max_size=20))
 def test_an_unacknowledged_fault_never_clears(commands):
-    run = Timeline(PROGRAM)
-    run.until_state(State.CALIBRATE)
+    run = way_to(State.CALIBRATE).branch()
     run.bench.frozen = {"estop_released": 0}
     run.until_finished()
     run.bench.frozen = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 from bench_model import BenchModel
@@ -24,6 +25,14 @@ class Timeline:
         self.events: list[Event] = []
         if start:
             self.bench.command = Command.START
+
+    def branch(self) -> Timeline:
+        """Return a run that goes on from here by itself, so that many tests need not go the same way there."""
+        other = copy.copy(self)
+        kept = {id(self.controller.program): self.controller.program}
+        other.bench, other.controller = copy.deepcopy((self.bench, self.controller), kept)
+        other.images, other.orders, other.events = list(self.images), list(self.orders), list(self.events)
+        return other
 
     def go(self, scans: int = 1) -> Orders:
         for _ in range(scans):

@@ -8,7 +8,7 @@ import select
 import threading
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import can
 import pytest
@@ -181,9 +181,12 @@ class Served:
         self._loop.call_soon_threadsafe(self.server.send, cob_id, data)
 
     def wait_for(self, kind: str) -> None:
+        self.wait_until(lambda: kind in self.events)
+
+    def wait_until(self, condition: Callable[[], bool]) -> None:
         end = time.monotonic() + 5.0
-        while kind not in self.events:
-            assert time.monotonic() < end, f"no {kind} in {self.events}"
+        while not condition():
+            assert time.monotonic() < end, f"it did not come: {self.events} {self.frames}"
             time.sleep(0.001)
 
     def close(self) -> None:
@@ -229,6 +232,7 @@ def test_frames_both_ways_with_the_links_bus(served: Served) -> None:
             heard = soon(link.bus)
             assert heard is not None
             assert bytes(heard.data) == bytes((number, 1))
+        served.wait_until(lambda: len(served.frames) == 100)  # what it has not read is lost with the port
     finally:
         link.close()
     assert served.frames == [(0x205, bytes((number,))) for number in range(100)]

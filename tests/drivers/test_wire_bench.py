@@ -56,11 +56,11 @@ class Stand:
             period_ns=PERIOD_NS,
             can=CanConfig("virtual", CHANNEL),
             drive=drive_config(),
-            amplifier=modbus_config("virtual-amplifier", AMPLIFIER, port=port, timeout_s=0.1),
+            amplifier=modbus_config("virtual-amplifier", AMPLIFIER, port=port, timeout_s=0.5),
             # "localhost" makes it another line than the amplifier's; brake and remote I/O share theirs
-            brake=modbus_config("virtual-brake", BRAKE, host="localhost", port=port, poll_every_s=0.005, timeout_s=0.1),
+            brake=modbus_config("virtual-brake", BRAKE, host="localhost", port=port, poll_every_s=0.005, timeout_s=0.5),
             remote_io=modbus_config(
-                "virtual-remote-io", REMOTE_IO, host="localhost", port=port, poll_every_s=0.005, timeout_s=0.1
+                "virtual-remote-io", REMOTE_IO, host="localhost", port=port, poll_every_s=0.005, timeout_s=0.5
             ),
         )
         self.bench = WireBench(self.config)

@@ -27,7 +27,8 @@ from station.run.children import ONE_THREAD  # noqa: E402 - after the path of a 
 
 os.environ.update(ONE_THREAD)  # before numpy: a fork copies one thread only
 
-from kills import LASTS_S, kill, short_recipe  # noqa: E402
+from kills import LASTS_S, kill  # noqa: E402
+from patient import patient_bench, short_recipe  # noqa: E402
 from warm_desk import COMMAND, ROOT, cold, load, warm  # noqa: E402
 
 STANDS = 2
@@ -91,8 +92,8 @@ def carry_out(drawn: Drawn) -> Left:
 def undisturbed() -> str:
     """Make a run that nothing happens to; return its verdict and reasons unless it is PASS."""
     with tempfile.TemporaryDirectory(prefix="lostmotion-kill-") as folder:
-        recipe = short_recipe(Path(folder))
-        command = [*COMMAND, "run", str(recipe), "--serial", "K", "--json", "--data", folder]
+        words = [str(short_recipe(Path(folder))), "--bench", str(patient_bench(Path(folder)))]
+        command = [*COMMAND, "run", *words, "--serial", "K", "--json", "--data", folder]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         result = json.loads(done.stdout)
     return "" if result["verdict"] == "PASS" else f"{result['verdict']}: {'; '.join(result['reasons'])}"

@@ -10,6 +10,7 @@ import io
 import json
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from machine_trips import tripped_by_the_machine
-from warm_desk import ROOT, Started, cold
+from warm_desk import Started, cold
+
+sys.path.append(str(Path(__file__).parents[1]))  # where a script run by hand finds the next
+
+from patient import patient_bench, short_recipe
 
 from station.commands.replay import replay_run
 from station.record.check import check_file, read_table
@@ -26,7 +31,6 @@ from station.record.store import Store, process_birth
 from station.run.recovery import recover_all
 
 LONGEST_S = 90.0
-GOLDEN_RECIPE = ROOT / "tests" / "golden" / "golden.yaml"
 LASTS_S = {"opening": 1.0, "run": 9.0, "ending": 2.0}
 """About how long each part of a run takes [s]."""
 
@@ -65,35 +69,6 @@ class Killed:
         if self.verdict == "PASS" and self.state != "complete":
             found.append("a run that was not finished passed")
         return found
-
-
-SHORTER = {
-    "period: 4 ms": "period: 1 ms",
-    "proof_torque: 10 %": "proof_torque: 5 %, proof_time: 50 ms",
-    "peak_torque: 30 %": "peak_torque: 15 %",
-    "torque_rate: 300 N·m/s, dwell: 40 ms": "torque_rate: 600 N·m/s, dwell: 20 ms",
-    "  - unload: {torque_rate: 300 N·m/s}": "  - unload: {torque_rate: 600 N·m/s}",
-    "{id: torque_ratio_slope}": "{id: torque_ratio_slope, min: 50}",
-    "ratio_agreement: 15 %": "ratio_agreement: 100 %\n  ramp_rate: 100 %",
-    "  missed_periods: 0.1 %": "  missed_periods: 10 %",
-    "missed_in_a_row: 5": "missed_in_a_row: 40",
-}
-"""What the recipe of the golden runs becomes: 1 ms, and through every state in 9 s.
-
-Its run must pass when nothing happens to it, or no killed run could pass wrongly; and what a busy machine does to the
-scan is not asked here but by `lostmotion timing`.
-"""
-
-
-def short_recipe(folder: Path) -> Path:
-    """Write the recipe of the golden runs, shorter and at 1 ms."""
-    text = GOLDEN_RECIPE.read_text(encoding="utf-8")
-    for old, new in SHORTER.items():
-        assert old in text, f"{GOLDEN_RECIPE}: has no {old!r} any more"
-        text = text.replace(old, new)
-    path = folder / "short.yaml"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def wait_for(condition: Any, what: str, every_s: float = 0.005) -> Any:
@@ -145,7 +120,7 @@ def kill(
     start: Callable[[tuple[str, ...], Path], Started] = cold,
 ) -> Killed:
     """Start a run, kill `who` ("scan" or "desk") so long after a row of BEGUN, and bring the run to its end."""
-    words = ("--serial", "K", "--json", "--data", str(data))
+    words = ("--bench", str(patient_bench(data)), "--serial", "K", "--json", "--data", str(data))
     desk = start(("run", str(short_recipe(data)), *words), data / "desk.txt")
     try:
         ring, ring_path = wait_for(lambda: _ring_of(data), "scan process at the ring")

@@ -12,31 +12,31 @@ import numpy as np
 from controller.image import AGE_NEVER
 from station.record.check import Table
 
-LOOKED_AT = 100
-"""Records before the alarm that are looked at: a hold-up acts at once, or by a device's time-out of up to 100 ms."""
+LOOKED_AT = 1000
+"""Records before the alarm that are looked at: a hold-up acts at once, or by a device's time-out of up to 500 ms."""
 
 HELD_UP: dict[str, int] = {
-    "missed_periods": 40,
-    "drive_emergency": 49,
-    "drive_fault": 49,
-    "drive_dropped_out": 49,
-    "drive_data_stale": 49,
+    "missed_periods": 500,
+    "drive_emergency": 490,
+    "drive_fault": 490,
+    "drive_dropped_out": 490,
+    "drive_data_stale": 490,
 }
 """What a scan that was held up leads to, and the least periods of 1 ms that it must have missed in one hold-up.
 
-The recipe of the drills allows 40 in a row; the drive waits 50 ms for set-points.
+The recipe of the drills allows 500 in a row; the drive waits 500 ms for set-points.
 """
 
 BENCH_STOOD: dict[str, int] = {
-    "sample_stale": 20,
-    "sample_frozen": 20,
-    "drive_data_stale": 20,
-    "drive_heartbeat_lost": 10,
-    "remote_io_lost": 10,
-    "brake_link_lost": 10,
-    "drive_emergency": 40,
-    "drive_fault": 40,
-    "drive_dropped_out": 40,
+    "sample_stale": 490,
+    "sample_frozen": 490,
+    "drive_data_stale": 490,
+    "drive_heartbeat_lost": 490,
+    "remote_io_lost": 490,
+    "brake_link_lost": 490,
+    "drive_emergency": 490,
+    "drive_fault": 490,
+    "drive_dropped_out": 490,
 }
 """What a virtual bench that stood still leads to, and the least scans of silence: its drive misses set-points too."""
 

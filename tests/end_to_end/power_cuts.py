@@ -15,13 +15,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 
-from kills import LASTS_S, short_recipe  # noqa: E402 - after the path of a script run by hand
+from kills import LASTS_S  # noqa: E402 - after the path of a script run by hand
+from patient import patient_bench, short_recipe  # noqa: E402
 from warm_desk import COMMAND, ROOT  # noqa: E402
 
 from station.record.check import check_file, read_table  # noqa: E402
@@ -32,7 +34,11 @@ START_S = 4.0
 SETTLE_S = 0.5
 
 
-def lostmotion(*args: str) -> tuple[int, dict[str, Any]]:
+Answer = tuple[int, Any]
+"""Exit code and object of a command."""
+
+
+def lostmotion(*args: str) -> Answer:
     """Run a command with --json; return its exit code and object."""
     done = subprocess.run([*COMMAND, *args, "--json"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr, done.stderr
@@ -65,11 +71,12 @@ def _alive_at(folder: Path) -> list[str]:
 class Drill:
     """One folder of runs whose power is cut again and again."""
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, ask: Callable[..., Answer] = lostmotion) -> None:
         self.data = data
+        self.ask = ask
         self.runs = data / "runs"
         self.known: dict[str, tuple[str, int]] = {}
-        self.recipe = short_recipe(data)
+        self.words = (str(short_recipe(data)), "--bench", str(patient_bench(data)))
 
     def cut(self, after_s: float, *, ring_too: bool, loaded: bool) -> tuple[str, list[str]]:
         """Start a run, cut the power so long after the command, restart; what was found, and what must not be.
@@ -77,7 +84,7 @@ class Drill:
         `loaded`: so long after the first record instead.
         """
         desk = subprocess.Popen(
-            [*COMMAND, "run", str(self.recipe), "--serial", "PC", "--json", "--data", str(self.runs)],
+            [*COMMAND, "run", *self.words, "--serial", "PC", "--json", "--data", str(self.runs)],
             cwd=ROOT,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -115,8 +122,8 @@ class Drill:
         wrong = [f"still alive: {text}" for text in _alive_at(folder)]
         ended = manifest["state"] != "recording"
         wrong += self._journal()
-        code, shown = lostmotion("show", str(folder))
-        _, resumed = lostmotion("resume", str(folder))
+        code, shown = self.ask("show", str(folder))
+        _, resumed = self.ask("resume", str(folder))
         state = json.loads((folder / "run.json").read_bytes())["state"]
         records = check_file(folder / "samples.bin") if (folder / "samples.bin").exists() else None
         count = 0 if records is None else records.records
@@ -131,7 +138,7 @@ class Drill:
         if count and not ended:
             said, more = self._torque(folder, shown)
             wrong += more
-            replay_code, replay = lostmotion("replay", str(folder))
+            replay_code, replay = self.ask("replay", str(folder))
             if replay_code or replay["identical_scans"] != count:
                 wrong.append(f"replay: {replay}")
         wrong += [f"started by itself: {text}" for text in _alive_at(folder)]
@@ -159,16 +166,10 @@ class Drill:
         """Every run that was there before is listed as it was."""
         if not self.runs.exists():
             return []
-        done = subprocess.run(
-            [*COMMAND, "list", "--data", str(self.runs), "--json"],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode or "Traceback" in done.stderr:
-            return [f"list: {done.returncode} {done.stderr[-300:]}"]
-        listed = {row["run"]: row for row in json.loads(done.stdout)}
+        code, rows = self.ask("list", "--data", str(self.runs))
+        if code:
+            return [f"list: {code}"]
+        listed = {row["run"]: row for row in rows}
         wrong = [f"{name} is not listed any more" for name in self.known if name not in listed]
         for name, (state, count) in self.known.items():
             if name in listed and listed[name]["state"] != state:

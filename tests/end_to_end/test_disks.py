@@ -13,14 +13,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from conftest import COMMAND, ROOT, Running
+from lostmotion_command import ROOT, Running, here
+from patient import GOLDEN_RECIPE
 
 from station.record.check import check_file
-from station.record.ring import FILE_PREFIX, SHARED_MEMORY
+from station.record.scan_record import RECORD_BYTES
 
 pytestmark = pytest.mark.wires
-GOLDEN = str(ROOT / "tests" / "golden" / "golden.yaml")
+GOLDEN = str(GOLDEN_RECIPE)
 DISK_MB = 48
+IN_THE_RAMP = 5800
 
 
 @pytest.fixture
@@ -37,18 +39,9 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.fixture
-def begin() -> Iterator[Callable[[Path], Running]]:
-    started: list[Running] = []
-
-    def run(data: Path) -> Running:
-        started.append(Running(("run", GOLDEN, "--serial", "D", "--json", "--data", str(data)), data))
-        return started[-1]
-
-    yield run
-    for one in started:
-        if one.process.poll() is None:
-            os.killpg(one.process.pid, 9)
-            one.process.wait()
+def begin(start, one_ramp) -> Callable[[Path], Running]:
+    """Start a run that stores on a disk."""
+    return lambda data: start("run", *one_ramp, "--serial", "D", "--json", data=data)
 
 
 def fill(disk: Path) -> Path:
@@ -62,21 +55,16 @@ def fill(disk: Path) -> Path:
 
 
 def recording(data: Path) -> bool:
-    return any(path.stat().st_size > 50_000 for path in data.glob("*/samples.bin"))
-
-
-def rings() -> set[Path]:
-    return set(SHARED_MEMORY.glob(f"{FILE_PREFIX}*"))
-
-
-def command(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*COMMAND, *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    """True once a run of ONE_RAMP is in its ramp: to bring that torque to zero takes two seconds."""
+    return any(path.stat().st_size > IN_THE_RAMP * RECORD_BYTES for path in data.glob("*/samples.bin"))
 
 
 def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
-    before = rings()
     run = begin(disk)
     run.wait_for(lambda: recording(disk))
+    (manifest,) = disk.glob("*/run.json")
+    ring = Path(json.loads(manifest.read_bytes())["ring"])
+    assert ring.exists()
     ballast = fill(disk)
     ran = run.finish()
     (folder,) = (path.parent for path in disk.glob("*/run.json"))
@@ -91,14 +79,14 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert on_disk > 0
 
     ballast.unlink()
-    shown = json.loads(command("show", folder.name, "--data", str(disk), "--json").stdout)
+    shown = here("show", folder.name, "--data", str(disk), "--json").json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
     assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
     whole = check_file(folder / "samples.bin", shown["timing"]["scans"])
     assert whole.problems == ()
     assert whole.records > on_disk
-    assert command("replay", str(folder)).returncode == 0
-    assert rings() <= before
+    assert here("replay", str(folder)).exit_code == 0
+    assert not ring.exists()
 
 
 def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begin):
@@ -106,7 +94,7 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
     run.wait_for(lambda: recording(disk))
     ballast = fill(disk)
     size = next(disk.glob("*/samples.bin")).stat().st_size
-    time.sleep(1.0)
+    time.sleep(0.4)
     assert next(disk.glob("*/samples.bin")).stat().st_size <= size + 4096
     ballast.unlink()
     ran = run.finish()
@@ -120,19 +108,19 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
 def test_a_disk_without_room_is_refused_before_anything_moves(disk):
     ballast = fill(disk)
     os.truncate(ballast, ballast.stat().st_size - 4_000_000)
-    done = command("run", GOLDEN, "--serial", "D", "--data", str(disk / "runs"))
-    assert done.returncode == 2
-    assert "MB free" in done.stderr
-    assert "Free the disk" in done.stderr
+    done = here("run", GOLDEN, "--serial", "D", "--data", str(disk / "runs"))
+    assert done.exit_code == 2
+    assert "MB free" in done.err
+    assert "Free the disk" in done.err
     assert not (disk / "runs").exists()
 
 
 def test_a_read_only_disk_is_refused_before_anything_moves(disk):
     subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)  # noqa: S607
-    done = command("run", GOLDEN, "--serial", "D", "--data", str(disk))
-    assert done.returncode == 2
-    assert "Read-only file system" in done.stderr
-    assert "--data" in done.stderr
+    done = here("run", GOLDEN, "--serial", "D", "--data", str(disk))
+    assert done.exit_code == 2
+    assert "Read-only file system" in done.err
+    assert "--data" in done.err
     assert list(disk.iterdir()) == []
 
 

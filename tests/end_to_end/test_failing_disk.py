@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import struct
 import subprocess
@@ -11,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import Running
-from test_disks import GOLDEN, command, recording
+from lostmotion_command import here
+from test_disks import recording
 
 from station.record.check import check_file
 
@@ -59,17 +58,12 @@ def fail(disk: Path) -> None:
         (disk / "probe").touch()
 
 
-def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(disk, image):
-    run = Running(("run", GOLDEN, "--serial", "D", "--json", "--data", str(disk)), disk)
-    try:
-        run.wait_for(lambda: recording(disk))
-        (folder,) = (path.parent for path in disk.glob("*/run.json"))
-        fail(disk)
-        ran = run.finish()
-    finally:
-        if run.process.poll() is None:
-            os.killpg(run.process.pid, 9)
-            run.process.wait()
+def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ramp, disk, image):
+    run = start("run", *one_ramp, "--serial", "D", "--json", data=disk)
+    run.wait_for(lambda: recording(disk))
+    (folder,) = (path.parent for path in disk.glob("*/run.json"))
+    fail(disk)
+    ran = run.finish()
     assert "Traceback" not in ran.err, ran.err
     assert ran.exit_code == 4, ran.err
     for words in ("Input/output error", "torque was brought to zero", "records wait in memory", f"show {folder.name}"):
@@ -77,9 +71,9 @@ def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(disk, image):
 
     subprocess.run(["umount", str(disk)], check=True)  # noqa: S607
     mounted(image, disk)
-    done = command("show", folder.name, "--data", str(disk), "--json")
-    assert done.returncode == 0, done.stderr
-    shown = json.loads(done.stdout)
+    done = here("show", folder.name, "--data", str(disk), "--json")
+    assert done.exit_code == 0, done.err
+    shown = done.json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
     assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
     # what the desk had written, but the disk had not yet taken for good, is lost as in a power cut: one gap, and told

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from kills import kill
+from warm_desk import load, warm
 
 pytestmark = pytest.mark.wires
 
@@ -12,23 +13,21 @@ pytestmark = pytest.mark.wires
 def test_a_killed_scan_process_loses_no_written_record(after_s, tmp_path):
     left = kill("scan", after_s, tmp_path)
     assert left.problems() == []
-    assert left.state == "interrupted" or left.machine
+    assert left.state == "interrupted"
 
 
 def test_a_run_whose_desk_was_killed_is_unloaded_without_it(tmp_path):
     left = kill("desk", 4.27, tmp_path)
     assert left.problems() == []
-    assert left.state == "stopped" or left.machine
-    if left.state == "stopped":
-        assert any("the desk gave no sign" in note for note in left.notes)
+    assert left.state == "stopped"
+    assert any("the desk gave no sign" in note for note in left.notes)
 
 
 def test_a_new_desk_takes_over_a_run_that_goes_on(tmp_path):
-    left = kill("desk", 1.9, tmp_path, resume=True)
+    load()  # the scan waits 2 s for a new desk: a command that starts cold takes half of that to load itself
+    left = kill("desk", 1.9, tmp_path, resume=True, start=warm)
     assert left.problems() == []
-    # On a machine that is so busy that a command takes more than 2 s to start, the new desk comes too late.
-    late = left.state == "stopped" and any("the desk gave no sign" in note for note in left.notes)
-    assert left.state == "complete" or left.machine or late
+    assert left.state == "complete"
 
 
 def test_a_scan_that_nobody_can_start_any_more_ends(tmp_path):

@@ -5,46 +5,35 @@ from __future__ import annotations
 import json
 import os
 import pty
-import re
 import signal
 import socket
 import subprocess
-import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from lostmotion_command import COMMAND, ROOT, Running, here
+from patient import ONE_RAMP, patient_bench, short_recipe
 
 from controller.image import DriveCommand, State
 from station.record.check import read_table
 
 pytestmark = pytest.mark.wires
-ROOT = Path(__file__).parents[2]
-COMMAND = (sys.executable, "-m", "station")
 RATED_NM = 412.0
-ATTEMPTS = 3
 ENABLING = {int(DriveCommand.SWITCH_ON), int(DriveCommand.ENABLE_OPERATION), int(DriveCommand.START_HOMING)}
 
 
 def bench_apart(folder: Path) -> Path:
     """A bench file whose virtual bench is started by hand, on ports that are free now."""
-    text = (
-        (ROOT / "recipes" / "benches" / "virtual.yaml")
-        .read_text(encoding="utf-8")
-        .replace("name: virtual\n", "name: apart\n")
-    )
-    text = re.sub(r"  embedded: true.*\n", "", text)
     sockets = [socket.socket() for _ in range(4)]
-    for number, item in zip((29536, 1502, 1503, 1504), sockets, strict=True):
+    ports = {}
+    for part, item in zip(("can", "amplifier", "brake", "remote_io"), sockets, strict=True):
         item.bind(("127.0.0.1", 0))
-        text = text.replace(f"port: {number}\n", f"port: {item.getsockname()[1]}\n")
+        ports[part] = {"port": item.getsockname()[1]}
     for item in sockets:
         item.close()
-    path = folder / "apart.yaml"
-    path.write_text(text, encoding="utf-8")
-    return path
+    return patient_bench(folder, {"bench": {"name": "apart", "embedded": False}}, ports)
 
 
 class Apart:
@@ -66,56 +55,30 @@ class Apart:
 
 
 @pytest.fixture
-def apart(tmp_path: Path) -> Iterator[Apart]:
+def stands_apart(tmp_path: Path) -> Iterator[Apart]:
     bench = Apart(tmp_path)
     yield bench
     bench.stop()
-
-
-def recipe(folder: Path) -> Path:
-    """The golden run's recipe at 1 ms, to a higher torque; the lock may open below 1 % of rated torque."""
-    text = (ROOT / "tests" / "golden" / "golden.yaml").read_text(encoding="utf-8")
-    for old, new in (
-        ("period: 4 ms", "period: 1 ms"),
-        ("max_torque: 3 %", "max_torque: 1 %"),
-        ("  - calibrate: {peak_torque: 30 %, torque_rate: 300 N·m/s, dwell: 40 ms}\n", ""),
-        ("metrics:\n  - {id: torque_ratio_slope}", "metrics:\n  - {id: windup}"),
-        ("output_torque: reaction\n", "output_torque: reaction\n  reference_torque: 60 %\n"),
-        ("peak_torque: 30 %, torque_rate: 300", "peak_torque: 80 %, torque_rate: 120"),
-        ("torque_out_alarm: 36 %", "torque_out_alarm: 110 %"),
-        ("torque_out_trip: 40 %", "torque_out_trip: 120 %"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
-    path = folder / "recipe.yaml"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def newest(data: Path) -> Path:
     return max(data.glob("*/run.json")).parent
 
 
-def torn_off(bench: Apart, folder: Path) -> Path:
+def torn_off(start: Callable[..., Running], words: tuple[str, ...], data: Path) -> None:
     """Kill desk and scan above 200 N·m; the drive stops itself, and friction keeps the rest behind the lock."""
-    args = ("run", str(recipe(folder)), "--bench", str(bench.path), "--serial", "W")
-    for attempt in range(ATTEMPTS):
-        data = folder / f"runs-{attempt}"
-        command = [*COMMAND, *args, "--data", str(data)]
-        desk = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        while desk.poll() is None:
-            time.sleep(0.02)
-            files = list(data.glob("*/samples.bin"))
-            table = read_table(files[0]) if files else ()
-            if len(table) and table[-1]["image"]["torque_out_nm"] > 200.0:
-                scan = json.loads((newest(data) / "scan-report.json").read_bytes())["pid"]
-                os.kill(scan, signal.SIGKILL)
-                os.kill(desk.pid, signal.SIGKILL)
-                desk.wait()
-                return data
-        bench.stop()  # a machine that stood still tripped the run before it came so far
-        bench.start()
-    pytest.fail(f"no run of {ATTEMPTS} came to 200 N·m")
+    desk = start("run", *words, "--serial", "W", data=data)
+
+    def loaded() -> bool:
+        files = list(data.glob("*/samples.bin"))
+        table = read_table(files[0]) if files else ()
+        return len(table) > 0 and table[-1]["image"]["torque_out_nm"] > 200.0
+
+    desk.wait_for(loaded)
+    scan = json.loads((newest(data) / "scan-report.json").read_bytes())["pid"]
+    os.kill(scan, signal.SIGKILL)
+    os.kill(desk.process.pid, signal.SIGKILL)
+    desk.process.communicate()
 
 
 def says_no(bench: Apart, data: Path) -> None:
@@ -138,29 +101,24 @@ def says_no(bench: Apart, data: Path) -> None:
     assert not set(table["orders"]["drive_command"]) & ENABLING
 
 
-def test_recover_releases_a_unit_that_was_left_wound_up(apart, tmp_path):
-    data = torn_off(apart, tmp_path)
-    again = subprocess.run(
-        [*COMMAND, "run", str(recipe(tmp_path)), "--serial", "X", "--json", "--bench", str(apart.path), "--data", data],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert again.returncode == 4
-    refused = json.loads(again.stdout)
+def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp_path):
+    data, bench = tmp_path / "runs", ("--bench", str(stands_apart.path))
+    words = (str(short_recipe(tmp_path, ONE_RAMP)), *bench)
+    torn_off(start, words, data)
+    again = here("run", *words, "--serial", "X", "--json", "--data", str(data))
+    assert again.exit_code == 4
+    refused = again.json
     assert refused["alarms"][0]["id"] == "brake_stays_closed"
     assert refused["left"]["lock"] == "closed", "another run leaves the lock as it found it"
     assert abs(refused["left"]["torque_nm"]) > 0.01 * RATED_NM
 
-    says_no(apart, data)
+    says_no(stands_apart, data)
 
-    done = subprocess.run(
-        [*COMMAND, "recover", "--bench", str(apart.path), "--data", str(data), "--yes", "--json"],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert "Traceback" not in done.stderr, done.stderr
-    report = json.loads(done.stdout)
-    assert (done.returncode, report["released"]) == (0, True), done.stderr
-    for words in ("Torque at the output", "Lock                  closed", "Check:", "bringing the torque to zero"):
-        assert words in done.stderr
+    done = here("recover", *bench, "--data", str(data), "--yes", "--json")
+    report = done.json
+    assert (done.exit_code, report["released"]) == (0, True), done.err
+    for said in ("Torque at the output", "Lock                  closed", "Check:", "bringing the torque to zero"):
+        assert said in done.err
     table = read_table(Path(report["record"]) / "samples.bin")
     assert table["orders"]["state"][-1] == State.STOPPED
     torque_nm = table["image"]["torque_out_nm"] - table["orders"]["torque_out_tare_nm"]
@@ -169,10 +127,8 @@ def test_recover_releases_a_unit_that_was_left_wound_up(apart, tmp_path):
     assert table["orders"]["state"][opened] == State.RELEASE
     assert abs(torque_nm[opened]) < 0.02 * RATED_NM
     assert table["image"]["brake_on"][-1] == 0
-    replayed = subprocess.run([*COMMAND, "replay", report["record"]], cwd=ROOT, capture_output=True, check=False)
-    assert replayed.returncode == 0, replayed.stdout
+    assert here("replay", report["record"]).exit_code == 0
 
-    nothing = subprocess.run([*COMMAND, "recover", "--bench", str(apart.path), "--data", str(data), "--yes"],
-                             cwd=ROOT, capture_output=True, text=True, check=False)  # fmt: skip
-    assert nothing.returncode == 0
-    assert "nothing to take back" in nothing.stdout
+    nothing = here("recover", *bench, "--data", str(data), "--yes")
+    assert nothing.exit_code == 0
+    assert "nothing to take back" in nothing.out

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from patient import patient_bench, short_recipe
 
 from recipes import PRESETS
 
@@ -67,8 +68,9 @@ def test_recipe_of_each_bench_passes_its_unit_and_recovers_its_figures(lostmotio
         ("cracked", {"spring_constant", "stiffness_50_100"}),
     ],
 )
-def test_a_bad_unit_fails_for_the_right_metric(lostmotion, unit, failing):
-    ran = lostmotion("run", recipe("rv-40e-121-quick"), "--virtual-time", "--json", "--unit", unit, "--serial", unit)
+def test_a_bad_unit_fails_for_the_right_metric(lostmotion, worn_run, unit, failing):
+    words = ("--virtual-time", "--json", "--unit", unit, "--serial", unit)
+    ran = worn_run.ran if unit == "worn" else lostmotion("run", recipe("rv-40e-121-quick"), *words)
     assert (ran.exit_code, ran.json["verdict"], ran.json["state"]) == (1, "FAIL", "complete")
     assert {m["id"] for m in ran.json["metrics"] if m["verdict"] == "FAIL"} == failing
     assert all(any(name in reason for reason in ran.json["reasons"]) for name in failing)
@@ -85,9 +87,10 @@ def test_a_loose_lock_ends_in_a_fault_that_names_it(lostmotion):
     assert "lock" in result["alarms"][0]["next_action"].lower()
 
 
-def test_same_seed_same_bytes_another_seed_other_bytes(lostmotion, short_recipe):
+def test_same_seed_same_bytes_another_seed_other_bytes(lostmotion, tmp_path):
+    recipe_file, bench = str(short_recipe(tmp_path)), str(patient_bench(tmp_path))
     runs = [
-        lostmotion("run", short_recipe, "--virtual-time", "--json", "--unit", unit, "--serial", "S")
+        lostmotion("run", recipe_file, "--bench", bench, "--virtual-time", "--json", "--unit", unit, "--serial", "S")
         for unit in ("P1:7", "P1:7", "P1:8")
     ]
     first, again, other = ((run.record / "samples.bin").read_bytes() for run in runs)
@@ -122,12 +125,13 @@ def test_published_loop_through_analyze_gives_its_check_values(lostmotion):
     assert any("torque_ratio_offset" in reason for reason in result["reasons"])
 
 
-def test_stored_run_is_shown_listed_and_analysed_again(lostmotion, short_recipe):
-    ran = lostmotion("run", short_recipe, "--virtual-time", "--json", "--serial", "S1")
+def test_stored_run_is_shown_listed_and_analysed_again(lostmotion, tmp_path):
+    recipe_file, bench = str(short_recipe(tmp_path)), str(patient_bench(tmp_path))
+    ran = lostmotion("run", recipe_file, "--bench", bench, "--virtual-time", "--json", "--serial", "S1")
     run_id = ran.json["run"]
     assert run_id in lostmotion("list").out.replace("\n", "") or "S1" in lostmotion("list").out
     assert "PASS" in lostmotion("show", run_id).out
-    again = lostmotion("analyze", str(ran.record), "--recipe", short_recipe, "--json").json
+    again = lostmotion("analyze", str(ran.record), "--recipe", recipe_file, "--json").json
     assert [m["value"] for m in again["metrics"]] == [m["value"] for m in ran.json["metrics"]]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from station.pytest_plugin import BenchUnderTest
+from station.faults.bench_under_test import BenchUnderTest
 
 PAGE = Path(__file__).parents[2] / "docs" / "fault-tests.md"
 EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)

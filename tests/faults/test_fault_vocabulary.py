@@ -55,11 +55,11 @@ MAPS = {
 
 NOT_IN_THE_MATRIX = {
     "operator_quick_stop": "tests/golden/golden_runs.py",
-    "devices_not_ready": "tests/controller/test_interlocks.py",
-    "homing_failed": "tests/controller/test_interlocks.py",
-    "sample_not_ready": "tests/controller/test_interlocks.py",
+    "devices_not_ready": "tests/controller/test_start_and_lock.py",
+    "homing_failed": "tests/controller/test_start_and_lock.py",
+    "sample_not_ready": "tests/controller/test_debounce.py",
     "calibration_failed": "tests/controller/test_sequence.py",
-    "brake_stays_closed": "tests/controller/test_interlocks.py",
+    "brake_stays_closed": "tests/controller/test_start_and_lock.py",
 }
 """Faults that no injected fault brings about, and where they are brought about instead."""
 

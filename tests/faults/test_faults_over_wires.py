@@ -1,4 +1,7 @@
-"""Scenarios over real wires, in real time: the same file, the same judge, times from the bench's own notes."""
+"""Scenarios over real wires: the same files and the same judge, on a bench and by a recipe that wait.
+
+How soon the reactions come is held in virtual time, and over wires by `make wire-faults` on a quiet machine.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ruamel.yaml import YAML
+from patient import PATIENCE_MS, patient_bench, patient_scenario, short_recipe
 
 from station.bench.request import load_job
 from station.commands import faults as command_faults
+from station.faults import wires_matrix
 from station.faults.rows import ROWS
 from station.faults.wires_matrix import measure_over_wires, wire_rows
 
@@ -20,15 +24,19 @@ pytestmark = pytest.mark.wires
 ROOT = Path(__file__).parents[2]
 
 
+def patient_run(folder: Path, bench: Path) -> command_faults.How:
+    return command_faults.How(str(short_recipe(folder)), wires=True, bench=str(bench), data=folder / "runs")
+
+
 def test_a_scenario_holds_over_wires_and_its_record_is_kept(tmp_path, capsys):
-    path = ROOT / "scenarios" / "heartbeat-lost.yaml"
-    code = command_faults.run(path, command_faults.How(wires=True, data=tmp_path), as_json=True)
+    path = patient_scenario(ROOT / "scenarios" / "heartbeat-lost.yaml", tmp_path)
+    code = command_faults.run(path, patient_run(tmp_path, patient_bench(tmp_path)), as_json=True)
     said = json.loads(capsys.readouterr().out)
     assert (code, said["wrong"]) == (0, [])
     assert [row["fault"] for row in said["acted"]] == ["can.drive.heartbeat off"]
-    assert 80 <= said["detect_scans"] <= 122
+    assert said["detect_scans"] > 0
     record = Path(said["record"])
-    assert record.parent == tmp_path
+    assert record.parent == tmp_path / "runs"
     assert json.loads((record / "result.json").read_bytes())["state"] == "fault"
     assert json.loads((record / "run.json").read_bytes())["notes"] == ["faults were injected: heartbeat lost"]
 
@@ -42,9 +50,12 @@ def test_a_drive_that_lies_is_refused_before_anything_moves(tmp_path, capsys):
     assert said["states"] == []
 
 
-def test_a_row_of_the_matrix_keeps_its_bounds_over_wires(tmp_path):
+def test_a_row_of_the_matrix_holds_over_wires(tmp_path, monkeypatch):
+    monkeypatch.setattr(wires_matrix, "WIRE_SCANS", 2 * PATIENCE_MS)
+    job = load_job(str(short_recipe(tmp_path)), str(patient_bench(tmp_path)))
     (number,) = [number for number in wire_rows() if ROWS[number].name == "modbus.brake.brake_current_a freeze"]
-    found = measure_over_wires(load_job("rv-40e-121-faults", None), number, tmp_path, lambda _: None)
+    found = measure_over_wires(job, number, tmp_path, lambda _: None)
+    assert found.repeated == 0
     assert found.cell.wrong == ()
     assert found.cell.alarm in ROWS[number].causes
     assert found.cell.order_scans == 0
@@ -64,13 +75,8 @@ class BenchOnACable:
         command = [sys.executable, "-m", "station", "virtual-bench", "--can", "127.0.0.1:0", "--modbus", "127.0.0.1:0"]
         self.process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         ready = json.loads(self.process.stdout.readline())
-        self.file = folder / "cable.yaml"
-        bench = YAML(typ="rt").load(ROOT / "recipes" / "benches" / "virtual.yaml")
-        bench["bench"] |= {"name": "cable", "embedded": False}
-        for part in ("can", "amplifier", "brake", "remote_io"):
-            bench[part]["port"] = ready[part]["port"]
-        with self.file.open("w", encoding="utf-8") as stream:
-            YAML(typ="rt").dump(bench, stream)
+        ports = {part: {"port": ready[part]["port"]} for part in ("can", "amplifier", "brake", "remote_io")}
+        self.file = patient_bench(folder, {"bench": {"name": "cable", "embedded": False}}, ports)
 
     def close(self) -> None:
         self.process.terminate()
@@ -90,11 +96,11 @@ def test_a_gateway_brings_faults_to_a_bench_on_a_cable(cable, tmp_path, capsys):
     path.write_text(
         "scenario: {name: silence on the cable}\n"
         "faults:\n  - {target: modbus.amplifier, verb: silence, when: {state: lock, after_scans: 300}}\n"
-        "expect:\n  - {event: sample_stale, within_scans: 26}\n  - {order: quick_stop, within_scans: 0}\n"
+        "expect:\n  - {event: sample_stale, within_scans: 1500}\n  - {order: quick_stop, within_scans: 0}\n"
         "  - {final_state: fault}\nnever:\n  - {event: drive_heartbeat_lost}\n",
         encoding="utf-8",
     )
-    how = command_faults.How(wires=True, bench=str(cable.file), data=tmp_path / "runs")
+    how = patient_run(tmp_path, cable.file)
     code = command_faults.run(path, how, as_json=True)
     said = json.loads(capsys.readouterr().out)
     assert (code, said["wrong"], said["refused"]) == (0, [], "")

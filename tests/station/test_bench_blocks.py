@@ -129,18 +129,18 @@ def test_a_blank_test_needs_a_file_and_a_recipe(dummy: Path, tmp_path: Path) -> 
             command(*args)
 
 
-def test_a_measured_torque_ratio_becomes_a_stored_one(tmp_path: Path) -> None:
-    run = ("run", str(RECIPE), "--virtual-time", "--json", "--serial", "C", "--data", str(tmp_path))
-    result: dict[str, Any] = json.loads(command(*run))
+def test_a_measured_torque_ratio_becomes_a_stored_one(quick_run: Any, tmp_path: Path) -> None:
+    result: dict[str, Any] = quick_run.ran.json
+    data = quick_run.copy(tmp_path / "data").parent
     assert [gate["id"] for gate in result["gates"]] == list(GATES)
     assert all(gate["passed"] is not False for gate in result["gates"])
     assert {stage["stage"] for stage in result["stages"]} >= {"drift", "fixture", "time alignment"}
-    block = command("calibration", "last", "--data", str(tmp_path))
+    block = command("calibration", "last", "--data", str(data))
     bench = parse_bench(bench_with(block, "calibrations").encode(), "b.yaml")
     (stored,) = bench.calibrations
     slope = next(metric for metric in result["metrics"] if metric["id"] == "torque_ratio_slope")
     assert stored.load_positive.slope == pytest.approx(slope["value"], rel=1e-5)
-    (measured,) = (json.loads(path.read_text(encoding="utf-8")) for path in tmp_path.rglob("calibration.json"))
+    (measured,) = (json.loads(path.read_text(encoding="utf-8")) for path in data.rglob("calibration.json"))
     assert stored.load_positive.u_slope == pytest.approx(measured["quadrants"]["load_positive"]["u_slope"], rel=1e-4)
     assert -1 < stored.load_positive.correlation < 0
     assert stored.load_positive.residual_sd_nm > 0
@@ -157,7 +157,7 @@ def test_a_measured_torque_ratio_becomes_a_stored_one(tmp_path: Path) -> None:
     for name in QUADRANTS:
         line = getattr(stored, name)
         assert found[name] == LineCovariance(line.u_offset_nm, line.u_slope, line.correlation)
-    assert u_of_lines(tmp_path, text, block) == {
+    assert u_of_lines(data, text, block) == {
         f"calibration_{name}": pytest.approx(u_torque(getattr(stored, name), name), rel=1e-6) for name in QUADRANTS
     }
 

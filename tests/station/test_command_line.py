@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import os
 import resource
 import subprocess
@@ -9,8 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from lostmotion_command import ROOT, here
 
-ROOT = Path(__file__).parents[2]
 RECIPE = "recipes/rv-40e-121-inverse.yaml"
 
 
@@ -43,9 +42,9 @@ def _processor_s() -> float:
 
 @pytest.mark.parametrize("name", ["run", "check", "analyze", "show", "list", "virtual-bench", "recover"])
 def test_every_command_has_help(name: str) -> None:
-    done = command(name, "--help")
-    assert done.returncode == 0
-    assert name in done.stdout
+    done = here(name, "--help")
+    assert done.exit_code == 0
+    assert name in done.out
 
 
 BAD = (
@@ -74,11 +73,11 @@ BAD = (
 @pytest.mark.parametrize(("args", "named"), BAD)
 def test_bad_input_is_named_without_a_traceback(args: tuple[str, ...], named: str, tmp_path: Path) -> None:
     data = ["--data", str(tmp_path)] if args[0] in ("run", "show") and "--data" not in args else []
-    done = command(*args, *data)
-    assert done.returncode == 2
-    assert named in done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stdout == ""
+    done = here(*args, *data)
+    assert done.exit_code == 2
+    assert named in done.err
+    assert "Traceback" not in done.err
+    assert done.out == ""
     assert list(tmp_path.iterdir()) == []
 
 
@@ -129,13 +128,13 @@ def test_a_damaged_run_is_told_not_thrown(asked: tuple[str, ...], damage: str, t
     folder = tmp_path / "20990101T000000.000Z-S"
     folder.mkdir()
     (folder / "run.json").write_text(damage)
-    done = command(*asked, "--data", str(tmp_path))
-    assert done.returncode == (0 if asked == ("list",) else 2)
-    assert "damaged" in done.stdout + done.stderr
+    done = here(*asked, "--data", str(tmp_path))
+    assert done.exit_code == (0 if asked == ("list",) else 2)
+    assert "damaged" in done.out + done.err
 
 
 def test_check_tells_duration_and_peak_torque() -> None:
-    found = json.loads(command("check", RECIPE, "--json").stdout)
+    found = here("check", RECIPE, "--json").json
     assert found["peak_torque_nm"] == pytest.approx(453.2)
     assert 120 < found["duration_s"] < 220
     assert found["load_profile"][0] == {"t_s": 0.0, "torque_nm": 0.0}
@@ -145,7 +144,7 @@ def test_check_tells_duration_and_peak_torque() -> None:
     assert [row["step"] for row in steps][-2:] == ["unload", "release"]
     assert all(a["start_s"] + a["duration_s"] == pytest.approx(b["start_s"], abs=0.01) for a, b in pairwise(steps))
     assert steps[-1]["start_s"] + steps[-1]["duration_s"] == pytest.approx(found["duration_s"], abs=0.01)
-    shown = command("check", RECIPE).stdout
+    shown = here("check", RECIPE).out
     assert "≥ 108 N·m/arcmin" in shown
     assert "simple: the value itself" in shown
     assert "453.2 N·m (110% of rated)" in shown
@@ -156,19 +155,19 @@ def test_all_problems_of_a_recipe_come_at_once(tmp_path: Path) -> None:
     text = (ROOT / RECIPE).read_text().replace("loading: input", "loading: inputt", 1).replace("count: 3", "count: 0")
     recipe = tmp_path / "bad.yaml"
     recipe.write_text(text)
-    done = command("check", str(recipe))
-    assert done.returncode == 2
-    assert len(done.stderr.strip().splitlines()) == 2
-    assert all(line.startswith(f"{recipe}:") for line in done.stderr.strip().splitlines())
+    done = here("check", str(recipe))
+    assert done.exit_code == 2
+    assert len(done.err.strip().splitlines()) == 2
+    assert all(line.startswith(f"{recipe}:") for line in done.err.strip().splitlines())
 
 
 def test_a_loop_measured_elsewhere_is_analysed() -> None:
-    done = command("analyze", "tests/data/loop_published_curve.csv", "--recipe", RECIPE, "--json")
-    metrics = {metric["id"]: metric for metric in json.loads(done.stdout)["metrics"]}
+    done = here("analyze", "tests/data/loop_published_curve.csv", "--recipe", RECIPE, "--json")
+    metrics = {metric["id"]: metric for metric in done.json["metrics"]}
     assert metrics["backlash_width_3pct"]["value"] == pytest.approx(0.94, abs=2e-4)
     assert metrics["backlash_width_zero"]["value"] == pytest.approx(0.9408, abs=2e-4)
     assert metrics["lost_motion"]["value"] == pytest.approx(0.9591, abs=2e-4)
-    assert done.returncode == 1  # its negative side is soft
+    assert done.exit_code == 1  # its negative side is soft
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
@@ -193,13 +192,13 @@ def test_bad_input_is_one_json_object_for_programs(tmp_path: Path) -> None:
     recipe = tmp_path / "bad.yaml"
     recipe.write_text(text)
     for args in (("check", str(recipe)), ("run", str(recipe), "--data", str(tmp_path / "runs"))):
-        done = command(*args, "--json")
-        assert done.returncode == 2
-        (error,) = json.loads(done.stdout)["errors"]
+        done = here(*args, "--json")
+        assert done.exit_code == 2
+        (error,) = done.json["errors"]
         assert set(error) == {"file", "line", "column", "option", "found", "allowed", "hint"}
         assert (error["file"], error["option"], error["found"]) == (str(recipe), "loading", "'inputt'")
         assert error["line"] > 1
-        assert str(recipe) in done.stderr
+        assert str(recipe) in done.err
 
 
 @pytest.mark.parametrize(
@@ -212,7 +211,14 @@ def test_bad_input_is_one_json_object_for_programs(tmp_path: Path) -> None:
     ],
 )
 def test_refusals_without_a_place_are_json_too(args: tuple[str, ...], found: str) -> None:
-    done = command(*args, "--json")
-    assert done.returncode == 2
-    assert found in json.loads(done.stdout)["errors"][0]["found"]
-    assert done.stderr
+    done = here(*args, "--json")
+    assert done.exit_code == 2
+    assert found in done.json["errors"][0]["found"]
+    assert done.err
+
+
+@pytest.mark.parametrize("args", [("check", "nothing.yaml"), ("show", "nothing")])
+def test_a_process_of_its_own_says_the_same(args: tuple[str, ...], tmp_path: Path) -> None:
+    words = (*args, *(("--data", str(tmp_path)) if args[0] == "show" else ()))
+    done, same = command(*words), here(*words)
+    assert (done.returncode, done.stdout, done.stderr) == (same.exit_code, same.out, same.err)

@@ -5,25 +5,26 @@ from __future__ import annotations
 import itertools
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from lostmotion_command import ROOT, Ran, here
+from patient import patient_bench, short_recipe
 
 import station.record.ring
+import station.reports.illustrate
 import station.run.conclusion
+import station.run.recovery
 from station.bench.request import load_job
 from station.commands.run import recipe_notes
 from station.record.check import check_file
-from station.record.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, RingWriter, ScanState, create
+from station.record.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, RingReader, RingWriter, ScanState, create
 from station.record.scan_record import RECORD_BYTES
 from station.record.store import RunRecord, Store
 from station.run.conclusion import Ending, conclude
 from station.run.recovery import recover
 
-ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
 
 RESULT_KEYS = {"run", "serial", "recipe", "state", "verdict", "reasons", "metrics", "timing", "alarms", "record"}
@@ -44,17 +45,9 @@ METRIC_KEYS = {
 TIMING_KEYS = {"period_ns", "scans", "missed", "lateness_us", "work_us", "oldest_sample_scans", "realtime"}
 
 
-def command(*args: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "station", *args], cwd=ROOT, text=True, capture_output=True, check=False
-    )
-
-
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], subprocess.CompletedProcess[str]]:
-    data = tmp_path_factory.mktemp("runs")
-    done = command("run", str(RECIPE), "--virtual-time", "--json", "--serial", "SN 1", "--data", str(data))
-    return json.loads(done.stdout), done
+def finished(quick_run: Any) -> tuple[dict[str, Any], Ran]:
+    return quick_run.ran.json, quick_run.ran
 
 
 @pytest.fixture
@@ -87,8 +80,8 @@ def again(record: RunRecord, **changes: Any) -> dict[str, Any]:
 
 def test_the_json_object_keeps_the_contract(finished: tuple[dict[str, Any], Any]) -> None:
     result, done = finished
-    assert done.returncode == 0
-    assert done.stdout.count("\n") == 1
+    assert done.exit_code == 0
+    assert done.out.count("\n") == 1
     assert set(result) >= RESULT_KEYS
     assert result["state"] == "complete"
     assert result["verdict"] == "PASS"
@@ -200,29 +193,29 @@ def test_too_many_missed_periods_invalidate_the_measurement(
     assert "scan periods were missed" in " ".join(result["reasons"])
 
 
-def test_a_disk_that_is_full_for_the_report_does_not_hide_the_result(tmp_path: Path) -> None:
-    full = (
-        "import sys, station.cli as cli, station.reports.illustrate as run\n"
-        "def no_room(*_, **__): raise OSError(28, 'No space left on device')\n"
-        "run.png = no_room\n"
-        "cli.main()\n"
-    )
-    words = ["run", str(RECIPE), "--virtual-time", "--json", "--serial", "F", "--data", str(tmp_path)]
-    done = subprocess.run([sys.executable, "-c", full, *words], cwd=ROOT, text=True, capture_output=True, check=False)
-    assert done.returncode == 0
-    assert json.loads(done.stdout)["verdict"] == "PASS"
-    assert "warning" in done.stderr
-    assert "No space left on device" in done.stderr
-    assert "Traceback" not in done.stderr
+def test_a_disk_that_is_full_for_the_report_does_not_hide_the_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_room(*_: Any, **__: Any) -> bytes:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(station.reports.illustrate, "png", no_room)
+    words = ("--virtual-time", "--json", "--serial", "F", "--data", str(tmp_path))
+    done = here("run", str(short_recipe(tmp_path)), "--bench", str(patient_bench(tmp_path)), *words)
+    assert done.exit_code == 0
+    assert done.json["verdict"] == "PASS"
+    assert "warning" in done.err
+    assert "No space left on device" in done.err
+    assert "Traceback" not in done.err
 
 
 def test_show_reads_the_record_back(copied: RunRecord) -> None:
     data = str(copied.folder.parent)
-    assert json.loads(command("show", "last", "--data", data, "--json").stdout)["verdict"] == "PASS"
+    assert here("show", "last", "--data", data, "--json").json["verdict"] == "PASS"
     content = bytearray(copied.samples.read_bytes())
     content[-30] ^= 1
     copied.samples.write_bytes(content)
-    shown = json.loads(command("show", "last", "--data", data, "--json").stdout)
+    shown = here("show", "last", "--data", data, "--json").json
     assert shown["verdict"] == "NOT DECIDABLE"
     assert any("the record is damaged" in reason for reason in shown["reasons"])
 
@@ -230,9 +223,9 @@ def test_show_reads_the_record_back(copied: RunRecord) -> None:
 def test_analyze_finds_in_the_record_what_the_run_found(
     copied: RunRecord, finished: tuple[dict[str, Any], Any]
 ) -> None:
-    done = command("analyze", str(copied.folder), "--json")
-    found = json.loads(done.stdout)
-    assert done.returncode == 0
+    done = here("analyze", str(copied.folder), "--json")
+    found = json.loads(done.out)
+    assert done.exit_code == 0
     assert found["metrics"] == finished[0]["metrics"]
 
 
@@ -255,16 +248,16 @@ def test_the_warning_is_there_before_the_run_starts(copied: RunRecord, tmp_path:
     changed = tmp_path / "changed.yaml"
     changed.write_bytes(RECIPE.read_bytes() + b"# changed\n")
     data = str(copied.folder.parent)
-    done = command("run", str(changed), "--virtual-time", "--json", "--serial", "SN 1", "--data", data)
-    assert done.stderr.startswith("WARNING  recipe rv-40e-121-quick revision 1")
-    assert copied.id in json.loads(done.stdout)["notes"][0]
+    done = here("run", str(changed), "--virtual-time", "--json", "--serial", "SN 1", "--data", data, report=False)
+    assert done.err.startswith("WARNING  recipe rv-40e-121-quick revision 1")
+    assert copied.id in json.loads(done.out)["notes"][0]
 
 
 def test_list_has_a_row_for_every_run_even_a_damaged_one(copied: RunRecord) -> None:
     other = copied.folder.parent / "20990101T000000.000Z-X"
     other.mkdir()
     (other / "run.json").write_text("{")
-    rows = json.loads(command("list", "--data", str(copied.folder.parent), "--json").stdout)
+    rows = here("list", "--data", str(copied.folder.parent), "--json").json
     assert [row["state"] for row in rows] == ["complete", "damaged"]
 
 
@@ -311,6 +304,33 @@ def test_a_report_without_a_count_cannot_make_a_run_complete(copied: RunRecord, 
     result = copied.read_json("result.json")
     assert result["verdict"] == "NOT DECIDABLE"
     assert "how many records the scan process wrote is not known" in " ".join(result["reasons"])
+
+
+def test_a_record_that_the_scan_appends_while_a_new_desk_looks_is_not_skipped(
+    copied: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(station.record.ring, "SHARED_MEMORY", tmp_path)
+    path, count = create(tmp_path, 8), copied.records()
+    writer = RingWriter(path)
+    writer._words[W_WRITTEN] = writer._words[W_READ] = count
+
+    def appended_then(reader: RingReader) -> int:
+        reader._words[W_WRITTEN] += 1
+        return int(reader._words[W_WRITTEN]) - 1
+
+    class Asked(Exception):  # noqa: N818 - what the test wants to know
+        pass
+
+    def asked(*_: Any, skip: int) -> None:
+        raise Asked(skip)
+
+    desert(copied, ring=path, report=None)
+    monkeypatch.setattr(RingReader, "written", property(appended_then))
+    monkeypatch.setattr(station.run.recovery, "RecordWriter", asked)
+    with pytest.raises(Asked) as caught:
+        station.run.recovery.resume(copied, lambda _ring: None)
+    assert caught.value.args == (0,)
+    writer.close()
 
 
 def test_a_recovery_that_is_killed_before_the_seal_leaves_the_ring_to_the_next(

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import subprocess
-import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from lostmotion_command import ROOT, here
 
 from recipes import RecipeError
 from station.commands.analyze import reevaluate, reevaluation_heading
@@ -17,30 +15,12 @@ from station.errors import StationError
 from station.record.seal import INDEX, seal
 from station.record.store import RunRecord, Store
 
-ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
 
 
-def command(*args: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "station", *args], cwd=ROOT, text=True, capture_output=True, check=False
-    )
-
-
-@pytest.fixture(scope="module")
-def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data folder with one run that failed: its unit is worn."""
-    data = tmp_path_factory.mktemp("worn")
-    done = command(
-        "run", str(RECIPE), "--virtual-time", "--json", "--unit", "worn", "--serial", "W1", "--data", str(data)
-    )
-    assert done.returncode == 1, done.stderr
-    return data
-
-
 @pytest.fixture
-def failed(original: Path, tmp_path: Path) -> RunRecord:
-    shutil.copytree(original, tmp_path / "data")
+def failed(worn_run: Any, tmp_path: Path) -> RunRecord:
+    worn_run.copy(tmp_path / "data")
     return Store(tmp_path / "data").find("last")
 
 
@@ -72,11 +52,11 @@ def test_a_preset_is_never_the_runs_own_verdict(failed: RunRecord) -> None:
 
 def test_another_recipe_is_never_the_runs_own_verdict(failed: RunRecord, tmp_path: Path) -> None:
     generous = changed_recipe(tmp_path, ("max: 1 arcmin", "max: 9 arcmin"))
-    done = command("analyze", str(failed.folder), "--recipe", generous, "--json")
-    result = json.loads(done.stdout)
-    assert (done.returncode, result["verdict"]) == (0, "PASS")
+    done = here("analyze", str(failed.folder), "--recipe", generous, "--json")
+    result = done.json
+    assert (done.exit_code, result["verdict"]) == (0, "PASS")
     assert (result["reevaluated"], result["original_verdict"]) == (True, "FAIL")
-    shown = command("analyze", str(failed.folder), "--recipe", generous).stdout
+    shown = here("analyze", str(failed.folder), "--recipe", generous).out
     sha = result["recipe"]["sha256"][:8]
     heading = f"RE-EVALUATED with rv-40e-121-quick rev 1 ({sha}), not the run's own verdict (FAIL)"
     assert shown.startswith(heading)
@@ -93,10 +73,10 @@ def test_another_bench_is_a_reevaluation_as_well(failed: RunRecord, tmp_path: Pa
 
 def test_a_recipe_for_another_model_is_refused(failed: RunRecord, tmp_path: Path) -> None:
     other = changed_recipe(tmp_path, ("model: RV-40E-121", "model: RV-20E-121"))
-    done = command("analyze", str(failed.folder), "--recipe", other)
-    assert done.returncode == 2
-    assert "found RV-20E-121" in done.stderr
-    assert "measured a RV-40E-121" in done.stderr
+    done = here("analyze", str(failed.folder), "--recipe", other)
+    assert done.exit_code == 2
+    assert "found RV-20E-121" in done.err
+    assert "measured a RV-40E-121" in done.err
 
 
 def test_a_recipe_with_another_ratio_is_refused(failed: RunRecord, tmp_path: Path) -> None:
@@ -135,9 +115,9 @@ def test_a_recipe_that_loads_the_other_side_is_refused(failed: RunRecord) -> Non
 def test_an_altered_record_is_not_evaluated(failed: RunRecord, name: str) -> None:
     with (failed.folder / name).open("ab") as file:
         file.write(b"\n")
-    done = command("analyze", str(failed.folder), "--json")
-    result = json.loads(done.stdout)
-    assert (done.returncode, result["verdict"], result["metrics"]) == (3, "NOT DECIDABLE", [])
+    done = here("analyze", str(failed.folder), "--json")
+    result = done.json
+    assert (done.exit_code, result["verdict"], result["metrics"]) == (3, "NOT DECIDABLE", [])
     assert result["reasons"][0].startswith(f"record altered: {name}")
 
 
@@ -167,25 +147,25 @@ def test_a_run_without_an_end_is_told_in_a_sentence(failed: RunRecord, state: st
         failed.update(state=state, verdict=None)
     else:
         seal(failed, state=state, verdict="NOT DECIDABLE")
-    done = command("analyze", failed.id, "--data", str(failed.folder.parent))
-    assert done.returncode == code
-    assert state in done.stderr
-    assert "no complete trace" in done.stderr
+    done = here("analyze", failed.id, "--data", str(failed.folder.parent))
+    assert done.exit_code == code
+    assert state in done.err
+    assert "no complete trace" in done.err
 
 
 def test_a_folder_that_is_no_run_is_called_so(tmp_path: Path) -> None:
-    done = command("analyze", str(tmp_path))
-    assert done.returncode == 2
-    assert "this folder is no run" in done.stderr
+    done = here("analyze", str(tmp_path))
+    assert done.exit_code == 2
+    assert "this folder is no run" in done.err
 
 
 @pytest.mark.parametrize("what", ["nothing", "file"])
 def test_list_of_no_folder_is_an_error(tmp_path: Path, what: str) -> None:
     (tmp_path / "file").write_text("x")
-    done = command("list", "--data", str(tmp_path / what))
-    assert done.returncode == 2
-    assert str(tmp_path / what) in done.stderr
-    assert done.stdout == ""
+    done = here("list", "--data", str(tmp_path / what))
+    assert done.exit_code == 2
+    assert str(tmp_path / what) in done.err
+    assert done.out == ""
 
 
 @pytest.mark.parametrize("name", ["", "  "])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import json
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from lostmotion_command import here
+from patient import GOLDEN_RECIPE
 
 from analysis import AnalysisError
 from analysis.models import model_from_json
@@ -33,27 +33,16 @@ from station.results.run_analysis import complete_run
 ROOT = Path(__file__).parents[2]
 
 
-def command(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "station", *words], cwd=ROOT, text=True, capture_output=True, check=False
-    )
-
-
-@pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    data = tmp_path_factory.mktemp("measured")
-    words = ("--serial", "R1", "--operator", "A. Tester", "--data", str(data))
-    done = command("run", "rv-40e-121-quick", "--virtual-time", *words)
-    assert done.returncode == 0, done.stderr
-    # the verdict first, then where the report is
-    assert done.stdout.index("PASS ") < done.stdout.index("report.html") < done.stdout.index("report.pdf")
-    return data
-
-
 @pytest.fixture
-def run(measured: Path, tmp_path: Path) -> RunRecord:
-    shutil.copytree(measured, tmp_path / "data")
+def run(quick_run: Any, tmp_path: Path) -> RunRecord:
+    quick_run.copy(tmp_path / "data")
     return Store(tmp_path / "data").find("last")
+
+
+def test_the_verdict_is_on_the_screen_before_the_report_is_made(tmp_path: Path) -> None:
+    done = here("run", str(GOLDEN_RECIPE), "--virtual-time", "--data", str(tmp_path))
+    assert done.exit_code == 3, done.err
+    assert done.out.index("NOT DECIDABLE ") < done.out.index("report.html") < done.out.index("report.pdf")
 
 
 def report(run: RunRecord, out: Path) -> str:
@@ -87,8 +76,8 @@ def test_a_reader_can_compute_the_metrics_again_from_the_report_alone(run: RunRe
     page = report(run, tmp_path / "out")
     for name, content in re.findall(r'download="([^"]+)" href="data:text/plain;base64,([^"]+)"', page):
         (tmp_path / name).write_bytes(base64.b64decode(content))
-    done = command("analyze", str(tmp_path / "loop.csv"), "--recipe", str(tmp_path / "recipe.yaml"), "--json")
-    again = {(one["id"], one["branch"]): one for one in json.loads(done.stdout)["metrics"]}
+    done = here("analyze", str(tmp_path / "loop.csv"), "--recipe", str(tmp_path / "recipe.yaml"), "--json")
+    again = {(one["id"], one["branch"]): one for one in done.json["metrics"]}
     stored = [one for one in run.read_json("result.json")["metrics"] if not one["id"].startswith("torque_ratio")]
     assert len(stored) >= 5
     for metric in stored:
@@ -103,8 +92,8 @@ def test_who_measured_is_told_wherever_a_person_reads(run: RunRecord, tmp_path: 
     rows = provenance_rows(result, shown, {})
     assert ("operator", "A. Tester") in rows
     assert "operator" not in dict(provenance_rows(result, shown | {"operator": None}, {}))
-    done = command("show", run.id, "--data", str(run.folder.parent))
-    assert " by A. Tester, " in done.stdout
+    done = here("show", run.id, "--data", str(run.folder.parent))
+    assert " by A. Tester, " in done.out
 
 
 def test_an_altered_record_is_reported_as_altered(run: RunRecord, tmp_path: Path) -> None:
@@ -171,7 +160,7 @@ def test_a_model_of_the_run_is_identified_exported_and_played(
     run: RunRecord, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, data = tmp_path / "model.json", run.folder.parent
-    command_model.model(Asked("R1", "dahl", [], None, None, data, out), as_json=True)
+    command_model.model(Asked(run.id, "dahl", [], None, None, data, out), as_json=True)
     found = json.loads(capsys.readouterr().out)
     values = {one["name"]: one["value"] for one in found["parameters"]}
     # Unit P1 as it is. The drive hums below the step of its torque command, and friction creeps while it turns: a model

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import io
-import json
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from lostmotion_command import here
 from rich.console import Console
 
 from station.reports.result_notes import MOST_NOTES, gate_lines, note_lines, summary_line
@@ -80,13 +80,10 @@ def test_the_help_loads_nothing_heavy() -> None:
 def test_bad_input_of_a_statistic_is_json_for_a_program(tmp_path: Path) -> None:
     path = tmp_path / "v.csv"
     path.write_text("value\n1\nx\n3\n")
-    words = ["capability", str(path), "--max", "9", "--json"]
-    done = subprocess.run(
-        [sys.executable, "-m", "station", *words], cwd=ROOT, text=True, capture_output=True, check=False
-    )
-    assert done.returncode == 2
-    assert "row 2, column value: found 'x'" in done.stderr
-    assert "row 2, column value" in json.loads(done.stdout)["errors"][0]["found"]
+    done = here("capability", str(path), "--max", "9", "--json")
+    assert done.exit_code == 2
+    assert "row 2, column value: found 'x'" in done.err
+    assert "row 2, column value" in done.json["errors"][0]["found"]
 
 
 def test_wider_validity_limits_stand_above_the_other_notes() -> None:

@@ -1,13 +1,13 @@
 from __future__ import annotations
 
-import os
-from pathlib import Path
+import subprocess
+import sys
 
+from lostmotion_command import ROOT
 from station_samples import IMAGE, ORDERS
 
 from controller.image import Command, Image, Orders, State
 from station.record.scan_times import ScanTimes
-from station.scan import realtime
 from station.scan.scan_loop import START_AT, Stop, run_real, run_virtual, start_once
 from station.scan.schedule import RealTimeSchedule
 
@@ -83,15 +83,16 @@ def test_a_lost_record_stops_the_run() -> None:
     assert [command for _, _, command in line.seen] == [0, Command.STOP]
 
 
-def test_every_request_is_answered_with_a_reason(tmp_path: Path) -> None:
-    answers = tmp_path / "answers"
-    child = os.fork()
-    if child == 0:  # in a process of its own: the requests change the process for good
-        grants = realtime.request_all()
-        answers.write_text("\n".join(f"{grant.name}:{bool(grant.detail)}" for grant in grants))
-        os._exit(0)
-    os.waitpid(child, 0)
-    names = [line.split(":") for line in answers.read_text().splitlines()]
+REQUESTS = """
+from station.scan import realtime
+print("\\n".join(f"{grant.name}:{bool(grant.detail)}" for grant in realtime.request_all()))
+"""
+
+
+def test_every_request_is_answered_with_a_reason() -> None:
+    # in a process of its own, and a small one: the requests change the process for good, and lock all its memory
+    said = subprocess.run([sys.executable, "-c", REQUESTS], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    names = [line.split(":") for line in said.splitlines()]
     assert [name for name, _ in names] == ["affinity", "timer_slack", "prefault", "mlock", "gc_off", "fifo"]
     assert all(detail == "True" for _, detail in names)
 

@@ -4,37 +4,24 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
+from lostmotion_command import here
 
 from station.commands.show import row, stored_result
 from station.durable import as_json
 from station.record.seal import INDEX, alterations, index_lines, seal
 from station.record.store import RunRecord, Store
 
-ROOT = Path(__file__).parents[2]
-RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
 
-
-def command(*args: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "station", *args], cwd=ROOT, text=True, capture_output=True, check=False
-    )
-
-
-@pytest.fixture(scope="module")
-def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def original(quick_run: Any) -> Path:
     """A data folder with one run that passed."""
-    data = tmp_path_factory.mktemp("sealed")
-    done = command("run", str(RECIPE), "--virtual-time", "--json", "--serial", "S1", "--data", str(data))
-    assert done.returncode == 0, done.stderr
-    return data
+    return quick_run.data
 
 
 @pytest.fixture
@@ -135,11 +122,11 @@ def test_an_altered_record_decides_nothing_and_names_the_file(sealed: RunRecord,
 def test_show_and_list_say_it_to_a_person(sealed: RunRecord) -> None:
     data = str(sealed.folder.parent)
     edit("result.json", '"max": 1.0', '"max": 9.0')(sealed)
-    shown = command("show", "last", "--data", data).stdout
+    shown = here("show", "last", "--data", data).out
     assert "RECORD ALTERED" in shown
     assert "record altered: result.json" in shown
     assert "PASS" not in shown
-    listed = command("list", "--data", data).stdout
+    listed = here("list", "--data", data).out
     assert "altered" in listed
     assert "PASS" not in listed
 
@@ -175,7 +162,7 @@ def test_a_record_copied_elsewhere_stands_alone_but_says_that_no_index_vouches_f
 ) -> None:
     copy = tmp_path / "archive" / "copy"
     shutil.copytree(sealed.folder, copy)
-    shown = command("show", str(copy), "--data", str(tmp_path / "archive")).stdout
+    shown = here("show", str(copy), "--data", str(tmp_path / "archive")).out
     assert "PASS" in shown
     assert f"no {INDEX} beside this run" in shown
 

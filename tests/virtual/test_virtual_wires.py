@@ -60,15 +60,15 @@ class Served:
         )
 
     def modbus(self, name: str) -> ModbusTcpClient:
-        client = ModbusTcpClient(self.ready[name]["host"], port=self.ready[name]["port"], timeout=1, retries=0)
+        client = ModbusTcpClient(self.ready[name]["host"], port=self.ready[name]["port"], timeout=5, retries=0)
         assert client.connect()
         return client
 
-    def wait_for(self, kind: str, within_s: float = 3.0) -> dict[str, Any]:
+    def wait_for(self, kind: str, within_s: float = 10.0) -> dict[str, Any]:
         return wait(lambda: next((event for event in self.events if event["event"] == kind), None), within_s)
 
 
-def wait(what: Callable[[], Any], within_s: float = 3.0) -> Any:
+def wait(what: Callable[[], Any], within_s: float = 10.0) -> Any:
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
         found = what()
@@ -102,7 +102,7 @@ def send(bus: can.BusABC, cob_id: int, data: bytes) -> None:
     bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
 
-def receive(bus: can.BusABC, cob_id: int, within_s: float = 1.0) -> bytes:
+def receive(bus: can.BusABC, cob_id: int, within_s: float = 5.0) -> bytes:
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
         message = bus.recv(0.1)
@@ -204,7 +204,7 @@ def test_remapping_and_divided_sync(network: canopen.Network) -> None:
 
 def test_a_vanished_controller_stops_the_drive(served: Served, network: canopen.Network) -> None:
     sdo = network.add_node(5, canopen.ObjectDictionary()).sdo
-    sdo.download(0x1016, 1, struct.pack("<I", CONTROLLER << 16 | 100))
+    sdo.download(0x1016, 1, struct.pack("<I", CONTROLLER << 16 | 500))  # long enough to enable the drive in between
     sdo.download(0x6007, 0, struct.pack("<h", 2))
     with served.bus() as bus:
         send(bus, 0x000, b"\x01\x05")

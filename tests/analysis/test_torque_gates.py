@@ -1,0 +1,95 @@
+"""Gates that look at torques: ratio and efficiency, the drive's torque, lines of another unit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from gate_support import GOOD, KNOWN, P1, judged, of
+from reference_unit import RATIO, bench_trace
+
+from analysis import (
+    Quadrants,
+    TorqueLine,
+    Trace,
+    Verdict,
+)
+
+
+def without(role: str) -> Trace:
+    """The good run without the segments of a role."""
+    kept = np.isin(GOOD.segment, [index for index, info in GOOD.segments.items() if info.role != role])
+    names = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "temperature_c", "segment",
+             "drive_torque_nm")  # fmt: skip
+    return dataclasses.replace(GOOD, **{name: getattr(GOOD, name)[kept] for name in names})
+
+
+def test_a_wrong_ratio_is_seen_by_the_torques() -> None:
+    """A recipe with 141 instead of 121 makes the backlash read 14 % small, and nothing else shows it."""
+    wrong = judged(method=dataclasses.replace(KNOWN, ratio=141.0))
+    assert wrong.metrics[0].headline.value < 0.85
+    assert wrong.verdict is Verdict.NOT_DECIDABLE
+    (reason,) = [one for one in wrong.reasons if "measurement invalid" in one]
+    assert "the lines of the calibration show a ratio of 121" in reason
+    assert "where the recipe has 141" in reason
+
+
+@pytest.mark.parametrize(("role", "where"), [("calibrate", "measured cycles"), ("unload", "calibration")])
+def test_the_ratio_is_seen_with_and_without_a_calibration(role: str, where: str) -> None:
+    right, wrong = (judged(without(role), dataclasses.replace(KNOWN, ratio=ratio)) for ratio in (RATIO, 141.0))
+    assert of(right, "ratio_agreement").figure < 1.0
+    assert of(right, "efficiency_low").figure == pytest.approx(100.0 * 94.689 / RATIO, abs=0.5)
+    assert right.verdict is Verdict.PASS
+    assert f"the lines of the {where} show a ratio of 121" in of(wrong, "ratio_agreement").text
+
+
+def test_stored_lines_of_another_ratio_are_seen() -> None:
+    """With one torque sensor the lines that convert its torque are all that knows the ratio."""
+    lines = [TorqueLine(sign * c, m) for sign in (1, -1) for c, m in ((-13.9, 94.7), (24.8, 168.0))]
+    stored = dataclasses.replace(KNOWN, output_torque="calibrated", quadrants=Quadrants(*lines), ratio=141.0)
+    found = of(judged(dataclasses.replace(without("calibrate"), torque_out_nm=None), stored), "ratio_agreement")
+    assert found.passed is False
+    assert "the lines that convert the torque show a ratio of 121" in found.text
+
+
+def test_a_tight_or_worn_unit_has_the_same_ratio() -> None:
+    """A bad unit fails by its metrics: friction moves neither its ratio nor, for the shipped window, its efficiency."""
+    limits = {"efficiency_low": 70.0, "efficiency_high": 86.0}
+    for friction, slope in ((2.0, 1.0), (1.0, 0.8), (1.0, 1.2)):
+        unit = dataclasses.replace(
+            P1, input_friction_nm=friction * P1.input_friction_nm, input_friction_slope=slope * P1.input_friction_slope
+        )
+        result = judged(bench_trace(unit, 453.2), dataclasses.replace(KNOWN, gate_limits=limits))
+        assert [one.id for one in result.gates if one.passed is False] == []
+
+
+def test_at_a_locked_input_the_efficiency_is_not_measured() -> None:
+    swapped = dataclasses.replace(GOOD, angle_in_rad=-GOOD.angle_in_rad, angle_out_rad=-GOOD.angle_out_rad)
+    result = judged(swapped, dataclasses.replace(KNOWN, loading="output"))
+    assert of(result, "efficiency_low").passed is None
+    assert of(result, "ratio_agreement").figure < 1.0
+
+
+def test_a_gearbox_before_the_sensor_does_not_look_like_a_gain() -> None:
+    """What it takes while loading it gives back while unloading; its friction has no place in the gap."""
+    losses = np.sign(np.gradient(GOOD.torque_out_nm)) * (1.0 + 0.1 * np.abs(GOOD.torque_out_nm))
+    by_output = {"angle_in_rad": -GOOD.angle_in_rad, "angle_out_rad": -GOOD.angle_out_rad}
+    geared = dataclasses.replace(GOOD, drive_torque_nm=GOOD.torque_out_nm + losses, **by_output)
+    result = judged(geared, dataclasses.replace(KNOWN, loading="output"))
+    assert of(result, "drive_torque_agreement").figure < 1.0
+    assert of(result, "drive_torque_gap").passed is None
+    assert "gearbox" in of(result, "drive_torque_gap").text
+
+
+def test_a_drive_that_reports_no_torque_agrees_with_nothing() -> None:
+    result = judged(dataclasses.replace(GOOD, drive_torque_nm=np.zeros(GOOD.samples)))
+    assert of(result, "drive_torque_agreement").figure == pytest.approx(100.0)
+    assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_without_the_drive_its_gates_are_not_measured() -> None:
+    result = judged(dataclasses.replace(GOOD, drive_torque_nm=None))
+    for gate in ("drive_torque_agreement", "drive_torque_gap"):
+        assert of(result, gate).passed is None
+        assert "not measured: the torque that the drive reports is not in the trace" in of(result, gate).text

@@ -1,0 +1,77 @@
+"""A run in the middle of a ramp, and the faults that are shown to it."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+from programs import short_program
+from timeline import Timeline
+
+from controller.image import (
+    AGE_NEVER,
+    DriveCommand,
+    DriveState,
+    Link,
+    Reaction,
+    SampleStatus,
+    State,
+)
+
+S = State
+
+
+# fault -> what the image shows; the condition is put on in the middle of a ramp with about +200 N·m on the unit
+SHOWN: dict[str, dict[str, float]] = {
+    "estop": {"estop_released": 0},
+    "guard_open": {"guard_closed": 0},
+    "operator_quick_stop": {},
+    "can_lost": {"links_lost": Link.CAN},
+    "drive_heartbeat_lost": {"drive_heartbeat_age_scans": 101},
+    "drive_data_stale": {"drive_age_scans": 11},
+    "amplifier_lost": {"links_lost": Link.AMPLIFIER},
+    "sample_stale": {"sample_age_scans": 11},
+    "sample_late": {"sample_age_scans": 6},
+    "sample_frozen": {"sample_counter": 7},
+    "brake_link_lost": {"brake_age_scans": AGE_NEVER},
+    "remote_io_lost": {"links_lost": Link.REMOTE_IO},
+    "drive_fault": {"drive_state": DriveState.FAULT},
+    "drive_emergency": {"drive_emcy_code": 0x8130},
+    "drive_dropped_out": {"drive_state": DriveState.SWITCH_ON_DISABLED},
+    "drive_mode_refused": {"drive_mode": 9},
+    "drive_internal_limit": {"drive_internal_limit": 1},
+    "torque_out_trip": {"torque_out_nm": 495.0},
+    "torque_in_trip": {"torque_in_nm": -5.5},
+    "torque_out_alarm": {"torque_out_nm": 475.0},
+    "overspeed": {"drive_velocity_rad_s": -6.3},
+    "over_travel": {"angle_in_rad": 1.2},
+    "lock_slip": {"angle_out_rad": 1e-3},
+    "brake_current_lost": {"brake_current_a": 5.0},
+    "housing_temperature": {"housing_temp_c": 61.0},
+    "missed_periods": {"missed_periods": 21},
+    "sensor_not_a_number": {"torque_out_nm": math.nan},
+    "sensor_saturated": {"sample_status": SampleStatus.TORQUE_OUT_SATURATED},
+    "torque_channels_disagree": {"torque_in_nm": 0.0, "torque_out_nm": 400.0},
+    "sample_not_ready": {"sample_status": SampleStatus.NOT_READY},
+    "drive_not_following": {"drive_follows_command": 0},
+    "angle_channels_disagree": {"drive_angle_rad": 40.3},
+}
+
+
+ORDER_OF = {
+    Reaction.UNLOAD: DriveCommand.ENABLE_OPERATION,
+    Reaction.QUICK_STOP: DriveCommand.QUICK_STOP,
+    Reaction.POWER_OFF: DriveCommand.DISABLE_VOLTAGE,
+}
+
+
+@cache
+def _run_in_ramp() -> Timeline:
+    run = Timeline(short_program())
+    run.until_state(S.RAMP_NEG)
+    run.until(lambda orders: orders.controlled_torque_nm < 200.0)
+    return run
+
+
+def mid_ramp() -> Timeline:
+    return _run_in_ramp().branch()

@@ -1,0 +1,122 @@
+"""The way back from a fault: acknowledgement, reset, and a unit that is unloaded before its lock opens."""
+
+from __future__ import annotations
+
+import itertools
+
+from programs import short_program
+from ramp_support import S, mid_ramp
+from timeline import Timeline
+
+from controller.image import (
+    AGE_NEVER,
+    Command,
+    DriveCommand,
+    DriveState,
+)
+
+
+def test_way_back_needs_the_cause_gone_an_acknowledgement_and_a_reset():
+    run = mid_ramp()
+    run.bench.frozen = {"estop_released": 0}
+    run.until_finished()
+    run.command(Command.RESET)
+    run.go(300)
+    assert run.controller.state == S.FAULT, "not acknowledged"
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.go(300)
+    assert run.controller.state == S.FAULT, "cause still there"
+    run.bench.frozen = {}
+    run.go(300)
+    assert run.controller.state == S.FAULT, "nothing clears by itself"
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+    assert run.states()[-4:] == [S.FAULT, S.UNLOAD, S.RELEASE, S.STOPPED]
+    assert run.orders[-1].fault == 0
+
+
+def test_reset_gives_the_drive_a_rising_edge_on_the_fault_bit():
+    run = mid_ramp()
+    run.bench.image = run.bench.image._replace(drive_state=DriveState.FAULT)
+    run.until_finished()
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+    commands = [orders.drive_command for orders in run.orders]
+    first = commands.index(DriveCommand.FAULT_RESET)
+    assert commands[first - 1] == DriveCommand.DISABLE_VOLTAGE
+    assert commands.count(DriveCommand.FAULT_RESET) == 1
+
+
+def test_a_wound_up_unit_is_unloaded_before_the_lock_opens_after_a_reset():
+    program = short_program()
+    run = Timeline(program)
+    run.until_state(S.RAMP_NEG)
+    run.until(lambda orders: orders.controlled_torque_nm < 200.0)
+    run.bench.frozen = {"estop_released": 0, "torque_out_nm": 25.0}  # what friction keeps after the power went
+    run.until_finished()
+    run.bench.frozen = {}
+    run.bench.image = run.bench.image._replace(torque_out_nm=25.0)
+    stored = run.bench.write
+    run.bench.write = lambda orders: (stored(orders), keep(run, orders))[0]
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+    unload = [o for o in run.orders if o.state == S.UNLOAD]
+    assert any(o.drive_target_torque_nm < 0.0 for o in unload), "friction is crossed by the drive"
+    opened = next(i for i in range(1, len(run.orders)) if run.orders[i - 1].brake_on and not run.orders[i].brake_on)
+    assert abs(run.images[opened].torque_out_nm) <= program.release_torque_nm
+
+
+def keep(run: Timeline, orders) -> None:
+    """A disabled drive leaves the torque that friction holds; the model forgets it."""
+    if run.bench.image.drive_state != DriveState.OPERATION_ENABLED and orders.state in (S.FAULT, S.UNLOAD):
+        run.bench.image = run.bench.image._replace(torque_out_nm=25.0)
+
+
+def test_another_cause_after_the_acknowledgement_wants_its_own():
+    run = mid_ramp()
+    run.bench.frozen = {"estop_released": 0}
+    run.until_finished()
+    run.bench.frozen = {}
+    run.command(Command.ACKNOWLEDGE)
+    run.bench.frozen = {"guard_closed": 0}
+    run.go()
+    run.bench.frozen = {}
+    run.command(Command.RESET)
+    run.go(300)
+    assert run.controller.state == S.FAULT, "nobody has acknowledged the guard"
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+
+
+def test_a_drive_that_shows_a_wild_torque_does_not_get_it_as_set_point():
+    program = short_program(speed_rad_s=0.2)
+    run = Timeline(program)
+    run.until_state(S.RAMP_NEG)
+    run.go(100)
+    run.bench.frozen = {"drive_torque_nm": 80.0, "brake_age_scans": AGE_NEVER}
+    orders = run.go()
+    assert orders.state == S.FAULT
+    assert abs(orders.drive_target_torque_nm) <= program.control.torque_limit_nm
+
+
+def test_the_way_back_starts_its_torque_from_zero():
+    program = short_program()
+    run = Timeline(program)
+    run.until_state(S.RAMP_NEG)
+    run.until(lambda orders: orders.controlled_torque_nm < 400.0)
+    run.bench.frozen = {"estop_released": 0, "torque_out_nm": 25.0}
+    run.until_finished()
+    stored = run.bench.write
+    run.bench.write = lambda orders: (stored(orders), keep(run, orders))[0]
+    run.bench.frozen = {}
+    run.bench.image = run.bench.image._replace(torque_out_nm=25.0)
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)
+    unload = [orders.drive_target_torque_nm for orders in run.orders if orders.state == S.UNLOAD]
+    slew_nm = program.control.slew_nm_s * program.period_s
+    assert max(abs(b - a) for a, b in itertools.pairwise([0.0, *unload])) <= slew_nm * 1.001

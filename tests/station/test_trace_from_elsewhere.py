@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from analysis import AnalysisError
@@ -41,17 +42,33 @@ def bench(folder: Path, added: str) -> str:
     return str(path)
 
 
-def test_a_guard_band_passes_nothing_while_nobody_knows_the_sensors(tmp_path: Path) -> None:
-    two = tmp_path / "two.csv"
+def two_cycles(path: Path, noise_nm: float) -> Path:
+    """The published loop twice, with a time and with noise on its torque."""
     head, *rows = TRACE.read_text("utf-8").splitlines()
-    timed = [f"{0.1 * number:.1f},{row}" for number, row in enumerate([*rows, *rows])]
-    two.write_text("\n".join([f"t_s,{head}", *timed]) + "\n")
+    noise = np.random.default_rng(7).normal(0.0, 1.0, 2 * len(rows))
+    timed = []
+    for number, row in enumerate([*rows, *rows]):
+        branch, torque, angle = row.split(",")
+        timed.append(f"{0.1 * number:.1f},{branch},{float(torque) + noise_nm * noise[number]:.6f},{angle}")
+    path.write_text("\n".join([f"t_s,{head}", *timed]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_guard_band_passes_nothing_while_nobody_knows_the_sensors(tmp_path: Path) -> None:
+    two = two_cycles(tmp_path / "two.csv", noise_nm=0.2)
     guarded = elsewhere(two, recipe(tmp_path, "guard_band"), None, None)
     assert guarded["metrics"][0]["uncertainty_kind"] == "repeatability"
     assert guarded["verdict"] == "NOT DECIDABLE"
     assert "without a bench U holds the scatter of the cycles alone" in guarded["reasons"][0]
     assert elsewhere(two, recipe(tmp_path, "guard_band"), "virtual", None)["verdict"] == "PASS"
     assert elsewhere(two, recipe(tmp_path, "simple"), None, None)["verdict"] == "PASS"
+
+
+def test_a_cycle_that_is_a_copy_of_another_decides_nothing_where_the_bench_has_noise(tmp_path: Path) -> None:
+    copied = two_cycles(tmp_path / "copied.csv", noise_nm=0.0)
+    found = elsewhere(copied, recipe(tmp_path, "simple"), "virtual", None)
+    assert found["verdict"] == "NOT DECIDABLE"
+    assert "cycles 1 and 2 are copies" in " ".join(found["reasons"])
 
 
 def test_without_time_delay_and_drift_are_not_in_the_budget_and_a_guard_band_decides_nothing(tmp_path: Path) -> None:

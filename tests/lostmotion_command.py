@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,17 +47,15 @@ def apart(*args: str, most_s: float = 150.0) -> Ran:
     return Ran(done.returncode, done.stdout, done.stderr)
 
 
-def here(*args: str, report: bool = True) -> Ran:
-    """Run `lostmotion ARGS` to its end in this process; a run without its report takes two seconds less."""
+def here(*args: str) -> Ran:
+    """Run `lostmotion ARGS` to its end in this process."""
     from station import cli  # noqa: PLC0415 - most tests need no command
-    from station.commands import run as command_run  # noqa: PLC0415
 
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2))
     before, argv = Path.cwd(), ["lostmotion", *args]
-    no_report = nullcontext() if report else mock.patch.object(command_run, "_report")
     os.chdir(ROOT)
     try:
-        with redirect_stdout(out), redirect_stderr(err), mock.patch.object(sys, "argv", argv), no_report:
+        with redirect_stdout(out), redirect_stderr(err), mock.patch.object(sys, "argv", argv):
             try:
                 cli.main()
                 code = 0

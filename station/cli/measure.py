@@ -44,6 +44,10 @@ def run(
     operator: Annotated[
         str | None, typer.Option("--operator", metavar="NAME", help="Who measures, for 'lostmotion gage'.")
     ] = None,
+    no_report: Annotated[
+        bool,
+        typer.Option("--no-report", help="Leave report and pictures to 'lostmotion report'."),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Run a recipe: measure a unit, judge it, store the record.
@@ -54,7 +58,9 @@ def run(
     """
     from station.commands import run as command_run
 
-    options = command_run.Options(recipe, serial, bench, data, unit, scenario, virtual_time, as_json, operator)
+    options = command_run.Options(
+        recipe, serial, bench, data, unit, scenario, virtual_time, as_json, operator, report=not no_report
+    )
     raise typer.Exit(command_run.run(options))
 
 

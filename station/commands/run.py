@@ -43,6 +43,8 @@ class Options:
     json: bool
     operator: str | None = None
     """Who measures, for gage studies; not everybody is asked."""
+    report: bool = True
+    """Whether report and pictures are made when the result is on the screen; they can be made at any time."""
 
 
 def exit_code(result: dict[str, Any]) -> int:
@@ -99,7 +101,8 @@ def run(options: Options) -> int:
         result = conclusion.result
         log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
         _show(options, result)
-        _report(options, log, job, conclusion, record)
+        if options.report:
+            _report(options, log, job, conclusion, record)
     return exit_code(result)
 
 

@@ -22,7 +22,9 @@ def lostmotion(tmp_path: Path) -> Callable[..., Ran]:
     def run(*args: str) -> Ran:
         words = (*args, *(("--data", str(tmp_path)) if args[0] in STORES else ()))
         over_wires = args[0] == "timing" or (args[0] == "run" and "--virtual-time" not in args)
-        return apart(*words) if over_wires else here(*words, report=False)
+        if args[0] == "run" and not over_wires:
+            words = (*words, "--no-report")
+        return apart(*words) if over_wires else here(*words)
 
     return run
 
@@ -49,5 +51,5 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Running]]:
 
 @pytest.fixture
 def one_ramp(tmp_path: Path) -> tuple[str, ...]:
-    """Words for `lostmotion run`: a recipe that soon is in its first ramp, on a bench that waits."""
-    return (str(short_recipe(tmp_path, ONE_RAMP)), "--bench", str(patient_bench(tmp_path)))
+    """Words for `lostmotion run`: a recipe that soon is in its first ramp, on a bench that waits; no report."""
+    return (str(short_recipe(tmp_path, ONE_RAMP)), "--bench", str(patient_bench(tmp_path)), "--no-report")

@@ -31,7 +31,7 @@ def bench_file(tmp_path: Path) -> Path:
 def words(tmp_path: Path, bench_file: Path) -> tuple[str, ...]:
     """Words for a run by a short recipe, at 4 ms, on that bench."""
     recipe = short_recipe(tmp_path, {"sampling": {"period": "4 ms"}})
-    return ("run", str(recipe), "--bench", str(bench_file), "--serial", "PTY", "--json")
+    return ("run", str(recipe), "--bench", str(bench_file), "--serial", "PTY", "--json", "--no-report")
 
 
 @pytest.fixture

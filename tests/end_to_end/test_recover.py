@@ -103,7 +103,7 @@ def says_no(bench: Apart, data: Path) -> None:
 
 def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp_path):
     data, bench = tmp_path / "runs", ("--bench", str(stands_apart.path))
-    words = (str(short_recipe(tmp_path, ONE_RAMP)), *bench)
+    words = (str(short_recipe(tmp_path, ONE_RAMP)), *bench, "--no-report")
     torn_off(start, words, data)
     again = here("run", *words, "--serial", "X", "--json", "--data", str(data))
     assert again.exit_code == 4

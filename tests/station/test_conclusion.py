@@ -248,7 +248,8 @@ def test_the_warning_is_there_before_the_run_starts(copied: RunRecord, tmp_path:
     changed = tmp_path / "changed.yaml"
     changed.write_bytes(RECIPE.read_bytes() + b"# changed\n")
     data = str(copied.folder.parent)
-    done = here("run", str(changed), "--virtual-time", "--json", "--serial", "SN 1", "--data", data, report=False)
+    words = ("--virtual-time", "--json", "--no-report", "--serial", "SN 1", "--data", data)
+    done = here("run", str(changed), *words)
     assert done.err.startswith("WARNING  recipe rv-40e-121-quick revision 1")
     assert copied.id in json.loads(done.out)["notes"][0]
 

@@ -45,6 +45,15 @@ def test_the_verdict_is_on_the_screen_before_the_report_is_made(tmp_path: Path) 
     assert done.out.index("NOT DECIDABLE ") < done.out.index("report.html") < done.out.index("report.pdf")
 
 
+def test_a_line_in_a_hurry_makes_the_report_later(tmp_path: Path) -> None:
+    done = here("run", str(GOLDEN_RECIPE), "--virtual-time", "--no-report", "--data", str(tmp_path))
+    later = Store(tmp_path).find("last")
+    assert done.exit_code == 3, done.err
+    assert "report.html" not in done.out
+    assert not list(later.folder.glob("report.*"))
+    assert "NOT DECIDABLE" in report(later, tmp_path / "out")
+
+
 def report(run: RunRecord, out: Path) -> str:
     command_report.report(run.id, run.folder.parent, out, open_it=False, as_json=True)
     assert (out / "report.pdf").read_bytes().startswith(b"%PDF-")

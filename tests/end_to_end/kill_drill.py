@@ -28,7 +28,7 @@ from station.run.children import ONE_THREAD  # noqa: E402 - after the path of a 
 os.environ.update(ONE_THREAD)  # before numpy: a fork copies one thread only
 
 from kills import LASTS_S, kill  # noqa: E402
-from patient import patient_bench, short_recipe  # noqa: E402
+from patient import patient_bench, short_recipe, wrong_verdict  # noqa: E402
 from warm_desk import COMMAND, ROOT, cold, load, warm  # noqa: E402
 
 STANDS = 2
@@ -96,7 +96,7 @@ def undisturbed() -> str:
         command = [*COMMAND, "run", *words, "--serial", "K", "--json", "--data", folder]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         result = json.loads(done.stdout)
-    return "" if result["verdict"] == "PASS" else f"{result['verdict']}: {'; '.join(result['reasons'])}"
+    return wrong_verdict(result)
 
 
 def _line(left: Left) -> str:

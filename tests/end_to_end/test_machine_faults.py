@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from patient import EVERY_STATE, ROOT, patient_bench, patient_scenario, short_recipe
+from patient import EVERY_STATE, ROOT, patient_bench, patient_scenario, short_recipe, wrong_verdict
 
 from station.commands import faults as command_faults
 from station.commands.replay import replay_run
@@ -88,6 +88,7 @@ def test_a_disk_that_is_full_stops_the_run_and_costs_no_record(tmp_path, capsys)
 def test_a_clock_that_is_set_changes_times_of_day_and_nothing_else(tmp_path, capsys):
     found = held("clock-set", tmp_path, capsys)
     assert [row["fault"] for row in found.said["acted"]] == ["machine.clock step"]
+    assert not wrong_verdict(found.result)
     started, ended = (datetime.fromisoformat(found.manifest[name]) for name in ("started", "ended"))
     events = [json.loads(line) for line in (found.record / "events.jsonl").read_text("utf-8").splitlines()]
     times_s = [event["t_s"] for event in events]

@@ -116,7 +116,7 @@ def patient_bench(folder: Path, *changes: Changes) -> Path:
 
 
 def wrong_verdict(result: Mapping[str, Any]) -> str:
-    """What is wrong with the verdict of a good unit: not PASS, or another without exactly those gates as its reasons."""
+    """What is wrong with the verdict of a good unit: neither PASS nor NOT DECIDABLE for exactly those gates."""
     failed = {gate["id"] for gate in result["gates"] if gate["passed"] is False}
     reasons = result["reasons"]
     named = len(reasons) == len(failed) and all(any(f" {gate}: " in reason for reason in reasons) for gate in failed)

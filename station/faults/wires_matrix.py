@@ -16,7 +16,7 @@ from station.faults.matrix import RECIPE, Cell, assess, scenario_of
 from station.faults.rows import ROWS, Row
 from station.faults.wires import WIRE_SCANS, WireRun, run_over_wires
 
-TRIES = 3
+TRIES = 6
 """A run that the machine disturbed says nothing about the fault: it is repeated, and the table says how often."""
 
 OF_THE_MACHINE = ("missed_periods", "sample_late")

@@ -1,4 +1,4 @@
-"""Torque ratio of a run: four lines, the transition after a reversal, and what both leave over while calibrating."""
+"""Torque ratio of a run: four lines, the transitions between them, and what both leave over while calibrating."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy  # loads optimize where it is used
 
 from analysis.errors import AnalysisError
-from analysis.quadrants import QUADRANTS, Leftover, Quadrants, TorqueLine, blended, by_lines, turn_lines
+from analysis.quadrants import QUADRANTS, Leftover, Leftovers, Quadrants, TorqueLine, by_lines
 from analysis.runs import Run
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import Trace
+from analysis.transition_fit import Branch, fit_transition, fit_zero, whole_branches
 from analysis.units import FloatArray
 
 LOADING_RANGE = (0.05, 0.99)
@@ -23,20 +23,14 @@ UNLOADING_RANGE = (0.05, 0.75)
 FIT_BLOCKS = 200
 """Samples are averaged to this many points per line, so that residuals do not repeat each other."""
 
-TRANSITION_BOUNDS_RAD = (1e-6, 0.3)
-"""Bounds of the transition length L at the input shaft."""
+LEFTOVER_BINS = 960
+"""Bins along a branch in which what the conversion leaves over is averaged and corrected: 1 N·m of one of 900 N·m."""
 
-TRANSITION_POINTS = 20_000
-"""Samples of a run that the transition is fitted to at most, evenly picked."""
-
-TRANSITION_RESIDUAL = 0.03
-"""A transition that fits worse than this share of the peak torque is masked instead."""
-
-LEFTOVER_BINS = 240
-"""Bins of torque in which what the conversion leaves over is averaged and corrected: 4 N·m of a branch of 900 N·m."""
-
-FINE_BINS = 960
+FINE_BINS = 1920
 """Bins that show what the correction itself leaves over."""
+
+ANGLE_WEIGHT = 2.0
+"""Weight of the angle in the place on a branch, over that of the torque: where friction changes, it alone goes on."""
 
 
 def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
@@ -56,9 +50,12 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
     fits = fit_lines(trace, calibration)
     lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
     steady = Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)
-    length = _fit_transition(trace, calibration, steady, peak)
-    with_length = replace(steady, transition_rad=length)
-    return replace(with_length, left=_leftovers(trace, calibration, with_length, peak))
+    branches = whole_branches(trace, calibration, peak)
+    length = fit_transition(branches, steady, peak)
+    if length is None:
+        return steady
+    moving = fit_zero(branches, replace(steady, transition_rad=length), peak)
+    return replace(moving, left=_leftovers(branches, moving))
 
 
 def fit_lines(trace: Trace, runs: Sequence[Run]) -> dict[str, RatioFit]:
@@ -101,73 +98,30 @@ def _points(
     return np.add.reduceat(x, edges) / counts, np.add.reduceat(y, edges) / counts
 
 
-def _leftovers(trace: Trace, calibration: Sequence[Run], quadrants: Quadrants, peak: float) -> dict[int, Leftover]:
-    """Return what the conversion of whole calibration branches leaves over, by direction; only with a transition.
-
-    A branch that starts at rest has other friction than one that starts at a turn: it is left out.
-    """
-    if quadrants.transition_rad is None or trace.torque_in_nm is None or trace.torque_out_nm is None:
-        return {}
-    if trace.angle_in_rad is None:
-        return {}
-    found: dict[int, list[tuple[FloatArray, FloatArray]]] = {}
-    for run in calibration:
-        measured = run.take(trace.torque_out_nm)
-        if -run.direction * measured[0] > 0.5 * peak:
-            converted, _ = by_lines(
-                quadrants, run.take(trace.torque_in_nm), run.direction, run.take(trace.angle_in_rad)
-            )
-            found.setdefault(run.direction, []).append((converted, converted - measured))
+def _leftovers(branches: Sequence[Branch], quadrants: Quadrants) -> dict[int, Leftovers]:
+    """Return what the conversion of whole calibration branches leaves over, by direction."""
+    found: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
+    for branch in branches:
+        converted, _ = by_lines(quadrants, branch.torque_in_nm, branch.direction, branch.angle_in_rad)
+        found.setdefault(branch.direction, []).append((branch.angle_in_rad, branch.torque_out_nm, converted))
     left = {}
     for direction, pieces in found.items():
-        torque, error = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-        left[direction] = Leftover(*_in_bins(torque, error, LEFTOVER_BINS), *_in_bins(torque, error, FINE_BINS))
+        angle, measured, converted = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        turned = float(np.ptp(angle))
+        stiffness = ANGLE_WEIGHT * float(np.ptp(converted)) / turned if turned else 0.0
+        place, error = converted + stiffness * angle, converted - measured
+        bins = (_in_bins(place, measured, error, count) for count in (LEFTOVER_BINS, FINE_BINS))
+        left[direction] = Leftovers(stiffness, *bins)
     return left
 
 
-def _in_bins(torque: FloatArray, error: FloatArray, bins: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean of torque and error in bins of equal width, and their samples; bins without samples are left out."""
-    low, high = float(torque.min()), float(torque.max())
-    index = np.minimum(((torque - low) / (high - low) * bins).astype(np.int64), bins - 1)
+def _in_bins(place: FloatArray, torque: FloatArray, error: FloatArray, bins: int) -> Leftover:
+    """Mean of place, torque and error in bins of equal width; bins without samples are left out."""
+    low, high = float(place.min()), float(place.max())
+    index = np.minimum(((place - low) / (high - low) * bins).astype(np.int64), bins - 1)
     count = np.bincount(index, minlength=bins)
     there = count > 0
-    mean_torque, mean_error = (
-        np.bincount(index, weights=values, minlength=bins)[there] / count[there] for values in (torque, error)
+    mean_place, mean_torque, mean_error = (
+        np.bincount(index, weights=values, minlength=bins)[there] / count[there] for values in (place, torque, error)
     )
-    return mean_torque, mean_error, count[there].astype(np.float64)
-
-
-def _fit_transition(trace: Trace, calibration: Sequence[Run], steady: Quadrants, peak: float) -> float | None:
-    """Transition length L [rad], None when it cannot be seen or does not describe what was measured."""
-    if trace.angle_in_rad is None or trace.torque_in_nm is None or trace.torque_out_nm is None:
-        return None
-    pieces = []
-    for run in calibration:
-        torque_out = run.take(trace.torque_out_nm)
-        chosen = -run.direction * torque_out > 0.5 * peak
-        if np.count_nonzero(chosen) > 10 and -run.direction * torque_out[0] > 0.5 * peak:
-            angle = run.take(trace.angle_in_rad)
-            travel = np.abs(angle - angle[0])[chosen]
-            thin = slice(None, None, -(-travel.size // TRANSITION_POINTS))
-            torque_in = run.take(trace.torque_in_nm)
-            turn = float(torque_in[0])
-            pieces.append((run.direction, torque_in[chosen][thin], turn, travel[thin], torque_out[chosen][thin]))
-    if not pieces:
-        return None
-
-    def mean_square(log_length: float) -> float:
-        length = float(np.exp(log_length))
-        squares = [
-            np.square(blended(*turn_lines(steady, direction), torque_in, turn, np.exp(-travel / length)) - torque_out)
-            for direction, torque_in, turn, travel, torque_out in pieces
-        ]
-        return float(np.concatenate(squares).mean())
-
-    shortest, longest = np.log(TRANSITION_BOUNDS_RAD)
-    grid = np.linspace(float(shortest), float(longest), 40)
-    best = int(np.argmin([mean_square(point) for point in grid]))
-    bounds = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
-    found = scipy.optimize.minimize_scalar(mean_square, bounds=bounds, method="bounded")
-    if not np.sqrt(found.fun) <= TRANSITION_RESIDUAL * peak:
-        return None
-    return float(np.exp(found.x))
+    return Leftover(mean_place, np.maximum.accumulate(mean_torque), mean_error, count[there].astype(np.float64))

@@ -29,7 +29,7 @@ BLEND_END = 1e-5
 ZERO_SAMPLES = 15
 """Samples over which the input torque is averaged to find where unloading ends."""
 
-NEAR_ZERO = (0.4, 0.06)
+NEAR_ZERO = (1.2, 0.06)
 """Piece of the unloading line, in fractions of its friction torque, that is continued to zero."""
 
 MASK_BELOW_TURN = 0.15
@@ -44,24 +44,46 @@ class TorqueLine(NamedTuple):
 
 
 class Leftover(NamedTuple):
-    """Converted less measured torque [N·m] over converted torque [N·m], in two fineness: what is corrected, and all.
+    """Converted less measured torque [N·m] along a branch, in bins of the place on it [N·m] (see `Leftovers`).
 
-    counts: samples behind each.
+    torque_nm: the measured torque there; counts: samples of each bin.
     """
 
+    place_nm: FloatArray
     torque_nm: FloatArray
     error_nm: FloatArray
     counts: FloatArray
-    fine_torque_nm: FloatArray
-    fine_error_nm: FloatArray
-    fine_counts: FloatArray
+
+
+class Leftovers(NamedTuple):
+    """What a calibration leaves over, in two fineness: what is corrected, and what shows how good the correction is.
+
+    The place on a branch is converted torque + stiffness × input angle. About zero the converted torque stands still
+    while the angle goes on, and after a reversal the angle hardly moves while the torque does: their sum always grows.
+    """
+
+    stiffness_nm_per_rad: float
+    corrected: Leftover
+    fine: Leftover
+
+    def places(self, torque_nm: FloatArray, angle_in_rad: FloatArray) -> FloatArray:
+        """Return places of converted torques and angles."""
+        return torque_nm + self.stiffness_nm_per_rad * angle_in_rad
+
+    def at(self, place_nm: FloatArray) -> FloatArray:
+        """Return the error that is corrected at places [N·m], straight between the means of two bins."""
+        found: FloatArray = np.interp(place_nm, self.corrected.place_nm, self.corrected.error_nm)
+        return found
 
 
 @dataclass(frozen=True)
 class Quadrants:
     """Four lines, the transition length L [rad at the input shaft] or None, and the fits they came from if measured.
 
-    left: by direction of motion, what lines and transition leave over while calibrating; it is taken off.
+    zero_nm: what the output sensor reads where no torque is. There friction goes over from unloading to loading, within
+    zero_transition_rad (None: as much shorter than L as less friction changes there).
+    left: by direction of motion, what lines and transition leave over while calibrating; it is taken off, by the angles
+    of that run. Lines without fits are of another run, whose angles mean nothing here.
     """
 
     load_positive: TorqueLine
@@ -69,8 +91,10 @@ class Quadrants:
     load_negative: TorqueLine
     unload_negative: TorqueLine
     transition_rad: float | None = None
+    zero_nm: float = 0.0
+    zero_transition_rad: float | None = None
     fits: Mapping[str, RatioFit] = field(default_factory=dict)
-    left: Mapping[int, Leftover] = field(default_factory=dict)
+    left: Mapping[int, Leftovers] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse lines that cannot be inverted."""
@@ -81,6 +105,10 @@ class Quadrants:
                     f"torque ratio: {name}: found {line}; needed are a finite offset and a slope above 0"
                 )
 
+    def leftovers(self, direction: int) -> Leftovers | None:
+        """Return what is taken off a branch, None where nothing is."""
+        return self.left.get(direction) if self.fits else None
+
 
 def output_torque(
     quadrants: Quadrants, torque_in_nm: FloatArray, direction: int, angle_in_rad: FloatArray | None
@@ -90,8 +118,10 @@ def output_torque(
     angle_in_rad: input angle of the same samples, None when it was not measured.
     """
     torque, valid = by_lines(quadrants, torque_in_nm, direction, angle_in_rad)
-    left = quadrants.left.get(direction)
-    return (torque if left is None else torque - np.interp(torque, left.torque_nm, left.error_nm)), valid
+    left = quadrants.leftovers(direction)
+    if left is None or angle_in_rad is None:
+        return torque, valid
+    return torque - left.at(left.places(torque, angle_in_rad)), valid
 
 
 def by_lines(
@@ -123,10 +153,14 @@ def _steady(
     Where unloading has more friction than loading both lines have a torque for the same input torque about zero, so the
     order in time decides. The friction goes over from one to the other with the angle turned, as after a reversal.
     """
+    zero_nm = quadrants.zero_nm
     loading, unloading = (
-        (quadrants.load_positive, quadrants.unload_negative)
-        if direction > 0
-        else (quadrants.load_negative, quadrants.unload_positive)
+        TorqueLine(line.offset_nm - zero_nm, line.slope)
+        for line in (
+            (quadrants.load_positive, quadrants.unload_negative)
+            if direction > 0
+            else (quadrants.load_negative, quadrants.unload_positive)
+        )
     )
     unloaded = direction * (unloading.offset_nm + unloading.slope * torque_in_nm)
     crossing = _end_of_unloading(unloaded, abs(unloading.offset_nm))
@@ -134,30 +168,41 @@ def _steady(
     step = -unloading.offset_nm / unloading.slope - at_zero
     share: FloatArray | float = 0.0
     if quadrants.transition_rad is not None and angle_in_rad is not None and crossing < unloaded.size:
-        turn = _step(*turn_lines(quadrants, direction), float(torque_in_nm[0]))
-        length = quadrants.transition_rad * min(1.0, abs(2.0 * at_zero / turn)) if turn else 0.0
-        turned = np.abs(angle_in_rad - angle_in_rad[crossing])
+        length = zero_length_rad(quadrants, direction, float(torque_in_nm[0]))
+        turned = np.abs(angle_in_rad - np.interp(crossing, np.arange(angle_in_rad.size), angle_in_rad))
         share = np.exp(-turned / length) if length > 0.0 else 0.0
     loaded = direction * (loading.offset_nm + loading.slope * (torque_in_nm - step * share))
     before = np.arange(unloaded.size) < crossing
-    result: FloatArray = direction * np.where(before, np.minimum(unloaded, 0.0), np.maximum(loaded, 0.0))
+    result: FloatArray = zero_nm + direction * np.where(before, np.minimum(unloaded, 0.0), np.maximum(loaded, 0.0))
     return result
 
 
-def _end_of_unloading(unloaded: FloatArray, friction_nm: float) -> int:
-    """Sample at which unloading is over; unloaded: its torque, from below zero up to zero.
+def zero_length_rad(quadrants: Quadrants, direction: int, at_turn_nm: float) -> float:
+    """Length of the transition at zero torque [rad at the input] of a run with this input torque at its turn."""
+    if quadrants.zero_transition_rad is not None or quadrants.transition_rad is None:
+        return quadrants.zero_transition_rad or 0.0
+    loading = quadrants.load_positive if direction > 0 else quadrants.load_negative
+    at_zero = (quadrants.zero_nm - loading.offset_nm) / loading.slope
+    turn = _step(*turn_lines(quadrants, direction), at_turn_nm)
+    return quadrants.transition_rad * min(1.0, abs(2.0 * at_zero / turn)) if turn else 0.0
+
+
+def _end_of_unloading(unloaded: FloatArray, friction_nm: float) -> float:
+    """Place among the samples at which unloading is over; unloaded: its torque, from below zero up to zero.
+
+    Friction changes there within few samples: half a sample beside it shows, so it lies between two.
 
     Near zero friction changes and the line no longer holds: the last piece that it holds for is continued straight.
     """
     smooth = scipy.ndimage.uniform_filter1d(unloaded, ZERO_SAMPLES, mode="nearest")
     far, near = (int(np.argmax(smooth >= -share * friction_nm)) for share in NEAR_ZERO)
     if smooth[near] < -NEAR_ZERO[1] * friction_nm:
-        return int(unloaded.size)
+        return float(unloaded.size)
     if near - far < ZERO_SAMPLES:
-        return near
+        return float(near)
     at, slope = np.polynomial.polynomial.polyfit(np.arange(far, near) - near, unloaded[far:near], 1)
     ahead = -at / slope if slope > 0.0 else 0.0
-    return min(near + round(min(max(ahead, 0.0), near - far)), int(unloaded.size))
+    return float(min(near + min(max(ahead, 0.0), near - far), unloaded.size))
 
 
 def turn_lines(quadrants: Quadrants, direction: int) -> tuple[TorqueLine, TorqueLine]:

@@ -101,7 +101,7 @@ def output_torque_record(
     if isinstance(quadrants, Quadrants) and quadrants.transition_rad is not None and not masked:
         transition = (
             "transition after each reversal: from loading to unloading line over "
-            f"{quadrants.transition_rad:.3g} rad at the input"
+            f"{quadrants.transition_rad:.3g} rad at the input; back at {quadrants.zero_nm:+.2f} N·m"
         )
     else:
         transition = f"transition after each reversal: masked, {masked} samples"
@@ -122,6 +122,7 @@ def _ratio_figures(quadrants: Quadrants | AnalysisError) -> dict[str, Figure]:
             figures[f"{name} residual"] = Figure(quadrants.fits[name].residual_sd_nm, "N·m")
     if quadrants.transition_rad is not None:
         figures["transition"] = Figure(quadrants.transition_rad, "rad")
+        figures["reading at zero torque"] = Figure(quadrants.zero_nm, "N·m")
     return figures
 
 

@@ -79,7 +79,7 @@ class Circumstances:
 
     def corrects(self, direction: int) -> bool:
         """Say whether what the lines of this run left over while calibrating is taken off a branch."""
-        return self.lines_of_this_run and self.quadrants is not None and direction in self.quadrants.left
+        return self.quadrants is not None and self.quadrants.leftovers(direction) is not None
 
     @property
     def locked(self) -> str:

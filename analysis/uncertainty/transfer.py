@@ -1,6 +1,6 @@
 """What a converted torque may be wrong by beside its lines: friction about zero torque and after reversals.
 
-Lines measured in the same run are corrected by what they leave over while calibrating, in bins of torque. What the
+Lines measured in the same run are corrected by what they leave over while calibrating, in bins along a branch. What the
 correction gets wrong is the error here: the noise of the mean of a bin, and the structure that a bin does not resolve,
 u² = s² − (σ_fine² − σ_bin²) + σ_bin². s² is the mean square of what finer bins show beyond the correction; declared
 noise over the samples of a fine bin and of a bin makes the σ. The error has another sign in every bin. Stored lines
@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from analysis.loop import Loop
-from analysis.quadrants import Leftover, Quadrants
+from analysis.quadrants import Leftovers, Quadrants
 from analysis.uncertainty.chain import Move
 from analysis.uncertainty.circumstances import Circumstances, line_name
 from analysis.uncertainty.figures import SensorFigures
@@ -36,7 +36,7 @@ def transfer_moves(loop: Loop, circumstances: Circumstances, figures: SensorFigu
     quadrants = circumstances.quadrants
     if not circumstances.converted or quadrants is None:
         return 0.0, ()
-    if quadrants.left:
+    if quadrants.left and circumstances.lines_of_this_run:
         return _measured(loop, quadrants, figures)
     return _stored(loop, quadrants)
 
@@ -46,49 +46,49 @@ def _measured(loop: Loop, quadrants: Quadrants, figures: SensorFigures) -> tuple
     sizes = []
     parts: dict[int, list[Part]] = {1: [(0.0, 0.0)] * PATTERNS, -1: [(0.0, 0.0)] * PATTERNS}
     for branch, direction in ((loop.forward, 1), (loop.backward, -1)):
-        left = quadrants.left.get(direction)
+        left = quadrants.leftovers(direction)
         if left is None:
             continue
         size = _size(left, _sample_variance(quadrants, left, direction, figures))
         sizes.append(size)
         signs = random.choice((-1.0, 1.0), (PATTERNS, size.size)) / math.sqrt(PATTERNS)
         # each point has the error of its own bin: between two bins of unlike sign the error is not smaller than in them
-        here = _bins_at(branch.torque_nm, left)
+        here = _nearest(left.corrected.torque_nm, branch.torque_nm)
         parts[direction] = [((row * size)[here], 0.0) for row in signs]
     moves = tuple(Move(forward, backward) for forward, backward in zip(parts[1], parts[-1], strict=True))
     return float(np.sqrt(np.mean(np.square(np.concatenate(sizes))))), moves
 
 
-def _bins_at(torque_nm: FloatArray, left: Leftover) -> IntArray:
-    """Return the bin of the correction that is nearest to each torque."""
-    between = (left.torque_nm[1:] + left.torque_nm[:-1]) / 2.0
-    return np.searchsorted(between, torque_nm)
+def _nearest(bins: FloatArray, values: FloatArray) -> IntArray:
+    """Return the index of the bin, of those in rising order, that is nearest to each value."""
+    return np.searchsorted((bins[1:] + bins[:-1]) / 2.0, values)
 
 
-def _sample_variance(quadrants: Quadrants, left: Leftover, direction: int, figures: SensorFigures) -> FloatArray:
+def _sample_variance(quadrants: Quadrants, left: Leftovers, direction: int, figures: SensorFigures) -> FloatArray:
     """Variance [N²·m²] of one sample of converted less measured torque by noise, at the fine bins."""
     noise_in, noise_out = (
         0.0 if sensor is None else sensor.noise_fraction * sensor.full_scale_nm
         for sensor in (figures.torque_in, figures.torque_out)
     )
     positive, negative = (getattr(quadrants, line_name(sign, direction)).slope for sign in (1, -1))
-    slope = np.where(left.fine_torque_nm >= 0.0, positive, negative)
+    slope = np.where(left.fine.torque_nm >= 0.0, positive, negative)
     variance: FloatArray = np.square(slope * noise_in) + noise_out**2
     return variance
 
 
-def _size(left: Leftover, sample_variance: FloatArray) -> FloatArray:
+def _size(left: Leftovers, sample_variance: FloatArray) -> FloatArray:
     """Error of the correction, per bin of it: its noise, and what of the finer bins is more than noise."""
-    over = left.fine_error_nm - np.interp(left.fine_torque_nm, left.torque_nm, left.error_nm)
-    nearest = _bins_at(left.fine_torque_nm, left)
-    bins = left.torque_nm.size
+    corrected, fine = left.corrected, left.fine
+    over = fine.error_nm - left.at(fine.place_nm)
+    nearest = _nearest(corrected.place_nm, fine.place_nm)
+    bins = corrected.place_nm.size
     count = np.maximum(np.bincount(nearest, minlength=bins), 1)
-    shown, of_sample, fine = (
+    shown, of_sample, of_fine = (
         np.bincount(nearest, weights=values, minlength=bins) / count
-        for values in (np.square(over), sample_variance, sample_variance / left.fine_counts)
+        for values in (np.square(over), sample_variance, sample_variance / fine.counts)
     )
-    noise = of_sample / left.counts
-    size: FloatArray = np.sqrt(np.maximum(shown - np.maximum(fine - noise, 0.0), 0.0) + noise)
+    noise = of_sample / corrected.counts
+    size: FloatArray = np.sqrt(np.maximum(shown - np.maximum(of_fine - noise, 0.0), 0.0) + noise)
     return size
 
 

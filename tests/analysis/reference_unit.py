@@ -10,11 +10,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import SegmentInfo, Trace
+from analysis import AngleFigures, SegmentInfo, SensorFigures, TorqueFigures, Trace
 
 ARC = math.pi / 10_800
 RATIO = 121.0
 RATED_NM = 412.0
+FIGURES = SensorFigures(
+    torque_in=TorqueFigures(5.0),
+    torque_out=TorqueFigures(1000.0),
+    angle_in=AngleFigures(2 * math.pi / 2**20),
+    angle_out=AngleFigures(2 * math.pi / 2**23, accuracy_rad=1e-5, interpolation_rad=5e-7),
+    skew_s=2e-4,
+    drift_arcmin_per_min=0.005,
+    fixture_fraction=0.05,
+    lock_width_arcmin=0.002,
+    lock_windup_fraction=5e-4,
+)
+"""What a bench with such sensors states of them."""
 
 
 @dataclass(frozen=True)

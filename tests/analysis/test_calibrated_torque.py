@@ -54,27 +54,60 @@ def test_transition_length_is_that_of_presliding() -> None:
     assert lowest < QUADRANTS.transition_rad < highest
 
 
-@pytest.mark.parametrize(("loading", "unloading"), [(0.12, 0.17), (0.17, 0.12)])
-def test_friction_that_differs_between_loading_and_unloading(loading: float, unloading: float) -> None:
-    """About zero torque both lines hold for the same input torque: the order in time decides."""
+def simulated(loading: float, unloading: float, zero_nm: float = 0.0) -> Trace:
+    """One cycle without noise; the unit has unlike input frictions, the output sensor reads so much at zero torque."""
     unit = SimulatedUnit(friction_loading_nm=loading, friction_unloading_nm=unloading)
     bench = SimulatedBench(cycles=1)
     course = course_of(unit, bench)
-    turned = (course.windup_arcmin + course.torque_nm / bench.fixture_nm_per_arcmin) * 121 * np.pi / 10_800
-    trace = Trace(
+    return Trace(
         torque_in_nm=course.torque_in_nm,
-        torque_out_nm=course.torque_nm,
-        angle_in_rad=turned,
+        torque_out_nm=course.torque_nm + zero_nm,
+        angle_in_rad=(course.windup_arcmin + course.torque_nm / bench.fixture_nm_per_arcmin) * 121 * np.pi / 10_800,
         segment=course.segment,
         segments=course.segments,
     )
+
+
+@pytest.mark.parametrize(("loading", "unloading"), [(0.12, 0.17), (0.17, 0.12)])
+def test_friction_that_differs_between_loading_and_unloading(loading: float, unloading: float) -> None:
+    """About zero torque both lines hold for the same input torque: the order in time decides."""
+    trace = simulated(loading, unloading)
     runs = commanded_runs(trace)
     quadrants = fit_quadrants(trace, runs)
     for run in [run for run in runs if run.role == "measure"]:
-        converted, _ = output_torque(quadrants, run.take(trace.torque_in_nm), run.direction, run.take(turned))
-        error = np.abs(converted - run.take(trace.torque_out_nm))
+        taken = (run.take(values) for values in (trace.torque_in_nm, trace.torque_out_nm, trace.angle_in_rad))
+        torque_in, torque_out, turned = taken
+        converted, _ = output_torque(quadrants, torque_in, run.direction, turned)
+        error = np.abs(converted - torque_out)
         assert np.median(error) < 0.02
         assert error.max() < 1.0  # 7 N·m when both lines count
+
+
+@pytest.mark.parametrize(("loading", "unloading"), [(0.12, 0.17), (0.17, 0.12)])
+def test_friction_changes_sides_at_the_true_zero_and_not_at_that_of_the_sensor(
+    loading: float, unloading: float
+) -> None:
+    """Found by the coverage study: in bins of converted torque, which stands still there, a width at zero was wrong."""
+    trace, zero = simulated(loading, unloading, zero_nm=0.3), [MetricWanted("backlash_width_zero")]
+    converted, measured = (
+        analyse(trace, dataclasses.replace(METHOD, output_torque=torque), zero).metrics[0].headline.value
+        for torque in ("calibrated", "reaction")
+    )
+    assert converted == pytest.approx(measured, abs=5e-4)
+
+
+def test_what_another_run_left_over_is_not_taken_off() -> None:
+    """It stands by the angles of its run, and where those begin nobody knows in this one."""
+    trace = simulated(0.12, 0.17)
+    run = next(run for run in commanded_runs(trace) if run.role == "measure")
+    torque_in, turned = run.take(trace.torque_in_nm), run.take(trace.angle_in_rad)
+    own = fit_quadrants(trace, commanded_runs(trace))
+    stored, bare = dataclasses.replace(own, fits={}), dataclasses.replace(own, left={})
+    by_own, by_stored, by_lines = (
+        output_torque(quadrants, torque_in, run.direction, turned)[0] for quadrants in (own, stored, bare)
+    )
+    assert np.array_equal(by_stored, by_lines)
+    assert not np.array_equal(by_own, by_lines)
 
 
 def test_loop_from_input_torque() -> None:

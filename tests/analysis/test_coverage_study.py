@@ -15,6 +15,7 @@ from station.bench.figures import figures_of
 UNITS = 24
 NAMES = [
     "backlash_width_3pct",
+    "backlash_width_zero",
     "lost_motion",
     "stiffness_lsq",
     "stiffness_50_100",

@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
-from reference_unit import RATIO, Bench, ReferenceUnit, bench_trace
+from reference_unit import FIGURES, RATIO, Bench, ReferenceUnit, bench_trace
 
-from analysis import METRICS, AngleFigures, Method, MetricWanted, Result, SensorFigures, TorqueFigures, Trace, analyse
+from analysis import METRICS, Method, MetricWanted, Result, Trace, analyse
 from recipes import load_recipe, shipped_recipes
 
 LOST = 0.01
@@ -20,17 +19,6 @@ IN_A_ROW = (10, 30)
 PEAK_NM = 453.2
 METHOD = Method(
     ratio=RATIO, rated_torque_nm=412.0, fixture_stiffness_nm_per_arcmin=1e4, catalogue_stiffness_nm_per_arcmin=100.0
-)
-FIGURES = SensorFigures(
-    torque_in=TorqueFigures(5.0),
-    torque_out=TorqueFigures(1000.0),
-    angle_in=AngleFigures(2 * math.pi / 2**20),
-    angle_out=AngleFigures(2 * math.pi / 2**23, accuracy_rad=1e-5, interpolation_rad=5e-7),
-    skew_s=2e-4,
-    drift_arcmin_per_min=0.005,
-    fixture_fraction=0.05,
-    lock_width_arcmin=0.002,
-    lock_windup_fraction=5e-4,
 )
 NOISY = Bench()
 QUIET = dataclasses.replace(

@@ -6,16 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from reference_unit import Bench, ReferenceUnit, bench_trace, exact_trace
+from budget_support import CALIBRATED, CERTIFIED, METHOD, NO_ERRORS, QUIET, TRACE, UNIT, contributions, metric
+from reference_unit import FIGURES, RATIO, Bench, ReferenceUnit, bench_trace, exact_trace
 
 from analysis import (
     METRICS,
     AnalysisError,
     AngleFigures,
     Decision,
-    LineCovariance,
     Method,
-    MetricResult,
     MetricWanted,
     SensorFigures,
     TorqueFigures,
@@ -24,53 +23,12 @@ from analysis import (
 from analysis.evaluate import evaluate
 from analysis.metric_result import SideValue
 from analysis.pipeline import measure
-from analysis.quadrants import Leftover
 from analysis.uncertainty.budget import STUDENT
-from analysis.uncertainty.circumstances import Points, circumstances_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.repeatability import CONFIDENCE, enlarged, student_factor
-from analysis.uncertainty.sources import ROUNDINGS, SOURCES, Setting
-from analysis.uncertainty.transfer import transfer_moves
 from analysis.units import ARCMIN_PER_RAD
 
-RATIO = 121.0
-METHOD = Method(ratio=RATIO, rated_torque_nm=412.0, fixture_stiffness_nm_per_arcmin=1e4)
-CALIBRATED = dataclasses.replace(METHOD, output_torque="calibrated")
-UNIT = ReferenceUnit()
-TRACE = bench_trace(UNIT, 453.2, cycles=2)
-QUIET = bench_trace(
-    UNIT,
-    453.2,
-    cycles=2,
-    bench=Bench(torque_out_noise_nm=0.0, torque_in_noise_nm=0.0, angle_in_bits=None, angle_out_bits=None),
-)
-NO_ERRORS = {"gain_fraction": 0.0, "zero_fraction": 0.0, "reversibility_fraction": 0.0, "noise_fraction": 0.0}
-FIGURES = SensorFigures(
-    torque_in=TorqueFigures(5.0),
-    torque_out=TorqueFigures(1000.0),
-    angle_in=AngleFigures(2 * math.pi / 2**20),
-    angle_out=AngleFigures(2 * math.pi / 2**23, accuracy_rad=1e-5, interpolation_rad=5e-7),
-    skew_s=2e-4,
-    drift_arcmin_per_min=0.005,
-    fixture_fraction=0.05,
-    lock_width_arcmin=0.002,
-    lock_windup_fraction=5e-4,
-)
-CERTIFIED = dataclasses.replace(
-    FIGURES,
-    torque_in=TorqueFigures(5.0, stated_by="certificate"),
-    torque_out=TorqueFigures(1000.0, stated_by="certificate"),
-)
-NO_NOISE = dataclasses.replace(
-    FIGURES,
-    torque_in=dataclasses.replace(FIGURES.torque_in, noise_fraction=0.0),
-    torque_out=dataclasses.replace(FIGURES.torque_out, noise_fraction=0.0),
-)
 EVERY = [MetricWanted(name) for name in METRICS]
-
-
-def metric(name: str, figures: SensorFigures | None, method: Method = METHOD, trace: object = QUIET) -> MetricResult:
-    return analyse(trace, method, [MetricWanted(name)], figures=figures).metrics[0]
 
 
 def evaluate_magnitude(name: str, estimate: Callable[..., float]) -> SideValue:
@@ -81,10 +39,6 @@ def evaluate_magnitude(name: str, estimate: Callable[..., float]) -> SideValue:
         loops = measure(QUIET, METHOD).loops[:1] * 3
         found = evaluate(MetricWanted(name), loops, AnalysisError("none"), METHOD, Decision(), invalid=False)
     return found.headline
-
-
-def contributions(found: MetricResult) -> dict[str, float]:
-    return {row.quantity: row.contribution for row in found.headline.budget.rows}
 
 
 def test_every_metric_has_a_budget_whose_shares_are_one() -> None:
@@ -161,37 +115,6 @@ def test_offset_error_of_the_fixture_enters_only_where_it_is_corrected() -> None
     alone = dataclasses.replace(QUIET, angle_out_rad=None)
     found = contributions(metric("windup", FIGURES, trace=alone))
     assert found["fixture"] == pytest.approx(2 * 412 / 1e4 * 0.05 / math.sqrt(3), rel=1e-2)
-
-
-def test_input_sensor_cancels_where_it_was_calibrated_in_the_same_run() -> None:
-    """Gain and zero of the input sensor are in the lines and in the conversion, and go out again."""
-    figures = SensorFigures(torque_in=TorqueFigures(5.0), torque_out=TorqueFigures(1000.0, **NO_ERRORS))
-    found = contributions(metric("windup", figures, CALIBRATED))
-    assert found.get("torque_in_gain", 0.0) < 1e-9
-    assert found.get("torque_in_zero", 0.0) < 1e-9
-
-
-def test_output_sensor_enters_a_converted_torque_through_the_lines() -> None:
-    gain = SensorFigures(
-        torque_in=TorqueFigures(5.0),
-        torque_out=dataclasses.replace(TorqueFigures(1000.0, **NO_ERRORS), gain_fraction=1e-3),
-    )
-    direct = contributions(metric("windup", gain))["torque_out_gain"]
-    assert contributions(metric("windup", gain, CALIBRATED))["torque_out_gain"] == pytest.approx(direct, rel=0.03)
-
-
-def test_stored_lines_bring_their_covariance_and_another_zero() -> None:
-    measured = analyse(QUIET, CALIBRATED, [MetricWanted("windup")]).quadrants
-    stored = dataclasses.replace(CALIBRATED, quadrants=dataclasses.replace(measured, fits={}))
-    u = LineCovariance(u_offset_nm=0.5, u_slope=0.3, correlation=-0.87)
-    figures = dataclasses.replace(FIGURES, calibration={"load_positive": u})
-    found, measured_here = (contributions(metric("stiffness_50_100", figures, one)) for one in (stored, CALIBRATED))
-    assert found["torque_in_zero"] > 1e-3
-    assert measured_here.get("torque_in_zero", 0.0) < 1e-9
-    torque_in = (412.0 - measured.load_positive.offset_nm) / measured.load_positive.slope
-    u_torque = math.sqrt(0.5**2 + (0.3 * torque_in) ** 2 - 2 * 0.87 * 0.5 * 0.3 * torque_in)
-    row = next(row for row in metric("windup", figures, stored).headline.budget.rows if "calibration" in row.quantity)
-    assert row.u == pytest.approx(u_torque)
 
 
 def test_without_figures_it_is_repeatability_and_the_result_says_so() -> None:
@@ -337,122 +260,6 @@ def test_monte_carlo_draws_a_certificate_as_it_draws_its_budget() -> None:
         budget = analyse(trace, METHOD, wanted, figures=figures, draws=2000).metrics[0].headline.budget
         half = (budget.monte_carlo.high - budget.monte_carlo.low) / 2
         assert half == pytest.approx(ends * budget.u, rel=0.05), stated_by
-
-
-def test_what_a_calibration_leaves_over_is_as_large_between_its_bins_as_in_them() -> None:
-    """Zero torque lies between two bins: errors of unlike sign were averaged there, and U of the loop at zero small."""
-    found = measure(TRACE, CALIBRATED)
-    circumstances, loop = circumstances_of(found), found.loops[0]
-    _, moves = transfer_moves(loop, circumstances, SensorFigures())
-    for side, branch, direction in ((0, loop.forward, 1), (1, loop.backward, -1)):
-        left = found.quadrants.left[direction]
-        over = left.fine_error_nm - np.interp(left.fine_torque_nm, left.torque_nm, left.error_nm)
-        fine, own = (
-            np.abs(torque[:, None] - left.torque_nm).argmin(axis=1)
-            for torque in (left.fine_torque_nm, branch.torque_nm)
-        )
-        u = np.sqrt(sum(np.square(move[side][0]) for move in moves))
-        about_zero = np.flatnonzero(np.abs(branch.torque_nm) < 10.0)
-        assert about_zero.size > 2
-        for point in about_zero:
-            expected = np.sqrt(np.mean(np.square(over[fine == own[point]])))
-            assert u[point] == pytest.approx(expected)
-
-
-def test_a_corrected_conversion_has_the_errors_of_the_output_sensor_and_none_of_the_input() -> None:
-    """Found by the coverage study: a line carried the reversibility to zero a sixth larger than the correction left it.
-
-    U of a width was too large by that, and stiffness at high torque had too little of it.
-    """
-    converted, measured = (metric("backlash_width_3pct", FIGURES, method) for method in (CALIBRATED, METHOD))
-    found, direct = contributions(converted), contributions(measured)
-    assert not any(name.startswith("torque_in") for name in found)
-    for name in ("torque_out_gain", "torque_out_zero", "torque_out_reversibility"):
-        assert found[name] == pytest.approx(direct[name], rel=0.05, abs=2e-6), name
-
-
-def test_noise_of_the_calibration_counts_as_the_mean_of_a_bin_has_it() -> None:
-    """Bins of nothing but noise: fine ones show more of it than the correction, their mean, carries."""
-    random, found = np.random.default_rng(3), measure(TRACE, CALIBRATED)
-    quiet = dataclasses.replace(NO_NOISE, torque_out=dataclasses.replace(FIGURES.torque_out, noise_fraction=1e-4))
-    fine_torque = (np.arange(960) + 0.5) * 0.9 - 432.0
-    fine_error = random.normal(0.0, 0.1 / math.sqrt(16.0), 960)  # 0.1 N·m per sample, 16 samples per fine bin
-    bins = [np.mean(values.reshape(-1, 4), axis=1) for values in (fine_torque, fine_error)]
-    left = Leftover(*bins, np.full(240, 64.0), fine_torque, fine_error, np.full(960, 16.0))
-    noisy = dataclasses.replace(found, quadrants=dataclasses.replace(found.quadrants, left={1: left, -1: left}))
-    u, _ = transfer_moves(found.loops[0], circumstances_of(noisy), quiet)
-    u_unknown, _ = transfer_moves(found.loops[0], circumstances_of(noisy), NO_NOISE)
-    assert u_unknown == pytest.approx(0.1 * math.sqrt(1.0 / 16.0 - 1.0 / 64.0), rel=0.1)
-    assert 0.1 / math.sqrt(64.0) <= u < 0.85 * u_unknown
-
-
-def test_tables_are_complete() -> None:
-    ids = [source.id for source in SOURCES]
-    assert len(ids) == len(set(ids))
-    for source in SOURCES:
-        assert {source.distribution(figures) for figures in (FIGURES, CERTIFIED, SensorFigures())} <= set(DISTRIBUTIONS)
-        assert source.text
-        assert source.unit
-        assert source.shapes
-
-
-@pytest.mark.parametrize("name", list(DISTRIBUTIONS))
-def test_draws_have_the_standard_uncertainty_of_their_distribution(name: str) -> None:
-    row = DISTRIBUTIONS[name]
-    components = {"cyclic": 2, "quantised": ROUNDINGS}.get(name, 1)
-    drawn = row.draw(np.random.default_rng(5), 3.0, 200_000, components)
-    assert drawn.shape == (200_000, components)
-    assert drawn.std(axis=0) == pytest.approx(3.0 / row.divisor, rel=0.01)
-
-
-def rounding_between(counts: float, figures: SensorFigures) -> float:
-    """Standard deviation, in counts, of the rounding of two places of the locked shaft that are so far apart."""
-    step_nm = FIGURES.angle_out.step_rad * ARCMIN_PER_RAD * METHOD.fixture_stiffness_nm_per_arcmin
-    torque = np.array([0.0, counts * step_nm])
-    points = Points(torque, torque / 100.0, 1, None, 0.0, None, 0.0)
-    setting = Setting(points, circumstances_of(measure(QUIET, METHOD)), figures)
-    (source,) = [one for one in SOURCES if one.id == "angle_out_step"]
-    apart = [np.diff(shape(setting).angle_arcmin)[0] * 60.0 for shape in source.shapes]
-    return math.hypot(*apart) / math.sqrt(12.0)
-
-
-EXACT_SHAFT = dataclasses.replace(
-    FIGURES, angle_out=dataclasses.replace(FIGURES.angle_out, interpolation_rad=0.0), fixture_fraction=0.0
-)
-
-
-@pytest.mark.parametrize("counts", [0.0, 0.25, 0.5, 0.75, 1.0, 16.0, 16.25])
-def test_two_readings_of_an_encoder_differ_by_its_rounding(counts: float) -> None:
-    """Two places so many counts apart, anywhere on the scale: rounding makes d or d - 1 of a distance of d counts."""
-    part = counts % 1.0
-    assert rounding_between(counts, EXACT_SHAFT) == pytest.approx(math.sqrt(part * (1.0 - part)), rel=0.12, abs=1e-6)
-
-
-@pytest.mark.parametrize("without", ["interpolation", "fixture"])
-def test_places_some_counts_apart_are_not_rounded_alike(without: str) -> None:
-    """Found by the coverage study: 206 and 412 N·m are eight counts apart, and the error within a line moves them."""
-    encoder = dataclasses.replace(FIGURES.angle_out, interpolation_rad=math.radians(0.5 / 3600.0))
-    figures = dataclasses.replace(FIGURES, angle_out=encoder, fixture_fraction=0.0)
-    if without == "interpolation":
-        figures = dataclasses.replace(EXACT_SHAFT, fixture_fraction=0.05)
-    assert rounding_between(16.0, figures) == pytest.approx(math.sqrt(1.0 / 6.0), rel=0.35)
-    assert rounding_between(0.0, figures) == 0.0
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        lambda: TorqueFigures(0.0),
-        lambda: TorqueFigures(5.0, gain_fraction=-1e-3),
-        lambda: AngleFigures(math.nan),
-        lambda: LineCovariance(0.1, 0.1, 1.5),
-        lambda: SensorFigures(skew_s=-1e-3),
-        lambda: TorqueFigures(5.0, stated_by="hearsay"),
-    ],
-)
-def test_figures_that_make_no_sense_are_refused(wrong: object) -> None:
-    with pytest.raises(AnalysisError, match="found"):
-        wrong()
 
 
 @pytest.mark.parametrize("arcmin_per_min", [0.1, 0.3])

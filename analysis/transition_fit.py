@@ -29,12 +29,11 @@ TRANSITION_RESIDUAL = 0.03
 ZERO_REACH = 0.1
 """Torques about zero, as a share of the peak torque, in which the zero is sought."""
 
-ZERO_BOUND, LENGTH_BOUND = 0.01, 3.0
-"""Largest reading at zero torque, in shares of the peak torque, and logarithm of the longest transition over the guess."""
+ZERO_BOUND, ZERO_STEP = 0.01, 2e-4
+"""Largest reading at zero torque, and first step of its search, in shares of the peak torque."""
 
-
-ZERO_STEP, LENGTH_STEP = 2e-4, 0.7
-"""First steps of the search for both."""
+LENGTH_BOUND, LENGTH_STEP = 3.0, 0.7
+"""The same of the transition there: natural logarithm of its length over what is guessed."""
 
 
 class Branch(NamedTuple):

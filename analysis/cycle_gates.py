@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.closure import closure_gaps_arcmin, widest_jump_nm
 from analysis.measured import Evidence, Measured
-from analysis.reading import MIDDLE, NO_SPAN, NOT_EVALUATED, Reading, has_span, of_span
+from analysis.reading import MIDDLE, NO_SPAN, NOT_EVALUATED, Reading, has_span, of_measured, of_span
 from analysis.runs import Run
 from analysis.units import FloatArray
 
@@ -24,11 +24,9 @@ COMPARED = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
 """Channels of the trace in which a copied cycle is the same."""
 
 
-def wrong_way(evidence: Evidence) -> Reading | str:
+@of_measured
+def wrong_way(found: Measured) -> Reading | str:
     """Energy of the cycle that loses least, N·m·arcmin."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     if not has_span(found):
         return Reading(-math.inf, NO_SPAN)
     energy = min(loop.energy_nm_arcmin for loop in found.loops)
@@ -36,11 +34,9 @@ def wrong_way(evidence: Evidence) -> Reading | str:
     return Reading(energy, text if energy < 0 else "")
 
 
-def loop_closure(evidence: Evidence) -> Reading | str:
+@of_measured
+def loop_closure(found: Measured) -> Reading | str:
     """Wind-up between start and end of a cycle at the same torque, % of the wind-up of the loop."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     gaps = closure_gaps_arcmin(found.pairs, found.blocks)
     if gaps is None:
         return "the torque after a reversal is masked: the cycle has no start to compare"
@@ -53,22 +49,18 @@ def loop_closure(evidence: Evidence) -> Reading | str:
     return of_span(found, max(gaps), words if missing else "")
 
 
-def drift(evidence: Evidence) -> Reading | str:
+@of_measured
+def drift(found: Measured) -> Reading | str:
     """Drift of the wind-up in a cycle, whether corrected or not, % of the wind-up."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     shift = found.drift.per_cycle_arcmin
     if shift is None:
         return "one cycle of a kind shows no drift"
     return of_span(found, abs(shift), f"the wind-up drifts by {abs(shift):.3g} arcmin in a cycle")
 
 
-def repeat(evidence: Evidence) -> Reading | str:
+@of_measured
+def repeat(found: Measured) -> Reading | str:
     """Largest deviation (rms over torque) of a branch from the mean of its direction, % of the wind-up."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     if len(found.loops) < 2:
         return "one cycle repeats nothing"
     peak = min(min(-loop.forward.torque_nm[0], loop.backward.torque_nm[-1]) for loop in found.loops)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.measured import Evidence, Measured
-from analysis.reading import NOT_EVALUATED, Reading
+from analysis.measured import Measured
+from analysis.reading import Reading, of_measured
 from analysis.runs import Run
 from analysis.units import FloatArray
 
@@ -18,14 +18,12 @@ MIDDLE = (0.1, 0.9)
 """Share of the peak torque over which the two are compared: friction of the motor reverses next to the turn."""
 
 
-def drive_torque_agreement(evidence: Evidence) -> Reading | str:
+@of_measured
+def drive_torque_agreement(found: Measured) -> Reading | str:
     """How far the drive's torque over that of the sensor of the loaded shaft is from one, %; the worse side.
 
     It is the mean slope of loading and unloading: what a gearbox takes while loading it gives back while unloading.
     """
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     slopes = []
     for pair in found.pairs:
         both = [torques for one in pair if (torques := _torques(found, one.run)) is not None]
@@ -37,15 +35,13 @@ def drive_torque_agreement(evidence: Evidence) -> Reading | str:
     return Reading(100.0 * abs(worst - 1.0), words)
 
 
-def drive_torque_gap(evidence: Evidence) -> Reading | str:
+@of_measured
+def drive_torque_gap(found: Measured) -> Reading | str:
     """Drive's torque less the sensor's, rising against falling branch, % of the torque between the turning points.
 
     A sensor that lags reads too little while the torque rises and too much while it falls. Friction between motor and
     sensor does the same: of a gearbox it is too much to tell the two apart.
     """
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     if found.method.loading == "output":
         return "not measured: the friction of the load servo's gearbox cannot be told from a lag"
     worst = 0.0

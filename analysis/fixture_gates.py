@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from analysis.measured import Evidence, Measured
-from analysis.reading import NO_SPAN, NOT_EVALUATED, Reading, of_span, span_arcmin
+from analysis.measured import Measured
+from analysis.reading import NO_SPAN, Reading, of_measured, of_span, span_arcmin
 from analysis.units import ARCMIN_PER_RAD, FloatArray
 
 BLOCKS = 200
@@ -27,25 +27,21 @@ CLEAR_OF_NOISE = 10.0
 """Times the standard error of the locked shaft's slope that the declared one must be, for its encoder to show it."""
 
 
-def locked_angle(evidence: Evidence) -> Reading | str:
+@of_measured
+def locked_angle(found: Measured) -> Reading | str:
     """Count deflections that are in the wind-up and that nobody knows."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     method, curve = found.method, found.method.fixture_curve
     known = method.fixture_stiffness_nm_per_arcmin is not None or (curve is not None and curve.angles == "loaded")
     return Reading(0.0 if known or found.angles != "loaded" else 1.0)
 
 
-def locked_motion(evidence: Evidence) -> Reading | str:
+@of_measured
+def locked_motion(found: Measured) -> Reading | str:
     """Motion of the locked shaft, as wind-up, that its torque does not explain, % of the wind-up.
 
     A lock gives way in proportion to its torque, at most twice as far as the fixture is declared to; what is left,
     from end to end, is slip, creep, or an angle of another shaft.
     """
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     if found.angles != "both":
         return "not measured: the angle of the locked shaft is not in the trace"
     torque, angle = _locked(found)
@@ -61,14 +57,12 @@ def locked_motion(evidence: Evidence) -> Reading | str:
     return of_span(found, left, words)
 
 
-def locked_compliance(evidence: Evidence) -> Reading | str:
+@of_measured
+def locked_compliance(found: Measured) -> Reading | str:
     """How far the locked shaft gives way with its torque, % of what the declared fixture does.
 
     An encoder that stands leaves the whole deflection in the wind-up, one with the wrong sign twice of it.
     """
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     stiffness = found.method.fixture_stiffness_nm_per_arcmin
     if stiffness is None or found.method.loading == "output":
         return "not measured: nothing is declared of how far the locked shaft gives way"
@@ -105,11 +99,9 @@ def _locked(found: Measured) -> tuple[FloatArray, FloatArray]:
     return np.concatenate(torques), np.concatenate(angles)
 
 
-def fixture_share(evidence: Evidence) -> Reading | str:
+@of_measured
+def fixture_share(found: Measured) -> Reading | str:
     """Deflection of the fixture that is taken from the wind-up, % of the wind-up with it."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     method, curve = found.method, found.method.fixture_curve
     ends = [end(one.torque_nm) for pair in found.pairs for one in pair for end in (np.min, np.max)]
     low, high = float(min(ends)), float(max(ends))

@@ -11,7 +11,7 @@ from analysis.alignment import skew_of_cycles, windup_speed
 from analysis.branches import Blocks
 from analysis.errors import AnalysisError
 from analysis.measured import Evidence, Measured
-from analysis.reading import MIDDLE, NOT_EVALUATED, Reading, of_span
+from analysis.reading import MIDDLE, Reading, of_measured, of_span
 from analysis.samples import BranchSamples
 from analysis.standing_angle import angle_stands, windup_stands
 from analysis.units import BoolArray, FloatArray
@@ -26,14 +26,12 @@ BIN_FRACTION = 0.02
 """Width of a torque bin, of the reference torque."""
 
 
-def clipping(evidence: Evidence) -> Reading | str:
+@of_measured
+def clipping(found: Measured) -> Reading | str:
     """Share of the wind-up in which the torque stands exactly at its end, or of the torque in which the angle does, %.
 
     An angle that stands makes a unit stiffer than it is, a torque that stands makes it softer.
     """
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     stands = max(angle_stands(found), windup_stands(found))
     shares = []
     for one in _sides(found):
@@ -49,11 +47,9 @@ def clipping(evidence: Evidence) -> Reading | str:
     return Reading(100.0 * max(*shares, stands), words if stands > max(shares) else "")
 
 
-def lag(evidence: Evidence) -> Reading | str:
+@of_measured
+def lag(found: Measured) -> Reading | str:
     """Change of the loop's width by the skew of angle and torque, corrected or not, % of the wind-up."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     skew = found.skew
     if skew.corrected_s is None or skew.left_s is None:
         return _lag_from_speeds(found)
@@ -91,14 +87,12 @@ def _lag_from_speeds(found: Measured) -> Reading | str:
     return of_span(found, width, words)
 
 
-def ramp_rate(evidence: Evidence) -> Reading | str:
+@of_measured
+def ramp_rate(found: Measured) -> Reading | str:
     """How far nine tenths of a branch stay from its median rate, %: of torque or of wind-up, whichever is steadier.
 
     Next to the turning points friction reverses and no rate is steady: only the middle of the branch counts.
     """
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     deviations = []
     for number, (one, some) in enumerate(zip(_sides(found), found.blocks, strict=True)):
         if len(one.run.pieces) > 1:
@@ -139,11 +133,9 @@ def _spread(rate: FloatArray, halves: list[BoolArray]) -> float:
     return worst
 
 
-def points_per_bin(evidence: Evidence) -> Reading | str:
+@of_measured
+def points_per_bin(found: Measured) -> Reading | str:
     """Fewest samples of a branch in a bin of 2 % of the reference torque."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     width = BIN_FRACTION * found.method.reference_nm
     fewest = np.inf
     for one in found.blocks:
@@ -156,11 +148,9 @@ def points_per_bin(evidence: Evidence) -> Reading | str:
     return Reading(fewest if np.isfinite(fewest) else 0.0)
 
 
-def monotone_loading(evidence: Evidence) -> Reading | str:
+@of_measured
+def monotone_loading(found: Measured) -> Reading | str:
     """Largest way that the torque went back within a branch, % of the reference torque."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     back = 0.0
     for one, some in zip(_sides(found), found.blocks, strict=True):
         torque = one.run.direction * some.torque_nm

@@ -5,13 +5,11 @@ A gate is a row of `GATES`: what it looks at, its figure, the limit, and what to
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 from analysis import cycle_gates, drive_gates, fixture_gates, loop_gates, record_gates, torque_gates
 from analysis import gate_figures as figures
-from analysis.measured import Evidence
-from analysis.reading import Reading
+from analysis.reading import Figure
 
 CHECK_RATIO = "compare the ratio in the recipe with the unit's plate, then check range and gain of both torque sensors"
 
@@ -24,7 +22,7 @@ class Gate(NamedTuple):
     limit: float
     least: bool
     """The limit is the least value allowed, otherwise the largest."""
-    figure: Callable[[Evidence], Reading | str]
+    figure: Figure
     failed: str
     """What is wrong, unless the figure has words of its own."""
     action: str
@@ -35,7 +33,7 @@ def _row(  # noqa: PLR0917 - the columns of the table
     what: str,
     unit: str,
     limit: float,
-    figure: Callable[[Evidence], Reading | str],
+    figure: Figure,
     failed: str,
     action: str,
     *,

@@ -8,21 +8,19 @@ from __future__ import annotations
 import math
 
 from analysis.loop import Loop
-from analysis.measured import Evidence
-from analysis.reading import NO_SPAN, NOT_EVALUATED, Reading, has_span, span_arcmin
+from analysis.measured import Measured
+from analysis.reading import NO_SPAN, Reading, has_span, of_measured, span_arcmin
 
 SECANT = (0.25, 0.75)
 """Torques between which the stiffness is read, of the lesser of peak and reference torque: beyond play and reversal."""
 
 
-def stiffness_agreement(evidence: Evidence) -> Reading | str:
+@of_measured
+def stiffness_agreement(found: Measured) -> Reading | str:
     """Factor between the secant stiffness of the loops and that of the catalogue, one or more; the worse side.
 
     A factor tells a wrong unit or scale of angle or torque, which every metric of the loop carries unseen.
     """
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     declared = found.method.catalogue_stiffness_nm_per_arcmin
     if declared is None:
         return "no stiffness is declared for the unit"
@@ -53,11 +51,9 @@ def _secant_nm_per_arcmin(loop: Loop, side: int) -> float | None:
     return (high - low) / way if way else math.inf
 
 
-def loss(evidence: Evidence) -> Reading | str:
+@of_measured
+def loss(found: Measured) -> Reading | str:
     """Energy of the cycle that loses least, % of the rectangle of torque and wind-up that its loop stands in."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     if not has_span(found):
         return Reading(-math.inf, NO_SPAN)
     way = float(found.loops[0].forward.torque_nm[-1] - found.loops[0].forward.torque_nm[0])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import wraps
 from typing import NamedTuple
 
-from analysis.measured import Measured
+from analysis.measured import Evidence, Measured
 
 NOT_EVALUATED = "the trace could not be evaluated"
 NO_SPAN = "there is no measurable span: the wind-up does not change over the cycle"
@@ -22,6 +24,20 @@ class Reading(NamedTuple):
 
     figure: float
     words: str = ""
+
+
+Figure = Callable[[Evidence], Reading | str]
+"""What a gate looks at: its figure, or in words why it does not apply."""
+
+
+def of_measured(figure: Callable[[Measured], Reading | str]) -> Figure:
+    """Make a gate's figure of one that reads the evaluated trace: without, it does not apply."""
+
+    @wraps(figure)
+    def read(evidence: Evidence) -> Reading | str:
+        return NOT_EVALUATED if evidence.measured is None else figure(evidence.measured)
+
+    return read
 
 
 def of_span(found: Measured, arcmin: float, words: str = "") -> Reading:

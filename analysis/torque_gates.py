@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.errors import AnalysisError
-from analysis.measured import Evidence
+from analysis.measured import Measured
 from analysis.quadrant_fit import fit_lines
-from analysis.reading import NOT_EVALUATED, Reading
+from analysis.reading import Reading, of_measured
 from analysis.torque_lines import slopes_of
 
 LINE_SHOWN = ("load_positive", "load_negative")
@@ -22,11 +22,9 @@ LOADED_FRACTION = 0.5
 """Share of the reference torque above which the two torque channels are compared."""
 
 
-def torque_agreement(evidence: Evidence) -> Reading | str:
+@of_measured
+def torque_agreement(found: Measured) -> Reading | str:
     """How far T_out / (i·T_in) is from one under load, %: friction takes some of it, a wrong channel much more."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     trace, method = found.trace, found.method
     if trace.torque_in_nm is None or trace.torque_out_nm is None:
         return "one torque channel has none to agree with"
@@ -45,20 +43,19 @@ def torque_agreement(evidence: Evidence) -> Reading | str:
     return Reading(100.0 * abs(ratio - 1.0), f"T_out / (ratio · T_in) is {ratio:.3g} under load")
 
 
-def efficiency_low(evidence: Evidence) -> Reading | str:
+@of_measured
+def efficiency_low(found: Measured) -> Reading | str:
     """Efficiency of the side that lets less torque through, %."""
-    return _efficiency(evidence, min)
+    return _efficiency(found, min)
 
 
-def efficiency_high(evidence: Evidence) -> Reading | str:
+@of_measured
+def efficiency_high(found: Measured) -> Reading | str:
     """Efficiency of the side that lets more torque through, %."""
-    return _efficiency(evidence, max)
+    return _efficiency(found, max)
 
 
-def _efficiency(evidence: Evidence, side: Callable[[list[float]], float]) -> Reading | str:
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
+def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Reading | str:
     if found.method.loading == "output":
         return "the input is locked: what arrives there says nothing of the efficiency"
     slopes = slopes_of(found)
@@ -70,11 +67,9 @@ def _efficiency(evidence: Evidence, side: Callable[[list[float]], float]) -> Rea
     return Reading(share, words)
 
 
-def ratio_agreement(evidence: Evidence) -> Reading | str:
+@of_measured
+def ratio_agreement(found: Measured) -> Reading | str:
     """How far the ratio that the torques show is from the recipe's, %; the worse side."""
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     slopes = slopes_of(found)
     if isinstance(slopes, str):
         return slopes
@@ -84,16 +79,14 @@ def ratio_agreement(evidence: Evidence) -> Reading | str:
     return Reading(100.0 * abs(shown / ratio - 1.0), words)
 
 
-def torque_lines(evidence: Evidence) -> Reading | str:
+@of_measured
+def torque_lines(found: Measured) -> Reading | str:
     """What a straight loading line of T_out over T_in leaves in the measured cycles (rms), % of the reference torque.
 
     More than noise is left by a channel that is not linear, by one that lags behind the other, and by a load that
     swings because its control is given a late torque. The cycles are looked at, not the calibration: its first branch
     begins at rest, with friction of its own.
     """
-    found = evidence.measured
-    if found is None:
-        return NOT_EVALUATED
     if found.trace.torque_in_nm is None or found.trace.torque_out_nm is None:
         return "not measured: one torque channel alone shows no line"
     try:

@@ -18,6 +18,10 @@ def test_every_seed_gives_the_same_bytes_twice_and_replays():
     assert len({draw(seed)[0] for seed in SEEDS}) == len(SEEDS)
 
 
+def test_every_seed_can_be_drawn():
+    assert {draw(seed)[2].scenario.name for seed in range(2000)} == {f"seed {seed}" for seed in range(2000)}
+
+
 def test_a_run_that_differs_or_was_not_replayed_is_told():
     one = make(2, replayed=True)
     assert problems(one, replace(one, replayed=False)) == []

@@ -49,6 +49,16 @@ def test_rates_are_tried_until_two_fail() -> None:
     assert best.period_us == 500, "a faster one that holds by luck does not count"
 
 
+def test_a_rate_that_the_machine_disturbed_is_measured_again_and_one_that_is_our_own_fault_is_not() -> None:
+    missed = {1000: [0], 667: [40, 0], 500: [30, 20], 400: [10]}
+    causes = {667: "waking", 500: "waking", 400: "read"}
+    rates = list(measured(lambda us: report(us, missed[us].pop(0), causes.get(us, "read"))))
+    assert [(one.period_us, one.missed_share, one.disturbed) for one in rates] == [
+        (1000, 0.0, False), (667, 0.0, True), (500, 0.002, True), (400, 0.001, False),
+    ]  # fmt: skip
+    assert [("measured twice" in one.row(MEGABIT)) for one in rates] == [False, True, True, False]
+
+
 @pytest.mark.parametrize(
     ("holding", "failing", "said"),
     [

@@ -15,14 +15,32 @@ from station.record.store import RunRecord, Store
 from station.results.export import FORMATS, columns_of
 from station.run.recovery import recover
 
-COPIED = ("id", "serial", "attempt", "state", "started", "ended", "clock", "period_ns", "recipe", "bench", "software")
+COPIED = (
+    "id",
+    "serial",
+    "attempt",
+    "state",
+    "started",
+    "ended",
+    "clock",
+    "period_ns",
+    "recipe",
+    "bench",
+    "software",
+    "scenario",
+    "operator",
+)
 
 
 def described(run: RunRecord) -> dict[str, Any]:
-    """Return what a file must say of its run to stand alone: identity, recipe, bench, software, verdict, metrics."""
+    """Return what a file must say of its run to stand alone: identity, recipe, bench, software, verdict, metrics.
+
+    A unit that was not real, and a scenario whose faults were injected, are part of its identity.
+    """
     manifest, result = run.manifest(), stored_result(run)
     head = {key: manifest[key] for key in COPIED if manifest.get(key) is not None}
     unit = {"unit": manifest["unit"]["model"]}
+    unit |= {"virtual_unit": manifest["unit"]["virtual"]} if manifest["unit"].get("virtual") else {}
     # Of an altered record the result decides nothing, and the file says so wherever it goes.
     kept = ("verdict", "reasons", "metrics", "timing", "altered")
     return head | unit | {key: result[key] for key in kept if key in result}

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 
 from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
-from station.reports.headline import ending_text, headline, remaining_reasons, virtual_badges
+from station.reports.headline import badges, ending_text, headline, remaining_reasons
 from station.reports.result_text import (
     limits_text,
     metric_name,
@@ -163,7 +163,7 @@ def report_html(
             timing_line=timing_line(result["timing"]) if result["timing"].get("scans") else "",
             head=headline(result),
             conditions=conditions or {},
-            badges=virtual_badges(result),
+            badges=badges(result),
             ending=ending_text(result),
             reasons=remaining_reasons(result),
             content=content,

@@ -15,7 +15,7 @@ from station.record.check import read_table
 from station.record.history import conditions_of, history_of
 from station.record.store import RunRecord
 from station.reports.content import content_of
-from station.reports.headline import first_cause, headline, virtual_badges
+from station.reports.headline import badges, first_cause, headline
 from station.reports.html_page import report_html
 from station.reports.loop_plot import loop_figure, png
 from station.reports.residual_plot import residual_figure
@@ -96,7 +96,7 @@ def pictures_of(record: RunRecord, shown: Shown) -> dict[str, bytes]:
 def picture_title(result: dict[str, Any]) -> str:
     """Return what stands above a picture: what it came to, in lines that fit its width, then whose it is."""
     said = textwrap.fill(headline(result).text, TITLE_LETTERS)
-    return "\n".join((said, "   ".join((result["serial"], result["recipe"]["name"], *virtual_badges(result)))))
+    return "\n".join((said, "   ".join((result["serial"], result["recipe"]["name"], *badges(result)))))
 
 
 def write_reports(record: RunRecord, shown: Shown) -> None:

@@ -12,7 +12,7 @@ from reportlab.lib.units import mm
 from reportlab.platypus import CondPageBreak, HRFlowable, KeepTogether, SimpleDocTemplate, Spacer, Table
 
 from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, Content
-from station.reports.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
+from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
 from station.reports.html_page import FIRST, completed, explained, guarded_text, metric_groups, rule_text, side_text
 from station.reports.pdf_layout import (
     BADGE_COLOUR,
@@ -80,8 +80,8 @@ def report_pdf(
     def footer(canvas: Any, page: Any) -> None:
         canvas.setFont(BODY, 7)
         canvas.setFillColor(SOFT)
-        badges = "".join(f"   {badge}" for badge in virtual_badges(result))
-        canvas.drawString(MARGIN_PT, 9 * mm, f"{result['run']}   {said[:70]}{badges}")
+        beside = "".join(f"   {badge}" for badge in badges(result))
+        canvas.drawString(MARGIN_PT, 9 * mm, f"{result['run']}   {said[:70]}{beside}")
         canvas.drawRightString(A4[0] - MARGIN_PT, 9 * mm, f"page {page.page}")
 
     document.build(story, onFirstPage=footer, onLaterPages=footer)
@@ -110,7 +110,7 @@ def _top(result: dict[str, Any], run: dict[str, Any]) -> list[Any]:
             f"revision {run['bench'].get('revision')}; run {ending_text(result)}",
             "soft",
         ),
-        *(paragraph(badge, "text", bold=True, colour=BADGE_COLOUR) for badge in virtual_badges(result)),
+        *(paragraph(badge, "text", bold=True, colour=BADGE_COLOUR) for badge in badges(result)),
     ]
     wide = 0.3 if len(head.text) <= 14 else 0.5
     table = Table([[box, what]], colWidths=[WIDTH_PT * wide, WIDTH_PT * (1 - wide)])
@@ -246,6 +246,7 @@ def provenance_rows(result: dict[str, Any], run: dict[str, Any], conditions: dic
         ("bench", f"{bench['name']} revision {bench.get('revision')}, SHA-256 {bench['sha256']}"),
         *([("operator", str(run["operator"]))] if run.get("operator") else []),
         *([("virtual unit", str(unit["virtual"]))] if unit.get("virtual") else []),
+        *([("faults injected", str(run["scenario"]))] if run.get("scenario") else []),
         ("clock", f"{run['clock']} time"),
         ("software", f"{software['name']} {software['version']}, Python {software['python']}, {software['platform']}"),
         *conditions.items(),

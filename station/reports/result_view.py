@@ -13,7 +13,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from station.reports.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
+from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
 from station.reports.result_notes import gate_lines, note_lines, summary_line
 from station.reports.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
 
@@ -199,7 +199,7 @@ def verdict_panel(result: dict[str, Any]) -> Panel:
     style = HEADLINE_STYLES[head.style]
     recipe = result["recipe"]
     body = Text.assemble(Text(f" {head.text} ", style=style))
-    for badge in virtual_badges(result):
+    for badge in badges(result):
         body.append("  ").append(f" {badge} ", style=BADGE_STYLE)
     if head.verdict:
         body.append("\n").append(head.verdict, style=f"bold {VERDICT_STYLES[head.verdict].split()[-1]}")

@@ -165,6 +165,9 @@ def lines(report: dict[str, Any]) -> list[str]:
     out += ["", "longest scans"]
     for one in report["longest_scans"][:LONG_SHOWN]:
         out.append(f"  scan {one['scan']}: {_parts(one)}, {one['lateness_us']:.0f} µs late")
+    out += ["", "latest scans"]
+    for one in report["latest_scans"][:LONG_SHOWN]:
+        out.append(f"  scan {one['scan']}: {one['lateness_us']:.0f} µs late, {_parts(one)}")
     out += ["", *footing(report)]
     realtime = report["realtime"]
     out += ["", "asked of the machine"]

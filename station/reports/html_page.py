@@ -20,6 +20,7 @@ from station.reports.result_text import (
     unit_text,
 )
 from station.reports.result_view import all_rows, timing_line
+from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS
 
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
@@ -168,7 +169,14 @@ def report_html(
             reasons=remaining_reasons(result),
             content=content,
             data={name: base64.b64encode(part).decode() for name, part in data.items()},
-            heads={"lines": LINE_HEADS, "budget": BUDGET_HEADS, "gates": GATE_HEADS},
+            heads={
+                "lines": LINE_HEADS,
+                "budget": BUDGET_HEADS,
+                "gates": GATE_HEADS,
+                "percentiles": PERCENTILE_HEADS,
+                "missed": MISSED_HEADS,
+                "scans": SCAN_HEADS,
+            },
         )
     )
     return page.encode()

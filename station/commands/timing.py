@@ -105,9 +105,7 @@ def explain(report: dict[str, Any]) -> list[str]:
             "a virtual machine or a container's limit does. No setting in here helps against that.",
         )
     if late["p999"] > 0.5 * period_us:
-        told.append(
-            "The machine wakes the scan too late for this period now and then: see what stands in the way below."
-        )
+        told.append("The machine wakes the scan too late for this period now and then: see what stands in the way.")
     if used > 0.5:
         told.append("More than half of the period is work: choose a longer period, or a faster processor.")
     if report["embedded"] and report["missed"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ from station.errors import RecordError, StationError
 from station.record.check import check_bytes, table_of
 from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.record.store import RunRecord, Store
-from station.results.export import FORMATS, columns_of
+from station.results.export import FORMATS, Column, columns_of, sidecar
 from station.run.recovery import recover
 
 COPIED = (
@@ -74,14 +75,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     if not read_back.records:
         raise StationError(f"{run.id}: the run has no records: nothing was measured")
     columns = columns_of(table_of(content), int(run.manifest()["period_ns"]))
-    part = path.with_name(f".{path.name}.part")
-    try:
-        FORMATS[file_format](part, columns, described(run))
-        for written in (part, *part.parent.glob(f"{part.name}.*")):
-            written.replace(written.with_name(written.name.replace(part.name, path.name, 1)))
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise StationError(f"{path}: cannot be written: {error.strerror}. Choose another --out") from error
+    _write(path, file_format, columns, described(run))
     found = {"run": run.id, "file": str(path), "format": file_format, "scans": read_back.records}
     found |= {"columns": len(columns), "bytes": path.stat().st_size, "altered": list(altered)}
     if as_json:
@@ -90,3 +84,25 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
         told = f"{path}: {read_back.records} scans, {len(columns)} columns, {found['bytes']} bytes"
         sys.stdout.write("\n".join([*alteration_lines(altered), told]) + "\n")
     return EXIT_ALTERED if altered else 0
+
+
+def _write(path: Path, file_format: str, columns: list[Column], run: dict[str, Any]) -> None:
+    """Write the file, and what stands beside it, completely or not at all; nothing is left of what failed.
+
+    Raises:
+        StationError: the folder is not there or read-only, or the disk is full.
+
+    """
+    part = path.with_name(f".{path.name}.part")
+    finals = {part: path, sidecar(part): sidecar(path)}
+    try:
+        FORMATS[file_format](part, columns, run)
+        for written, final in finals.items():
+            if written.exists():
+                written.replace(final)
+    except OSError as error:
+        raise StationError(f"{path}: cannot be written: {error.strerror or error}. Choose another --out") from error
+    finally:
+        for written in finals:
+            with contextlib.suppress(OSError):  # where nothing can be written, nothing can be taken away either
+                written.unlink(missing_ok=True)

@@ -38,8 +38,8 @@ class Shown:
     analysis: Result | None
 
 
-def illustrate(record: RunRecord, shown: Shown) -> tuple[bytes, bytes]:
-    """Return the report as HTML and as PDF; the pictures in them are also written to the run's folder.
+def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[bytes, bytes]:
+    """Return the report as HTML and as PDF; with `keep` the first pictures are also written to the run's folder.
 
     Raises:
         RecordError: a file of the record cannot be read, or a picture not be written.
@@ -49,7 +49,7 @@ def illustrate(record: RunRecord, shown: Shown) -> tuple[bytes, bytes]:
 
     pictures = pictures_of(record, shown)
     for name in ("loop.png", "time.png"):
-        if name in pictures:
+        if keep and name in pictures:
             record.write_bytes(name, pictures[name])
     try:
         text = (record.folder / "events.jsonl").read_text(encoding="utf-8")

@@ -36,11 +36,15 @@ def test_export_in_each_format_and_of_a_damaged_run(lostmotion, stored, tmp_path
     assert not (tmp_path / "no.parquet").exists()
 
 
-@pytest.mark.parametrize("out", ["/proc/no/such/folder.parquet"])
-def test_a_place_that_cannot_be_written_is_told(lostmotion, stored, out):
-    told = lostmotion("export", str(stored), "--out", out)
+@pytest.mark.parametrize("out", ["/proc/no/such/folder.parquet", "{file}/x.parquet", "{file}/x.csv"])
+def test_a_place_that_cannot_be_written_is_told(lostmotion, stored, tmp_path, out):
+    """Below a file nothing can be taken away either, as on a read-only disk."""
+    (tmp_path / "file").touch()
+    place = out.format(file=tmp_path / "file")
+    told = lostmotion("export", str(stored), "--format", place.rpartition(".")[2], "--out", place)
     assert told.exit_code == 2
     assert "cannot be written" in told.err
+    assert "Choose another --out" in told.err
 
 
 def test_an_altered_record_is_exported_as_one_that_decides_nothing(lostmotion, stored, tmp_path):

@@ -11,10 +11,13 @@ from typing import Any
 from station.commands.show import stored_result
 from station.errors import RecordError, StationError
 from station.record.check import check_bytes, table_of
-from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
-from station.record.store import RunRecord, Store
+from station.record.seal import EXIT_ALTERED, INDEX, alteration_lines, alterations
+from station.record.store import MANIFEST, RunRecord, Store
 from station.results.export import FORMATS, Column, columns_of, sidecar
 from station.run.recovery import recover
+
+OF_A_RUN = (MANIFEST, "samples.json")
+"""Files that a run's folder has from its start."""
 
 COPIED = (
     "id",
@@ -63,6 +66,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     path = Path(f"{run.id}.{file_format}") if out is None else out
     if path.is_dir():
         path = path / f"{run.id}.{file_format}"
+    _refuse_records(path)
     try:
         content = run.samples.read_bytes()
     except OSError as error:
@@ -84,6 +88,16 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
         told = f"{path}: {read_back.records} scans, {len(columns)} columns, {found['bytes']} bytes"
         sys.stdout.write("\n".join([*alteration_lines(altered), told]) + "\n")
     return EXIT_ALTERED if altered else 0
+
+
+def _refuse_records(path: Path) -> None:
+    """Refuse a file that would lie in a run's folder, or in place of the index: no record is ever written over."""
+    there = path.resolve()
+    run = next((folder for folder in there.parents if all((folder / name).is_file() for name in OF_A_RUN)), None)
+    if run is not None:
+        raise StationError(f"--out {path}: lies in the folder of run {run.name}, which stays as it is. Choose another")
+    if there.name == INDEX:
+        raise StationError(f"--out {path}: {INDEX} is what vouches for the runs beside it. Choose another name")
 
 
 def _write(path: Path, file_format: str, columns: list[Column], run: dict[str, Any]) -> None:

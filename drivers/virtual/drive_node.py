@@ -200,7 +200,7 @@ class DriveNode:
         """Status word, mode display or actual torque as it goes into a PDO, with the drive's faults."""
         machine = self.axis.machine
         torque = min(max(machine.motor.torque_permille, -0x8000), 0x7FFF)
-        shown = self.faults.status(machine.statusword, int(machine.mode_display), torque)[place]
+        shown = self.faults.status(machine.statusword, int(machine.motion.mode_display), torque)[place]
         return min(max(shown, -0x8000), 0x7FFF) if place == 2 else shown
 
     def _writer(self, row: Value) -> Callable[[int], None]:

@@ -23,7 +23,8 @@ from drivers.virtual.drive_axis import DriveAxis
 from drivers.virtual.fault_injector import FaultInjector
 from drivers.virtual.frame_faults import FOREIGN_COB
 from drivers.virtual.object_table import SETTINGS, STRUCT_LETTERS, U8, U32, VALUES, Setting, Value
-from drivers.virtual.pdo_service import ABORT_VALUE, SETPOINT_PDO, Mappable, PdoService
+from drivers.virtual.pdo_parameters import ABORT_VALUE, SETPOINT_PDO, Mappable
+from drivers.virtual.pdo_service import PdoService
 from drivers.virtual.plant import Plant
 from drivers.virtual.scenario import Scenario
 

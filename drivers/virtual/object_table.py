@@ -1,4 +1,4 @@
-"""Objects of the virtual drive beside PDO and the services: one row each, applied by `drive_node`.
+"""Objects of the virtual drive beside PDO and the services: one row each, applied by `drive_dictionary`.
 
 Settings are written into the drive machine's `DriveObjects`; values are read from the machine when somebody asks.
 """

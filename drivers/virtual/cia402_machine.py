@@ -52,11 +52,9 @@ class Cia402Machine:
         self._warning = False
         self._safe_torque_off = False
         self._after_stop = PowerState.SWITCH_ON_DISABLED
-        self._watch = ControllerWatch(self.objects)
-        # What the network writes to a part alone goes there directly: in every scan one call less.
-        self.write_mode = self.motion.write_mode
-        self.write_target_torque = self.motion.write_target_torque
-        self.write_target_velocity = self.motion.write_target_velocity
+        self._watch = ControllerWatch(self.objects, self._controller_back)
+        # What only the watch has to know goes there directly: in every scan one call less.
+        self.heartbeat = self._watch.heartbeat
         self.setpoint_received = self._watch.setpoint_received
         self.consume_heartbeats_of = self._watch.consume_heartbeats_of
         self.excuse_silence = self._watch.excuse_silence
@@ -81,13 +79,6 @@ class Cia402Machine:
         if homing and not self.motion.home(self.motor):
             self._event(now_ns, "homing_error", 0, "homing refused: the motor moves or the method is not there")
         self._settled = self.state if self.state is before else None
-
-    def heartbeat(self, node_id: int, now_ns: int) -> None:
-        """Note a heartbeat of another node; the first one after a silence takes the warning back."""
-        if self._watch.heartbeat(node_id, now_ns) and self._warning:
-            self._warning = False
-            if self.state is not PowerState.FAULT:
-                self._emcy(0, now_ns)
 
     def network_stopped(self, now_ns: int) -> None:
         """Note that the node left the NMT state operational: set-points end, which a moving motor must not survive."""
@@ -125,7 +116,7 @@ class Cia402Machine:
         self.motor = motor
         for code, text in self._watch.losses(now_ns):
             self._controller_lost(code, text, now_ns)
-        if self.motion.stop is not None or self.motion.halt is not None:
+        if self.motion.ramp is not None:
             self._carry_on(now_ns)
 
     # What the network reads ------------------------------------------------------------------------------------
@@ -212,6 +203,12 @@ class Cia402Machine:
                 self._enter(PowerState.SWITCH_ON_DISABLED, now_ns)
             elif self.state is PowerState.OPERATION_ENABLED:
                 self._quick_stop(now_ns)
+
+    def _controller_back(self, now_ns: int) -> None:
+        if self._warning:
+            self._warning = False
+            if self.state is not PowerState.FAULT:
+                self._emcy(0, now_ns)
 
     def _stop_then(self, stop: Stop, after: PowerState, now_ns: int) -> None:
         """Stop the motor, then enter `after`."""

@@ -37,11 +37,13 @@ class DriveMotion:
         self.homing_attained = False
         self.homing_error = False
         self.stop: MotorStop | None = None
-        self.halt: MotorStop | None = None
+        self.ramp: MotorStop | None = None
+        """The stop or halt that is under way; the stop where there are both."""
         self._objects = objects
         self._counts_per_rev = counts_per_rev
         self._energized = False
         self._enabled = False
+        self._halt: MotorStop | None = None
 
     # What comes from the network -------------------------------------------------------------------------------
 
@@ -75,7 +77,7 @@ class DriveMotion:
         self._enabled = enabled
         self.stop = None
         if not enabled:
-            self.halt = None
+            self._halt = None
         self._update_demand()
 
     def begin_stop(self, stop: Stop, motor: MotorView, now_ns: int) -> None:
@@ -85,20 +87,20 @@ class DriveMotion:
 
     def begin_halt(self, stop: Stop, motor: MotorView, now_ns: int) -> None:
         """Begin a halt, which lasts until `end_halt`; one under way goes on."""
-        if self.halt is None:
-            self.halt = self._ramp(stop, motor, now_ns)
+        if self._halt is None:
+            self._halt = self._ramp(stop, motor, now_ns)
             self._update_demand()
 
     def end_halt(self) -> None:
         """Let targets act again."""
-        if self.halt is not None:
-            self.halt = None
+        if self._halt is not None:
+            self._halt = None
             self._update_demand()
 
     def carry_on(self, motor: MotorView, now_ns: int) -> bool:
         """Move the ramps of halt and stop on; True when a stop has ended: the motor stands and is free of torque."""
-        if self.halt is not None:
-            self.halt.carry_on(motor, now_ns)
+        if self._halt is not None:
+            self._halt.carry_on(motor, now_ns)
         stopped = self.stop is not None and self.stop.carry_on(motor, now_ns)
         self._update_demand()
         return stopped
@@ -126,13 +128,13 @@ class DriveMotion:
         return MotorStop(motor, ramp, self._counts_per_rev, now_ns)
 
     def _update_demand(self) -> None:
-        stop = self.stop or self.halt
+        self.ramp = ramp = self.stop or self._halt
+        self.following = following = self._enabled and ramp is None
         mode = self.mode_display
-        self.following = following = self._enabled and stop is None
         if not self._energized:
             self.demand = MOTOR_OFF
-        elif stop is not None:
-            self.demand = stop.demand
+        elif ramp is not None:
+            self.demand = ramp.demand
         elif mode is _TORQUE and following:
             self.demand = demand_of((_TORQUE_LOOP, self.target_torque, 0.0))
         elif mode is _TORQUE or mode is _NO_MODE:

@@ -178,12 +178,13 @@ class VirtualTimeBench:
 
     def _write_drive(self, orders: Orders, now_ns: int) -> None:
         machine, faults = self.axis.machine, self.faults
-        machine.write_mode(orders.drive_mode)
+        motion = machine.motion
+        motion.write_mode(orders.drive_mode)
         torque = _clip16(round(orders.drive_target_torque_nm / self._torque_unit_nm))
-        machine.write_target_torque(faults.setpoint(torque, machine.motion.target_torque))
+        motion.write_target_torque(faults.setpoint(torque, motion.target_torque))
         if orders.drive_mode == VELOCITY_MODE:
             velocity = round(orders.drive_target_velocity_rad_s / self._rad_s_per_count)
-            machine.write_target_velocity(faults.setpoint(velocity, machine.motion.target_velocity))
+            motion.write_target_velocity(faults.setpoint(velocity, motion.target_velocity))
         word = CONTROLWORDS[orders.drive_command]
         if faults.takes_controlword(word, machine.controlword):
             machine.write_controlword(word, now_ns)

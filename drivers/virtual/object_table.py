@@ -58,15 +58,15 @@ SETTINGS: tuple[Setting, ...] = (
 
 
 def _write_mode(machine: Cia402Machine, value: int, _now_ns: int) -> None:
-    machine.write_mode(value)
+    machine.motion.write_mode(value)
 
 
 def _write_torque(machine: Cia402Machine, value: int, _now_ns: int) -> None:
-    machine.write_target_torque(value)
+    machine.motion.write_target_torque(value)
 
 
 def _write_velocity(machine: Cia402Machine, value: int, _now_ns: int) -> None:
-    machine.write_target_velocity(value)
+    machine.motion.write_target_velocity(value)
 
 
 def _int32(value: int) -> int:

@@ -67,7 +67,7 @@ def put_into(state: PowerState) -> Cia402Machine:
 
 
 def enable(drive: Cia402Machine, mode: Mode = Mode.CYCLIC_SYNC_TORQUE) -> None:
-    drive.write_mode(mode)
+    drive.motion.write_mode(mode)
     for word in (0x06, 0x07, 0x0F):
         drive.write_controlword(word, 0)
     assert drive.state is PowerState.OPERATION_ENABLED
@@ -129,7 +129,7 @@ def test_quick_stop_in_torque_mode_takes_the_torque_away_then_disables() -> None
     drive = machine()
     drive.objects.quick_stop_option = 2
     enable(drive)
-    drive.write_target_torque(800)
+    drive.motion.write_target_torque(800)
     assert drive.motion.demand.torque_permille == 800
     drive.step(10 * MS, LOADED)
     drive.write_controlword(0x02, 10 * MS)
@@ -148,7 +148,7 @@ def test_quick_stop_in_velocity_mode_ramps_the_speed_down() -> None:
     drive.objects.quick_stop_option = 2
     drive.objects.quick_stop_counts_s2 = 1_000_000
     enable(drive, Mode.CYCLIC_SYNC_VELOCITY)
-    drive.write_target_velocity(100_000)
+    drive.motion.write_target_velocity(100_000)
     drive.step(0, STILL._replace(velocity_counts_s=100_000))
     drive.write_controlword(0x02, 0)
     drive.step(50 * MS, STILL._replace(velocity_counts_s=60_000))
@@ -186,7 +186,7 @@ def test_a_lost_controller_is_met_by_the_abort_connection_option(
     drive.objects.abort_connection = option
     drive.step(0, LOADED)
     enable(drive)
-    drive.write_target_torque(800)
+    drive.motion.write_target_torque(800)
     if how == "heartbeat":
         drive.consume_heartbeats_of(126, 100)
         drive.heartbeat(126, 0)
@@ -269,15 +269,15 @@ def test_homing_is_refused_while_the_motor_moves() -> None:
 
 def test_an_unknown_mode_leaves_the_display() -> None:
     drive = machine()
-    drive.write_mode(10)
-    drive.write_mode(3)
+    drive.motion.write_mode(10)
+    drive.motion.write_mode(3)
     assert drive.motion.mode_display is Mode.CYCLIC_SYNC_TORQUE
 
 
 def test_halt_takes_the_torque_away_and_gives_it_back() -> None:
     drive = machine()
     enable(drive)
-    drive.write_target_torque(500)
+    drive.motion.write_target_torque(500)
     drive.write_controlword(0x010F, MS)
     assert drive.state is PowerState.OPERATION_ENABLED
     assert drive.motion.demand.torque_permille == 0

@@ -11,8 +11,9 @@ from typing import Any
 from station.commands.show import stored_result
 from station.errors import RecordError, StationError
 from station.record.check import check_bytes, table_of
+from station.record.run_record import MANIFEST, RunRecord
 from station.record.seal import EXIT_ALTERED, INDEX, alteration_lines, alterations
-from station.record.store import MANIFEST, RunRecord, Store
+from station.record.store import Store
 from station.results.export import FORMATS, Column, columns_of, sidecar
 from station.run.recovery import recover
 

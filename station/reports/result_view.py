@@ -13,7 +13,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from station.record.store import RunRecord
+from station.record.run_record import RunRecord
 from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
 from station.reports.result_notes import gate_lines, note_lines, summary_line
 from station.reports.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from station.errors import RecordError
+from station.record.run_record import RunRecord
 from station.record.scan_times import CAUSES, PARTS
-from station.record.store import RunRecord
 
 Row = tuple[str, ...]
 Scan = Mapping[str, Any]

@@ -14,8 +14,8 @@ from test_headline import result
 from test_report import RUN
 from test_scan_times import scan
 
+from station.record.run_record import RunRecord
 from station.record.scan_times import GAPS_KEPT, ScanTimes
-from station.record.store import RunRecord
 from station.reports.content import Content
 from station.reports.html_page import report_html
 from station.reports.pdf import report_pdf

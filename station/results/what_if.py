@@ -1,9 +1,9 @@
 """What if another recipe had been in force: its interlocks and its verdict limits on a run that was recorded.
 
 The run's own controller steps through the record, so that tares, references and states are exactly those of the run;
-beside it a second set of interlocks looks at the same scans with the other recipe's limits. Up to the first reaction
-that only one of the two has, the answer is exact; after it the bench would have gone another way, and what stands in
-the record shows only what was measured, not what would have been.
+beside it a second set of interlocks looks at the same scans with the other recipe's limits. Up to the divergence, the
+first scan in which the other recipe's controller orders something else, the answer is exact; after it the bench would
+have gone another way, and what stands in the record shows only what was measured, not what would have been.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from controller.program import Program
 from recipes import Bench, Recipe
 from station.record.check import Table
 from station.record.timing_proof import run_facts
+from station.results.divergence import Divergence
 from station.results.evaluation import evaluate_trace, trace_of
 
 
@@ -77,10 +78,11 @@ def recorded_interlocks(table: Table) -> list[Raised]:
     return sorted(found, key=lambda one: one.sequence)
 
 
-def interlock_changes(table: Table, shadow: ShadowWatch) -> list[dict[str, Any]]:
+def interlock_changes(table: Table, shadow: ShadowWatch, divergence: Divergence | None) -> list[dict[str, Any]]:
     """Return what the other recipe's interlocks would have done differently, in order of time.
 
-    `change` is "new" (only with the other recipe), "gone" (only as recorded) or "moved" (at another scan).
+    `change` is "new" (only with the other recipe), "gone" (only as recorded) or "moved" (at another scan). `exact` is
+    False for what comes after the divergence: the other recipe would never have seen that load.
     """
     recorded = dict(recorded_interlocks(table))
     other = dict(shadow.raised)
@@ -102,6 +104,7 @@ def interlock_changes(table: Table, shadow: ShadowWatch) -> list[dict[str, Any]]
                 "other_scan": None if then is None else int(table["scan"][then]),
                 "torque_out_nm": round(float(table["image"]["torque_out_nm"][at]), 3),
                 "diverges": fault.reaction >= Reaction.HOLD,
+                "exact": divergence is None or at <= divergence.sequence,
             },
         )
     return sorted(changes, key=lambda one: min(s for s in (one["recorded_scan"], one["other_scan"]) if s is not None))

@@ -8,6 +8,17 @@ from pathlib import Path
 from station.record.scan_record import RECORD_BYTES
 
 GOLDEN_RECIPE = Path(__file__).parents[1] / "golden" / "golden.yaml"
+QUICK_RECIPE = Path(__file__).parents[2] / "recipes" / "rv-40e-121-quick.yaml"
+
+
+def changed(recipe: Path, to: Path, *edits: tuple[str, str]) -> str:
+    """Write a recipe anew with other words in it; return its path as the command takes it."""
+    text = recipe.read_text(encoding="utf-8")
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new)
+    to.write_text(text, encoding="utf-8")
+    return str(to)
 
 
 def as_if_cut_off(stored: Path) -> None:
@@ -65,18 +76,15 @@ def test_what_if_lists_interlocks_and_metrics_that_would_have_changed(lostmotion
     own = lostmotion("replay", str(stored), "--recipe", str(GOLDEN_RECIPE))
     assert own.exit_code == 0
     assert "nothing would have changed" in own.out
-    text = GOLDEN_RECIPE.read_text(encoding="utf-8")
-    for old, new in (
+    other = changed(
+        GOLDEN_RECIPE,
+        tmp_path / "tighter.yaml",
         ("torque_out_alarm: 36 %", "torque_out_alarm: 20 %"),
         ("torque_out_trip: 40 %", "torque_out_trip: 25 %"),
         ("{id: torque_ratio_slope}", "{id: torque_ratio_slope, min: 200}"),
         ("name: golden", "name: tighter"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
-    other = tmp_path / "tighter.yaml"
-    other.write_text(text, encoding="utf-8")
-    ran = lostmotion("replay", str(stored), "--recipe", str(other), "--json")
+    )
+    ran = lostmotion("replay", str(stored), "--recipe", other, "--json")
     assert ran.exit_code == 1
     found = ran.json["what_if"]
     assert [(one["id"], one["change"]) for one in found["interlocks"]] == [
@@ -84,9 +92,40 @@ def test_what_if_lists_interlocks_and_metrics_that_would_have_changed(lostmotion
         ("torque_out_trip", "new"),
     ]
     assert [one["diverges"] for one in found["interlocks"]] == [True, True]
-    assert found["verdict"] == {"recorded": "NOT DECIDABLE", "other": "FAIL"}
+    assert [one["exact"] for one in found["interlocks"]] == [True, False]
+    assert [one["other"]["verdict"] for one in found["metrics"]] == ["FAIL"], "by what was recorded, which is not exact"
+    assert (found["exact"], found["verdict"]["other"]) == (False, "NOT DECIDABLE")
     samples = json.loads((stored / "samples.json").read_text(encoding="utf-8"))
     assert samples["record_bytes"] == RECORD_BYTES, "a what-if leaves the record alone"
+
+
+def test_what_if_decides_nothing_where_the_other_recipe_would_have_held_the_run(lostmotion, quick_run, tmp_path):
+    run = str(quick_run.copy(tmp_path / "runs"))
+    other = changed(
+        QUICK_RECIPE,
+        tmp_path / "trip60.yaml",
+        ("torque_out_alarm: 114 %", "torque_out_alarm: 50 %"),
+        ("torque_out_trip: 120 %", "torque_out_trip: 60 %"),
+    )
+    ran = lostmotion("replay", run, "--recipe", other, "--json")
+    assert ran.exit_code == 1
+    found = ran.json["what_if"]
+    hold, trip = found["interlocks"]
+    assert (hold["id"], hold["exact"], trip["id"], trip["exact"]) == (
+        "torque_out_alarm",
+        True,
+        "torque_out_trip",
+        False,
+    )
+    assert found["divergence"]["fault"] == "torque_out_alarm"
+    assert found["divergence"]["scan"] == hold["other_scan"] < trip["other_scan"]
+    assert (found["verdict"]["recorded"], found["verdict"]["other"]) == ("PASS", "NOT DECIDABLE")
+    assert f"scan {hold['other_scan']} " in found["verdict"]["reasons"][0]
+    assert "torque_out_alarm (hold) would have been raised" in found["verdict"]["reasons"][0]
+    told = lostmotion("replay", run, "--recipe", other).out.splitlines()
+    marked = next(number for number, line in enumerate(told) if line.lstrip().startswith("not exact"))
+    assert [number > marked for number, line in enumerate(told) if "interlock" in line] == [False, True]
+    assert told[-1].startswith("  verdict: PASS as recorded, NOT DECIDABLE with the other recipe: ")
 
 
 def test_unknown_run_and_recipe_are_bad_input(lostmotion, stored):

@@ -12,6 +12,7 @@ from controller.controller import Controller
 from controller.held_lock import Left
 from controller.program import Program
 from station.bench.request import Job, load_job
+from station.commands.run import EXIT_CODES
 from station.commands.what_if import Question, what_if_lines
 from station.errors import StationError
 from station.record.check import table_of
@@ -19,20 +20,24 @@ from station.record.program_file import PROGRAM, program_differences
 from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.record.store import RunRecord, Store
 from station.results.replay import Replayed, replay
-from station.run.conclusion import finite
+from station.run.conclusion import NOT_DECIDABLE, finite
 from station.run.recovery import recover
 
-SAME, DIFFERS, BAD = 0, 1, 2
-WHAT_IF_REFUSED = "what another recipe would have changed is not asked of an altered record"
+SAME, DIFFERS, BAD, UNDECIDED = 0, 1, 2, EXIT_CODES[NOT_DECIDABLE]
+NOT_ASKED = "what another recipe would have changed is not asked of"
+NOT_ASKED_OF = {DIFFERS: "a replay that differs", BAD: "a damaged record", EXIT_ALTERED: "an altered record"}
 
 
 def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> int:
-    """Replay a run; 0 identical (or nothing would have changed), 1 not, 2 when the record cannot be replayed.
+    """Replay a run; 0 identical, 1 not, 2 when the record is damaged, 3 when it was altered.
 
     An altered record is replayed, because where it differs is worth knowing, but 0 becomes 3: identical to what?
+    With another recipe 0 says that nothing would have changed, 1 that something would have, 3 that nothing can be said,
+    because the replay differs or the record was altered.
 
     Raises:
-        StationError, RecipeError: there is no such run, or its recipe or bench cannot be loaded any more.
+        StationError, RecipeError: there is no such run, its recipe or bench cannot be loaded any more, or the other
+            recipe does not fit the run.
 
     """
     run = Store(data).find(name)
@@ -56,16 +61,19 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
         "altered": list(altered),
     }
     code = BAD if found.damage else SAME if found.same and not report["events_differ"] else DIFFERS
-    if question is not None and code == SAME and not altered:
-        report["what_if"] = question.answer(table_of(content))
-        code = DIFFERS if report["what_if"]["changed"] else SAME
     if altered and code == SAME:
         code = EXIT_ALTERED
+    if question is not None:
+        if code == SAME:
+            report["what_if"] = question.answer(table_of(content))
+            code = DIFFERS if report["what_if"]["changed"] else SAME
+        else:
+            report["what_if_refused"] = f"{NOT_ASKED} {NOT_ASKED_OF[code]}"
+            code = BAD if code == BAD else UNDECIDED
     if as_json:
         sys.stdout.write(json.dumps(finite(report), ensure_ascii=False) + "\n")
     else:
         told = [*alteration_lines(altered), *_lines(report, found, int(run.manifest()["period_ns"]))]
-        told += [WHAT_IF_REFUSED] if altered and other is not None else []
         sys.stdout.write("\n".join(told) + "\n")
     return code
 
@@ -118,6 +126,8 @@ def _lines(report: dict[str, Any], found: Replayed, period_ns: int) -> list[str]
     if found.difference is not None:
         lines += found.difference.lines(period_ns)
     lines += report["events_differ"]
+    if "what_if_refused" in report:
+        lines.append(report["what_if_refused"])
     if "what_if" in report:
         lines += what_if_lines(report["what_if"], period_ns)
     return lines

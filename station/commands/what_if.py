@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+from datetime import date
+from pathlib import Path
 from typing import Any
 
+from analysis import AnalysisError
 from controller.controller import Controller
 from controller.held_lock import Left
+from recipes import Recipe, check
 from station.bench.request import Job, Source, recipe_path
+from station.errors import StationError
 from station.record.check import Table
 from station.record.store import RESULT, RunRecord
 from station.results.divergence import Beside
+from station.results.trace_origin import check_recipe_fits
 from station.results.what_if import ShadowWatch, interlock_changes, judge, same_load, tare_changes, verdict_changes
 from station.run.conclusion import NOT_DECIDABLE
 
@@ -25,16 +31,21 @@ class Question:
         left: how the bench was left before the run, for a recovery.
 
     Raises:
+        StationError: the other recipe is for another unit, another loaded shaft, or another period.
         RecipeError: the other recipe cannot be read.
 
     """
 
     def __init__(self, name: str, run: RunRecord, job: Job, left: Left | None) -> None:
-        source = Source.read(recipe_path(name))
+        path = recipe_path(name)
+        source = Source.read(path)
+        recipe = source.recipe()
+        check_recipe_fits(recipe, path, job.recipe, run)
+        _check_period(recipe, path, job.recipe, run)
         self._run = run
         self._own = job
-        # Unchecked: limits below the recorded load are what is asked about.
-        self._other = Job(source.recipe(), job.bench, source, job.bench_source)
+        # Limits below the recorded load are what is asked about: what `run` says of them is told, not a refusal.
+        self._other = Job(recipe, job.bench, source, job.bench_source)
         self._shadow = ShadowWatch(job.program, self._other.program)
         self.controller = Controller(job.program, self._shadow, left)
         self.beside = Beside(self.controller, Controller(self._other.program, None, left))
@@ -47,48 +58,77 @@ class Question:
 
         """
         run, own, other = self._run, self._own.program, self._other
-        divergence = self.beside.divergence
-        period_ns = int(run.manifest()["period_ns"])
-        recorded = run.read_json(RESULT) if run.has(RESULT) else {"verdict": None, "metrics": []}
+        manifest, divergence = run.manifest(), self.beside.divergence
+        recorded = run.read_json(RESULT) if run.has(RESULT) else {"verdict": None, "reasons": [], "metrics": []}
         verdict, reasons, metrics = recorded["verdict"], [], []
         if run.state() == "complete":
-            judged = self._judged(table)
+            judged = self._judged(table, recorded)
             verdict, reasons, metrics = judged["verdict"], judged["reasons"], verdict_changes(recorded, judged)
+        day = date.fromisoformat(manifest["started"][:10])
+        refused = [str(one) for one in check(other.recipe, other.bench, other.recipe_source.path, day)]
+        against = [f"a run would refuse the recipe: {one}" for one in refused]
         if divergence is not None:
             # What was recorded from there on is no measurement by the other recipe, whatever it looks like.
-            verdict = NOT_DECIDABLE
-            reasons = [f"the run would have gone another way from {divergence.at(period_ns)} on: {divergence.cause}"]
-        interlocks = interlock_changes(table, self._shadow, divergence)
-        tares = tare_changes(table, own, other.program)
-        return {
+            when = divergence.at(int(manifest["period_ns"]))
+            against.insert(0, f"the run would have gone another way from {when} on: {divergence.cause}")
+        if against:
+            verdict, reasons = NOT_DECIDABLE, against
+        alike = same_load(own, other.program)
+        found: dict[str, Any] = {
             "recipe": {"name": other.recipe.recipe.name, "revision": other.recipe.recipe.revision},
-            "same_load": same_load(own, other.program),
-            "divergence": None if divergence is None else divergence.to_dict(period_ns),
+            "refused": refused,
+            "same_load": alike,
+            "divergence": None if divergence is None else divergence.to_dict(int(manifest["period_ns"])),
             "exact": divergence is None,
-            "interlocks": interlocks,
-            "tares": tares,
+            "interlocks": interlock_changes(table, self._shadow, divergence),
+            "tares": tare_changes(table, own, other.program),
             "metrics": metrics,
             "verdict": {"recorded": recorded["verdict"], "other": verdict, "reasons": reasons},
-            "changed": bool(divergence or interlocks or tares or metrics or verdict != recorded["verdict"]),
         }
+        other_way = divergence is not None or refused or not alike or found["interlocks"] or found["tares"]
+        return found | {"changed": bool(other_way or metrics or verdict != recorded["verdict"])}
 
-    def _judged(self, table: Table) -> dict[str, Any]:
-        run, other = self._run, self._other
+    def _judged(self, table: Table, recorded: dict[str, Any]) -> dict[str, Any]:
+        """Return the other recipe's result; what spoke against the run besides its recipe speaks against this too."""
+        own = self._result(self._own, table, [])
+        objections = [reason for reason in recorded["reasons"] if reason not in own["reasons"]]
+        if own["verdict"] != recorded["verdict"] and not objections:
+            said = f"the run's own verdict is {recorded['verdict']}, evaluated anew it is {own['verdict']}"
+            objections = [f"{said}: the software is not the one that made it"]
+        return self._result(self._other, table, objections)
+
+    def _result(self, job: Job, table: Table, objections: list[str]) -> dict[str, Any]:
+        run = self._run
         stored = {
             "segments": run.read_json("program.json")["segments"],
             "timing": run.read_json("timing.json"),
             "id": run.id,
         }
-        judged: dict[str, Any] = json.loads(json.dumps(judge(table, other.recipe, other.bench, stored).to_dict()))
+        try:
+            found = judge(table, job.recipe, job.bench, stored, objections)
+        except (AnalysisError, StationError) as error:
+            return {"verdict": NOT_DECIDABLE, "reasons": [str(error)], "metrics": []}
+        judged: dict[str, Any] = json.loads(json.dumps(found.to_dict()))
         return judged
+
+
+def _check_period(recipe: Recipe, path: Path, own: Recipe, run: RunRecord) -> None:
+    """Refuse a recipe of another period: images that were taken every 1 ms are none of a run that takes every 2 ms."""
+    period_ns, own_ns = recipe.sampling.period_ns, own.sampling.period_ns
+    if period_ns != own_ns:
+        raise StationError(
+            f"{path}: sampling.period: found {period_ns * 1e-6:g} ms; run {run.id} was scanned every "
+            f"{own_ns * 1e-6:g} ms. Choose a recipe with period: {own_ns * 1e-6:g} ms"
+        )
 
 
 def what_if_lines(found: dict[str, Any], period_ns: int) -> list[str]:
     """Return what the other recipe would have changed, for a person: what is exact first, then what is not."""
     recipe, divergence, verdict = found["recipe"], found["divergence"], found["verdict"]
     lines = [f"with {recipe['name']} revision {recipe['revision']}:"]
+    lines += [f"  a run would refuse it: {one}" for one in found["refused"]]
     if not found["same_load"]:
-        lines.append("  it would have commanded another load; only limits are compared, on the load that was recorded")
+        lines.append("  it commands another load; what that would have done to the unit is not known")
     if divergence is not None:
         when = f"scan {divergence['scan']} ({divergence['t_s']:.3f} s, {divergence['state']})"
         lines.append(f"  first difference at {when}: {divergence['cause']}")

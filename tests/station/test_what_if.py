@@ -96,3 +96,12 @@ def test_an_alarm_that_only_the_run_raised_parts_them_too(content, job) -> None:
         beside.step(image, scan)
     assert beside.divergence is not None
     assert beside.divergence.cause == "torque_out_alarm (hold) would not have been raised"
+
+
+def test_the_limits_of_the_lock_are_told_apart_where_the_run_has_the_same_for_both(content, job) -> None:
+    own = with_limits(job.program, lock_slip_rad=job.program.limits.lock_proof_motion_rad)
+    for limits, state in (({"lock_slip_rad": 0.0}, "calibrate"), ({"lock_proof_motion_rad": 0.0}, "lock")):
+        shadow = ShadowWatch(own, with_limits(own, **limits))
+        assert replay(content, Controller(own, shadow)).same
+        (slip,) = interlock_changes(table_of(content), shadow, None)
+        assert (slip["id"], slip["change"], slip["state"]) == ("lock_slip", "new", state)

@@ -11,6 +11,7 @@ from typing import Any
 from controller.controller import Controller
 from controller.held_lock import Left
 from controller.program import Program
+from recipes import RecipeError
 from station.bench.request import Job, load_job
 from station.commands.run import EXIT_CODES
 from station.commands.what_if import Question, what_if_lines
@@ -24,6 +25,7 @@ from station.run.conclusion import NOT_DECIDABLE, finite
 from station.run.recovery import recover
 
 SAME, DIFFERS, BAD, UNDECIDED = 0, 1, 2, EXIT_CODES[NOT_DECIDABLE]
+EVENTS = "events.jsonl"
 NOT_ASKED = "what another recipe would have changed is not asked of"
 NOT_ASKED_OF = {DIFFERS: "a replay that differs", BAD: "a damaged record", EXIT_ALTERED: "an altered record"}
 
@@ -43,6 +45,15 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
     run = Store(data).find(name)
     recover(run)
     altered = alterations(run)
+    try:
+        return _replay(run, altered, other, as_json=as_json)
+    except (StationError, RecipeError):
+        # What cannot be read may be what was altered: that is said before the reason.
+        sys.stderr.writelines(f"{line}\n" for line in alteration_lines(altered))
+        raise
+
+
+def _replay(run: RunRecord, altered: tuple[str, ...], other: str | None, *, as_json: bool) -> int:
     job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
     try:
         content = run.samples.read_bytes()
@@ -99,18 +110,44 @@ def _program_differences(run: RunRecord, program: Program) -> list[str]:
 
 
 def _event_differences(run: RunRecord, controller: Controller) -> list[str]:
-    """Return the first transition that differs from the run's own list of events; none for a run without one."""
-    if not run.has("events.jsonl"):
+    """Return the first transition that differs from the run's own list of events, and lines in it that are no events.
+
+    A run without such a list, as one that was cut off, has nothing to differ from.
+    """
+    if not run.has(EVENTS):
         return []
-    lines = (run.folder / "events.jsonl").read_text(encoding="utf-8").splitlines()
-    rows = [json.loads(line) for line in lines]
-    told = [(row["scan"], row["state"], row["to"]) for row in rows if row["kind"] == "transition"]
+    told, unread = _told_transitions(run)
     made = [(event.scan, event.state, event.text) for event in controller.events if event.kind == "transition"]
     if told == made:
-        return []
+        return unread
     differing = [(a, b) for a, b in zip(told, made, strict=False) if a != b]
     first = differing[0] if differing else (len(told), len(made))
-    return [f"transitions differ: recorded {first[0]}, replayed {first[1]}"]
+    return [*unread, f"transitions differ: recorded {first[0]}, replayed {first[1]}"]
+
+
+def _told_transitions(run: RunRecord) -> tuple[list[tuple[Any, Any, Any]], list[str]]:
+    """Return the transitions in the run's own list of events, and what is wrong with the first line that is no event.
+
+    Raises:
+        StationError: the list cannot be read.
+
+    """
+    try:
+        lines = (run.folder / EVENTS).read_bytes().splitlines()
+    except OSError as error:
+        raise StationError(f"{run.folder / EVENTS}: cannot be read: {error.strerror}") from error
+    told, broken = [], []
+    for number, line in enumerate(lines, start=1):
+        try:
+            row = json.loads(line)
+            if row["kind"] == "transition":
+                told.append((row["scan"], row["state"], row["to"]))
+        except (ValueError, TypeError, KeyError):
+            broken.append(number)
+    if not broken:
+        return told, []
+    more = f", nor {'are' if len(broken) > 2 else 'is'} {len(broken) - 1} more" if len(broken) > 1 else ""
+    return told, [f"{EVENTS}: line {broken[0]} is not an event{more}"]
 
 
 def _lines(report: dict[str, Any], found: Replayed, period_ns: int) -> list[str]:

@@ -76,6 +76,39 @@ def test_changed_transition_list_and_damaged_record_are_found(lostmotion, stored
     assert "record 500 fails its CRC" in ran.out
 
 
+@pytest.mark.parametrize(
+    "junk", ["junk line\n", '{"kind": "transi', "[1, 2]\n", '{"kind": "transition"}\n', "7\n", "\n"]
+)
+def test_a_line_that_is_no_event_is_told_and_the_others_are_compared(lostmotion, stored, junk):
+    with (stored / "events.jsonl").open("a", encoding="utf-8") as file:
+        file.write(junk)
+    count = len((stored / "events.jsonl").read_bytes().splitlines())
+    ran = lostmotion("replay", str(stored))
+    assert ran.exit_code == 1
+    assert ran.out.startswith("RECORD ALTERED")
+    assert f"events.jsonl: line {count} is not an event\n" in ran.out
+    assert "transitions differ" not in ran.out
+
+
+def test_events_that_are_no_text_are_told(lostmotion, stored):
+    (stored / "events.jsonl").write_bytes(b"\xff\xfe\n\x00\n")
+    ran = lostmotion("replay", str(stored), "--json")
+    assert ran.exit_code == 1
+    assert ran.json["events_differ"][0] == "events.jsonl: line 1 is not an event, nor is 1 more"
+    assert ran.json["events_differ"][1].startswith("transitions differ: recorded 0")
+
+
+@pytest.mark.parametrize("name", ["recipe.yaml", "program.json"])
+def test_an_altered_record_that_cannot_be_replayed_is_called_altered_all_the_same(lostmotion, stored, name):
+    (stored / name).write_text("junk {", encoding="utf-8")
+    ran = lostmotion("replay", str(stored))
+    assert (ran.exit_code, ran.out) == (2, "")
+    first, second, *rest = ran.err.splitlines()
+    assert first.startswith("RECORD ALTERED")
+    assert second.startswith(f"record altered: {name}")
+    assert any(name in line and "record altered" not in line for line in rest)
+
+
 def test_another_program_is_told_and_its_first_differing_scan_shown(lostmotion, stored):
     recipe = (stored / "recipe.yaml").read_text(encoding="utf-8")
     changed = recipe.replace("torque_out_alarm: 36 %", "torque_out_alarm: 32 %")

@@ -14,6 +14,7 @@ from recipes import Recipe, check
 from station.bench.request import Job, Source, recipe_path
 from station.errors import StationError
 from station.record.check import Table
+from station.record.program_file import PROGRAM, plain_program
 from station.record.store import RESULT, RunRecord
 from station.results.divergence import Beside
 from station.results.trace_origin import check_recipe_fits
@@ -99,11 +100,10 @@ class Question:
 
     def _result(self, job: Job, table: Table, objections: list[str]) -> dict[str, Any]:
         run = self._run
-        stored = {
-            "segments": run.read_json("program.json")["segments"],
-            "timing": run.read_json("timing.json"),
-            "id": run.id,
-        }
+        # Which ramps are measured, and which only condition the unit, is the recipe's word: no order tells them apart.
+        asked = job is self._other and self.beside.divergence is None
+        program = plain_program(job.program) if asked else run.read_json(PROGRAM)
+        stored = {"segments": program["segments"], "timing": run.read_json("timing.json"), "id": run.id}
         try:
             found = judge(table, job.recipe, job.bench, stored, objections)
         except (AnalysisError, StationError) as error:
@@ -128,7 +128,9 @@ def what_if_lines(found: dict[str, Any], period_ns: int) -> list[str]:
     lines = [f"with {recipe['name']} revision {recipe['revision']}:"]
     lines += [f"  a run would refuse it: {one}" for one in found["refused"]]
     if not found["same_load"]:
-        lines.append("  it commands another load; what that would have done to the unit is not known")
+        text = "it commands another load; what that would have done to the unit is not known"
+        same = "its load profile is another one, but orders the same as far as the run went"
+        lines.append(f"  {same if divergence is None else text}")
     if divergence is not None:
         when = f"scan {divergence['scan']} ({divergence['t_s']:.3f} s, {divergence['state']})"
         lines.append(f"  first difference at {when}: {divergence['cause']}")

@@ -223,6 +223,21 @@ def test_what_if_tells_the_slip_limit_from_that_of_the_proof_where_both_are_the_
     assert asked.json["what_if"]["verdict"]["other"] == "NOT DECIDABLE"
 
 
+def test_what_if_evaluates_the_ramps_that_the_other_recipe_measures(lostmotion, tmp_path):
+    block = "  - torque_cycles: {count: 1, peak_torque: 30 %, torque_rate: 300 N·m/s, dwell: 40 ms}\n"
+    short = block.replace("dwell: 40 ms", "dwell: 4 ms")
+    fatigue = block.replace("torque_cycles", "fatigue_cycles").replace(", dwell: 40 ms", "")
+    wanted = ("{id: torque_ratio_slope}", "{id: lost_motion}")
+    own = changed(GOLDEN_RECIPE, tmp_path / "own.yaml", (block, short + block), wanted)
+    ran = lostmotion("run", own, "--virtual-time", "--serial", "TWO", "--json")
+    other = changed(GOLDEN_RECIPE, tmp_path / "other.yaml", (block, fatigue + block), wanted)
+    found = lostmotion("replay", str(ran.record), "--recipe", other, "--json").json["what_if"]
+    assert (found["divergence"], found["same_load"], found["changed"]) == (None, False, True)
+    (metric,) = found["metrics"]
+    assert (metric["recorded"]["cycles"], metric["other"]["cycles"]) == (2, 1)
+    assert "orders the same as far as the run went" in lostmotion("replay", str(ran.record), "--recipe", other).out
+
+
 def test_a_recipe_that_cannot_say_anything_about_the_run_is_refused(lostmotion, stored, tmp_path):
     for recipe, said in (
         ("static-50nm", "unit_under_test.model: found RV-50"),

@@ -18,8 +18,9 @@ from station.commands.what_if import Question, what_if_lines
 from station.errors import StationError
 from station.record.check import table_of
 from station.record.program_file import PROGRAM, program_differences
+from station.record.run_record import RunRecord
 from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
-from station.record.store import RunRecord, Store
+from station.record.store import Store
 from station.results.replay import Replayed, replay
 from station.run.conclusion import NOT_DECIDABLE, finite
 from station.run.recovery import recover

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from pathlib import Path
 
 from controller.image import Command
-from station.record.ring import RingReader
-from station.record.store import RunRecord, Store
+from station.record.ring_reader import RingReader
+from station.record.run_record import RunRecord
+from station.record.store import Store
+from station.run.asked_to_stop import listening
 from station.run.recovery import recover, resume
 
 
@@ -40,14 +41,9 @@ def resume_run(name: str, data: Path, *, as_json: bool) -> int:
     """
     run: RunRecord = Store(data).find(name)
     operator = Operator()
-    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, operator.interrupt) for number in signals}
-    try:
+    with listening(operator.interrupt):
         resume(run, operator.attend)
         recover(run)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
     # Only now: what shows a result takes longer to load than the scan waits for a new desk on a busy machine.
     from station.commands.run import exit_code  # noqa: PLC0415
     from station.commands.show import stored_result  # noqa: PLC0415

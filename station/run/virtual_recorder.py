@@ -40,14 +40,16 @@ class VirtualRecorder:
         return self._last
 
     def flush(self) -> None:
-        """Pack and write what waits."""
+        """Pack and write what waits; a record that cannot be packed raises after those before it have been written."""
+        waiting, self._waiting = self._waiting, []
         block, at = self._block, 0
-        for sequence, scan, lateness_ns, work_ns, image, orders in self._waiting:
-            end = at + BODY_BYTES
-            BODY_STRUCT.pack_into(block, at, sequence, scan, lateness_ns, work_ns, *image, *orders)
-            CHECK_STRUCT.pack_into(block, end, zlib.crc32(block[at:end]))
-            at += RECORD_BYTES
-        if at:
-            self._waiting.clear()
-            self._last = block[at - RECORD_BYTES : at]
-            self._file.write(block[:at])
+        try:
+            for sequence, scan, lateness_ns, work_ns, image, orders in waiting:
+                end = at + BODY_BYTES
+                BODY_STRUCT.pack_into(block, at, sequence, scan, lateness_ns, work_ns, *image, *orders)
+                CHECK_STRUCT.pack_into(block, end, zlib.crc32(block[at:end]))
+                at += RECORD_BYTES
+        finally:
+            if at:
+                self._last = block[at - RECORD_BYTES : at]
+                self._file.write(block[:at])

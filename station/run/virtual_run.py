@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 from controller.context import Event
@@ -14,7 +12,8 @@ from drivers.virtual.inprocess import VirtualTimeBench
 from station.bench.assemble_virtual import load_scenario, virtual_config
 from station.bench.request import Job
 from station.durable import Appender
-from station.record.store import RunRecord
+from station.record.run_record import RunRecord
+from station.run.asked_to_stop import listening
 from station.run.conclusion import Ending
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector
@@ -43,16 +42,6 @@ class _Operator:
         return int(Command.STOP if self._given == 1 else Command.QUICK_STOP)
 
 
-@contextmanager
-def _listening(operator: _Operator) -> Iterator[None]:
-    before = {number: signal.signal(number, operator.interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
 def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path | None, show: Show) -> Ending:
     """Run a job to its end and leave its records in the run's folder.
 
@@ -76,7 +65,7 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
         return operator.command() or start_once(scan)
 
     try:
-        with quiet_collector(), _listening(operator):
+        with quiet_collector(), listening(operator.interrupt):
             run_virtual(bench, controller, recorder.append, take_command, injected)
     finally:
         try:

@@ -15,7 +15,7 @@ from station.bench.request import Job, Source, recipe_path
 from station.errors import StationError
 from station.record.check import Table
 from station.record.program_file import PROGRAM, plain_program
-from station.record.store import RESULT, RunRecord
+from station.record.run_record import RESULT, RunRecord
 from station.results.divergence import Beside
 from station.results.trace_origin import check_recipe_fits
 from station.results.what_if import ShadowWatch, interlock_changes, judge, same_load, tare_changes, verdict_changes

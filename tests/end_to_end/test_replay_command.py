@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from station.record.run_record import RunRecord
 from station.record.scan_record import RECORD_BYTES
 from station.record.seal import seal
-from station.record.store import RunRecord
 
 GOLDEN_RECIPE = Path(__file__).parents[1] / "golden" / "golden.yaml"
 QUICK_RECIPE = Path(__file__).parents[2] / "recipes" / "rv-40e-121-quick.yaml"

@@ -13,7 +13,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from station.durable import as_json, sync_folder
+from station.durable import as_json, remove_parts, sync_folder
 from station.errors import RecordError
 from station.record.run_record import INTERRUPTED, MANIFEST, RECORDING, RESULT, SAMPLES, RunRecord
 from station.wall_clock import now_text
@@ -66,6 +66,7 @@ def seal(record: RunRecord, **changes: Any) -> None:
         RecordError: run.json or the index cannot be written; the run then has no verdict.
 
     """
+    remove_parts(record.folder)
     files = {name: fingerprint(record.folder / name) for name in sealed_names(record)}
     manifest = record.manifest() | changes | {"files": files}
     content = as_json(manifest)
@@ -96,9 +97,9 @@ def _append(path: Path, line: bytes) -> None:
             os.close(handle)
         sync_folder(path.parent)
     except OSError as error:
-        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk, then run again") from error
+        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
     if written != len(line):
-        raise RecordError(f"{path}: cannot be written: the disk is full. Free the disk, then run again")
+        raise RecordError(f"{path}: cannot be written: the disk is full. Free the disk")
 
 
 def is_sealed(manifest: dict[str, Any]) -> bool:

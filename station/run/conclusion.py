@@ -6,7 +6,7 @@ The verdict leaves this module only after every record and the result itself hav
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from analysis import AnalysisError, Evidence, Result, RunFacts, Trace, gate_reas
 from controller.image import State
 from station.bench.request import Job
 from station.durable import read_from_disk
-from station.errors import BenchFaultError, RecordError, StationError
+from station.errors import RecordError, StationError
 from station.record.check import Table, check_bytes, table_of
 from station.record.event_log import alarms_in, events_of
 from station.record.left_state import left_state
@@ -23,45 +23,13 @@ from station.record.run_record import INTERRUPTED, RESULT, RunRecord
 from station.record.seal import seal
 from station.record.timing_proof import run_facts, timing_block
 from station.results.evaluation import calibration_of, evaluate_trace, trace_of
+from station.run.ending import Ending
 from station.scan.desk_watch import DESK_GONE, DESK_SILENT
 from station.wall_clock import now_text
 
+CALIBRATION = "calibration.json"
 NOT_DECIDABLE = "NOT DECIDABLE"
 END_STATES = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}
-VIRTUAL_REALTIME: dict[str, object] = {
-    "fifo": False,
-    "mlock": False,
-    "details": {"clock": "virtual time: scans follow each other as fast as they go, nothing is asked of the machine"},
-}
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How the scan ended: records it says it wrote, those it lost, its report, and why it ended early if it did.
-
-    `refused`: the bench could not be opened, nothing has moved. `started_ns`: monotonic time; scan n was due n + 1
-    periods after it.
-    """
-
-    written: int
-    lost: int = 0
-    realtime: dict[str, object] = field(default_factory=lambda: dict(VIRTUAL_REALTIME))
-    notes: list[dict[str, Any]] = field(default_factory=list)
-    trouble: str = ""
-    refused: bool = False
-    counters: dict[str, int] = field(default_factory=dict)
-    times: dict[str, Any] = field(default_factory=dict)
-    started_ns: int = 0
-    clock_jumped_s: float = 0.0
-    """By how much the computer's wall clock was set in the middle."""
-    stopped_because: str = ""
-    """Subject of the sentence that tells who stopped the run and why; empty for the operator."""
-    disk: dict[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def refused_by(cls, record: RunRecord, error: BenchFaultError) -> Ending:
-        """Return the ending of a run whose bench could not be opened: nothing has moved."""
-        return cls(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)
 
 
 @dataclass(frozen=True)
@@ -74,7 +42,13 @@ class Conclusion:
 
 
 def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
-    """Evaluate a run that has ended, write everything, read it back, and only then return the verdict."""
+    """Evaluate a run that has ended, write everything, read it back, and only then return the verdict.
+
+    Raises:
+        RecordError: something cannot be stored, or not be read back. The run has no verdict then and is not sealed:
+            it can be concluded again when the disk is in order.
+
+    """
     content = read_from_disk(record.samples)
     read_back = check_bytes(content, ending.written)
     table = table_of(content)
@@ -129,10 +103,11 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         else left_state(table, record.read_json("program.json"), to_its_end=state != INTERRUPTED),
         "record": str(record.folder),
     }
-    if found is not None and state == "complete":
-        calibration = calibration_of(found, run, job.bench)
-        if calibration is not None:
-            record.write_json("calibration.json", calibration)
+    calibration = calibration_of(found, run, job.bench) if found is not None and state == "complete" else None
+    if calibration is not None:
+        record.write_json(CALIBRATION, calibration)
+    else:
+        record.remove(CALIBRATION)  # left by somebody who was killed while he concluded the run
     lines = [json.dumps(event, ensure_ascii=False) + "\n" for event in events]
     record.write_bytes("events.jsonl", "".join(lines).encode())
     record.write_json("timing.json", proof)
@@ -189,19 +164,16 @@ def _evaluate(
 
 
 def _store(record: RunRecord, result: dict[str, Any]) -> dict[str, Any]:
-    """Write result.json and return it as it reads back; what cannot be read back decides nothing."""
+    """Write result.json and return it as it reads back; RecordError when it does not: it decides nothing."""
+    record.write_json(RESULT, result)
+    path = record.folder / RESULT
     try:
-        record.write_json(RESULT, result)
-        stored: dict[str, Any] = json.loads(read_from_disk(record.folder / RESULT))
-    except (RecordError, ValueError) as error:
-        return _undecided(result, f"the result could not be stored: {error}")
+        stored: dict[str, Any] = json.loads(read_from_disk(path))
+    except ValueError as error:
+        raise RecordError(f"{path}: cannot be read back: {error}. Check the disk") from error
     if stored != json.loads(json.dumps(result)):
-        return _undecided(result, "the result reads back differently from what was written: check the disk")
+        raise RecordError(f"{path}: reads back differently from what was written. Check the disk")
     return stored
-
-
-def _undecided(result: dict[str, Any], reason: str) -> dict[str, Any]:
-    return result | {"verdict": NOT_DECIDABLE, "reasons": [reason, *result["reasons"]]}
 
 
 def finite(value: Any) -> Any:

@@ -7,12 +7,11 @@ came to, and its verdict when it came to its end. While the scan process is stil
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +20,11 @@ from station.durable import Appender
 from station.errors import StationError
 from station.record.ring import ScanState, StopCause
 from station.record.ring_reader import RingReader
-from station.record.run_record import INTERRUPTED, SCAN_REPORT, RunRecord, process_birth
+from station.record.run_record import INTERRUPTED, RunRecord, process_birth
 from station.record.scan_record import RECORD_BYTES
 from station.record.store import Store
 from station.record.writer import RecordWriter
+from station.run.ending import Ending, scan_report
 
 DESK_DIED = "the desk ended in the middle of the run; the scan process went on without it"
 BOTH_DIED = "desk and scan process ended in the middle of the run"
@@ -134,23 +134,16 @@ class Ended:
     finished: bool = False
 
 
-def _report_of(run: RunRecord) -> dict[str, Any]:
-    """Return what the scan process said at its end; nothing where a failing disk kept none of it, or half."""
-    with suppress(OSError, ValueError):
-        said = json.loads((run.folder / SCAN_REPORT).read_bytes())
-        return said if isinstance(said, dict) else {}
-    return {}
-
-
-def _counts(run: RunRecord, ended: Ended, said: dict[str, Any]) -> tuple[int, int, str]:
+def _counts(run: RunRecord, ended: Ended, said: dict[str, Any], kept: Ending | None) -> tuple[int, int, str]:
     """Return how many records ought to be on disk, how many were lost, and what stands against believing it.
 
-    Ring and scan report are asked, and the higher word counts. The file is no witness of its own completeness.
+    Ring, scan report and desk are asked, and the highest word counts. The file is no witness of its own completeness.
     """
-    lost = max(ended.lost, int(said.get("lost", 0)))
+    lost = max(ended.lost, int(said.get("lost", 0)), 0 if kept is None else kept.lost)
     # the report counts the lost ones too
     counted = [] if ended.written is None else [ended.written]
     counted += [int(said["written"]) - lost] if "written" in said else []
+    counted += [] if kept is None else [kept.written]
     return (max(counted), lost, "") if counted else (run.records(), lost, UNCOUNTED)
 
 
@@ -159,18 +152,18 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
     # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
     from recipes import RecipeError  # noqa: PLC0415
     from station.bench.request import load_job  # noqa: PLC0415
-    from station.run.conclusion import Ending, conclude  # noqa: PLC0415
+    from station.run.conclusion import conclude  # noqa: PLC0415
 
-    said = _report_of(run)
+    said, kept = scan_report(run), Ending.kept_in(run)
     finished = ended.finished or said.get("state") == "finished"
-    written, lost, uncounted = _counts(run, ended, said)
+    written, lost, uncounted = _counts(run, ended, said, kept)
     run.samples.touch()
     try:
         job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
     except RecipeError as error:
         run.update(state=INTERRUPTED, ring=None, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
         return
-    ending = Ending(
+    kept = kept or Ending(
         written=written,
         lost=lost,
         realtime=said.get("realtime", {"details": {}}),
@@ -180,7 +173,7 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
         times=said.get("times", {}),
         stopped_because=ended.because,
     )
-    conclude(run, job, ending)
+    conclude(run, job, replace(kept, written=written, lost=lost))
 
 
 def recover_all(store: Store) -> None:

@@ -22,6 +22,7 @@ from station.record.ring import ScanState, StopCause
 from station.record.ring_reader import RingReader
 from station.record.run_record import INTERRUPTED, RunRecord, process_birth
 from station.record.scan_record import RECORD_BYTES
+from station.record.seal import finish_seal
 from station.record.store import Store
 from station.record.writer import RecordWriter
 from station.run.ending import Ending, scan_report
@@ -51,7 +52,7 @@ def recover(run: RunRecord) -> int:
     if not run.deserted():
         return 0
     with _owned(run) as ours:
-        if not ours:
+        if not ours or finish_seal(run):
             return 0
         path = _ring_of(run)
         if path is None:
@@ -72,7 +73,7 @@ def resume(run: RunRecord, attend: Attend) -> int:
     `attend` is called about 50 times per second, to show what there is and to pass commands on.
     """
     with _owned(run) as ours:
-        path = _ring_of(run) if ours else None
+        path = _ring_of(run) if ours and not finish_seal(run) else None
         if path is None:
             return 0
         ring = RingReader(path)
@@ -116,7 +117,7 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
     ended = Ended(ring.written, ring.lost, ring.stopped_because, finished=ring.state is ScanState.FINISHED)
     run.update(trouble=ended.because or DESK_DIED)
     _conclude(run, ended)
-    # Only now: whoever is killed before the seal leaves the next one what the ring knows.
+    # The seal has removed it; whoever is killed before that leaves the next one what the ring knows.
     path.unlink(missing_ok=True)
     return writer.written
 

@@ -25,8 +25,10 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def write_durable(path: Path, content: bytes) -> None:
+def write_durable(path: Path, content: bytes, *, flush: bool = True) -> None:
     """Replace `path` by `content`, completely or not at all.
+
+    Without `flush` that holds for killed processes only, not for a power failure; nobody waits for the disk then.
 
     Raises:
         RecordError: the disk is full, read-only, or gone.
@@ -39,9 +41,11 @@ def write_durable(path: Path, content: bytes) -> None:
             file.write(content)
             file.truncate()
             file.flush()
-            os.fsync(file.fileno())
+            if flush:
+                os.fsync(file.fileno())
         beside.replace(path)
-        sync_folder(path.parent)
+        if flush:
+            sync_folder(path.parent)
     except OSError as error:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)

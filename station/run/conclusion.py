@@ -89,12 +89,13 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "unit": run["unit"],
         "clock": run["clock"],
         "state": state,
+        "stopped_by": stopped_by(ending) if state == "stopped" else None,
         "verdict": judged["verdict"],
         "reasons": reasons,
         "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
         "metrics": judged["metrics"],
         "gates": judged["gates"],
-        "notes": [*run.get("notes", []), *_clock_notes(ending.clock_jumped_s), *judged["notes"]],
+        "notes": [*run.get("notes", []), *_desk_notes(ending), *_clock_notes(ending.clock_jumped_s), *judged["notes"]],
         "stages": judged["stages"],
         "timing": timing,
         "alarms": alarms_in(events),
@@ -120,6 +121,17 @@ def _end_state(table: Table) -> str:
     return END_STATES.get(State(int(table["orders"]["state"][-1])), INTERRUPTED) if len(table) else INTERRUPTED
 
 
+def stopped_by(ending: Ending) -> str:
+    """Return who or what stopped a run: `operator`, or a cause that the ring or a note of the scan names."""
+    said = {note["text"] for note in ending.notes}
+    told = {DESK_GONE: "desk_gone", DESK_SILENT: "desk_silent"}
+    return ending.stopped_by or next((name for text, name in told.items() if text in said), "operator")
+
+
+def _desk_notes(ending: Ending) -> list[str]:
+    return [ending.desk_died] if ending.desk_died else []
+
+
 def _clock_notes(jumped_s: float) -> list[str]:
     if not jumped_s:
         return []
@@ -137,12 +149,12 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
     if state == "fault":
         causes = [alarm for alarm in alarms_in(events) if alarm["first"]]
         reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
-    elif state == "stopped" and any(note["text"] == DESK_GONE for note in ending.notes):
+    elif state == "stopped" and stopped_by(ending) == "desk_gone":
         reasons.append(
             "the desk was gone before it had started the run, so the scan process ended it; nothing has moved"
         )
     elif state == "stopped":
-        silent = any(note["text"] == DESK_SILENT for note in ending.notes)
+        silent = stopped_by(ending) == "desk_silent"
         who = "the desk was gone and the scan process" if silent else ending.stopped_because or "the operator"
         reasons.append(f"{who} stopped the run; the torque was brought to zero and the lock opened")
     elif state == INTERRUPTED and not reasons:

@@ -13,6 +13,8 @@ from typing import Any, Self
 
 from station.durable import reserve
 from station.errors import BenchFaultError
+from station.record.ring import StopCause
+from station.record.ring_reader import RingReader
 from station.record.run_record import SCAN_REPORT, RunRecord
 
 DESK_REPORT = "desk-report.json"
@@ -47,6 +49,10 @@ class Ending:
     """By how much the computer's wall clock was set in the middle."""
     stopped_because: str = ""
     """Subject of the sentence that tells who stopped the run and why; empty for the operator."""
+    stopped_by: str = ""
+    """Name of that cause (`StopCause`) in small letters; empty for the operator."""
+    desk_died: str = ""
+    """What became of a run whose desk ended in the middle; empty where it was there to the end."""
     disk: dict[str, float] = field(default_factory=dict)
 
     @classmethod
@@ -82,3 +88,8 @@ def scan_report(record: RunRecord) -> dict[str, Any]:
         said = json.loads((record.folder / SCAN_REPORT).read_bytes())
         return said if isinstance(said, dict) else {}
     return {}
+
+
+def cause_name(ring: RingReader) -> str:
+    """Return the name of what stopped a run although nobody asked for it; empty where the ring knows of nothing."""
+    return "" if ring.stop_cause is StopCause.NONE else ring.stop_cause.name.lower()

@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,10 @@ from station.record.scan_record import RECORD_BYTES
 from station.record.seal import finish_seal
 from station.record.store import Store
 from station.record.writer import RecordWriter
-from station.run.ending import Ending, scan_report
+from station.run.ending import Ending, cause_name, scan_report
 
 DESK_DIED = "the desk ended in the middle of the run; the scan process went on without it"
+TAKEN_OVER = "the desk ended in the middle of the run; a new one took it over, with {} records on disk"
 BOTH_DIED = "desk and scan process ended in the middle of the run"
 UNCOUNTED = "how many records the scan process wrote is not known: its ring is gone, and its report does not say it"
 LOOK_EVERY_S = 0.02
@@ -107,6 +108,7 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
         ending.callback(writer.finish)
         ring.beat()  # before anything else: the scan waits 2 s for a new desk, then it unloads and stops
         writer.start()
+        taken_over = attend is not None and _alive(ring)
         while attend is not None and _alive(ring):
             time.sleep(LOOK_EVERY_S)
             ring.beat()
@@ -114,7 +116,12 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
             if writer.first_trouble and not ring.stopped_because:
                 ring.note_stop(StopCause.DISK)
                 ring.send(Command.STOP)
-    ended = Ended(ring.written, ring.lost, ring.stopped_because, finished=ring.state is ScanState.FINISHED)
+    finished = ring.state is ScanState.FINISHED
+    ended = Ended(ring.written, ring.lost, ring.stopped_because, cause_name(ring), finished=finished)
+    if taken_over:
+        # What the desk before measured went with it; its part of the record is bounded by this one's start.
+        disk = writer.times.as_json() | {"from_record": on_disk}
+        ended = replace(ended, desk_died=TAKEN_OVER.format(on_disk), disk=disk)
     run.update(trouble=ended.because or DESK_DIED)
     _conclude(run, ended)
     # The seal has removed it; whoever is killed before that leaves the next one what the ring knows.
@@ -132,7 +139,10 @@ class Ended:
     written: int | None
     lost: int = 0
     because: str = ""
+    cause: str = ""
     finished: bool = False
+    desk_died: str = DESK_DIED
+    disk: dict[str, float] = field(default_factory=dict)
 
 
 def _counts(run: RunRecord, ended: Ended, said: dict[str, Any], kept: Ending | None) -> tuple[int, int, str]:
@@ -173,6 +183,9 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
         counters=said.get("counters", {}),
         times=said.get("times", {}),
         stopped_because=ended.because,
+        stopped_by=ended.cause,
+        desk_died=ended.desk_died if finished else "",
+        disk=ended.disk,
     )
     conclude(run, job, replace(kept, written=written, lost=lost))
 

@@ -13,7 +13,7 @@ from station.record.run_record import RunRecord
 from station.record.scan_record import unpack
 from station.record.writer import RecordWriter
 from station.run import children
-from station.run.ending import Ending, scan_report
+from station.run.ending import Ending, cause_name, scan_report
 from station.wall_clock import JumpWatch
 
 LAST_WORDS_S = 0.6
@@ -72,6 +72,7 @@ def ending_of(
         started_ns=ring.started_ns,
         clock_jumped_s=wall_clock.jumped_s(),
         stopped_because=ring.stopped_because,
+        stopped_by=cause_name(ring),
         disk=writer.times.as_json(),
     )
 

@@ -33,7 +33,7 @@ from station.bench.bench_lock import BenchBusyError, alone_on
 from station.durable import reserve, write_durable
 from station.errors import RecordError
 from station.record.program_file import program_differences
-from station.record.ring import ScanState
+from station.record.ring import ScanState, StopCause
 from station.record.ring_writer import RingWriter
 from station.record.run_record import process_birth
 from station.record.scan_times import ScanTimes
@@ -146,6 +146,7 @@ def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:
     def desk_died(*_: object) -> None:
         if os.getppid() != desk and ring.commands_given == 0:
             stop.desk_gone = True
+            ring.note_stop(StopCause.DESK_GONE)
             stop.ask()
 
     signal.signal(signal.SIGUSR1, desk_died)

@@ -82,6 +82,7 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     shown = here("show", folder.name, "--data", str(disk), "--json").json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
     assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
+    assert shown["stopped_by"] == "disk"
     assert not any("ended in the middle" in one for one in shown["reasons"]), "the scan came to its end, and said so"
     proof = json.loads((folder / "timing.json").read_bytes())
     assert {"histograms_us", "missed_scans"} & set(proof), proof.keys()

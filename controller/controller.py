@@ -175,7 +175,7 @@ class Controller:
             self._context.stopping = True
             self._start_pending = False
             if state in _STOPPABLE:
-                self.events.append(Event(scan, "note", state.name.lower(), "stop ordered by the operator"))
+                self.events.append(Event(scan, "note", state.name.lower(), "stop ordered"))
                 return Outcome(trigger="stop")
         return None
 

@@ -5,10 +5,15 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from errno import EINVAL, EOPNOTSUPP
 from pathlib import Path
 from typing import Any
 
 from station.errors import RecordError
+
+PART = ".part"
+CANNOT_RESERVE = (EINVAL, EOPNOTSUPP)
+"""What a file system answers that takes no room ahead of time."""
 
 
 def sync_folder(folder: Path) -> None:
@@ -20,25 +25,60 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def write_durable(path: Path, content: bytes) -> None:
+def write_durable(path: Path, content: bytes, *, flush: bool = True) -> None:
     """Replace `path` by `content`, completely or not at all.
+
+    Without `flush` that holds for killed processes only, not for a power failure; nobody waits for the disk then.
 
     Raises:
         RecordError: the disk is full, read-only, or gone.
 
     """
-    beside = path.with_name(f".{path.name}.part")
+    beside = _beside(path)
+    try:
+        # Not emptied first: the room that was taken for it is there still, and no longer once it has been given back.
+        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT, 0o666), "wb") as file:
+            file.write(content)
+            file.truncate()
+            file.flush()
+            if flush:
+                os.fsync(file.fileno())
+        beside.replace(path)
+        if flush:
+            sync_folder(path.parent)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
+
+
+def reserve(path: Path, size: int) -> None:
+    """Take room on the disk, in bytes, for the next `write_durable` of this path, which a full disk then takes.
+
+    Raises:
+        RecordError: the disk has no such room.
+
+    """
+    beside = _beside(path)
     try:
         with beside.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-        sync_folder(path.parent)
+            os.posix_fallocate(file.fileno(), 0, size)
     except OSError as error:
-        with contextlib.suppress(OSError):  # where nothing can be written, nothing can be taken away either
+        with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
-        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk, then run again") from error
+        if error.errno not in CANNOT_RESERVE:
+            raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove what a process that was killed left half written, or reserved, in a folder that it owned."""
+    for beside in folder.glob(f".*{PART}"):
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f".{path.name}{PART}")
 
 
 def as_json(content: Any) -> bytes:

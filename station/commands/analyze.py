@@ -87,7 +87,7 @@ def _incomplete(run: RunRecord, *, as_json: bool) -> int:
     state = run.state()
     words = {
         "fault": "the run ended in a fault",
-        "stopped": "the run was stopped by the operator",
+        "stopped": "the run was stopped",
         "interrupted": "the run was interrupted",
         "recording": "the run is still going on",
     }

@@ -24,8 +24,9 @@ from station.record.left_state import left_state
 from station.record.program_file import PROGRAM, plain_program
 from station.record.run_record import INTERRUPTED, RunRecord
 from station.record.store import Store
-from station.run.conclusion import Ending, conclude
+from station.run.conclusion import conclude
 from station.run.desk import Desk
+from station.run.ending import Ending
 from station.run.recovery import recover_all
 from station.run.recovery_guide import Guide
 

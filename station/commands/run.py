@@ -16,8 +16,9 @@ from station.log import open_log
 from station.record.run_record import RunRecord
 from station.record.store import Store, check_operator, check_serial
 from station.reports.result_view import result_console, show_report, show_result
-from station.run.conclusion import Conclusion, Ending, conclude
+from station.run.conclusion import Conclusion, conclude
 from station.run.disk_space import refuse_full_disk
+from station.run.ending import DESK_REPORT, Ending
 from station.run.live import LiveReader
 from station.run.new_record import Wanted, new_record
 from station.run.progress import Progress
@@ -94,8 +95,11 @@ def run(options: Options) -> int:
         except BaseException as error:
             with contextlib.suppress(OSError, RecordError):
                 log.exception("run failed", kind=type(error).__name__)
-                # A run that waits for its disk stays as it is: whoever looks at it then, completes and concludes it.
-                if not isinstance(error, RecordError) and record.manifest()["state"] == "recording":
+                # A run that waits for its disk stays as it is, and so does one that has ended and was not concluded:
+                # whoever looks at it then, completes and concludes it.
+                waits = isinstance(error, RecordError)
+                waits |= record.has(DESK_REPORT) and isinstance(error, OSError | KeyboardInterrupt)
+                if not waits and record.manifest()["state"] == "recording":
                     record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
             if isinstance(error, RecordError):
                 return _no_record(record, error, as_json=options.json)
@@ -135,6 +139,8 @@ def _report(options: Options, log: Any, job: Job, conclusion: Conclusion, record
 def _no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
     """Tell that the disk refused the record; return the exit code. There is no verdict without a record."""
     text = f"the record could not be kept, so there is no verdict: {error}"
+    if record.has(DESK_REPORT):
+        text += f". The run itself is stored: when the disk is in order, 'lostmotion show {record.id}' concludes it"
     sys.stderr.write(f"{text}\n")
     if as_json:
         try:
@@ -215,6 +221,7 @@ def _conclude(
         except BenchFaultError as error:
             record.samples.touch()
             ending = Ending.refused_by(record, error)
+            ending.keep(record)
     progress.say("evaluating, reading the record back")
     return conclude(record, job, ending)
 

@@ -21,8 +21,9 @@ from station.record.ring import ScanState, StopCause
 from station.record.ring_reader import RingReader
 from station.record.run_record import RECORDING, SCAN_REPORT, RunRecord, process_birth
 from station.run import children
-from station.run.conclusion import Ending, conclude
+from station.run.conclusion import conclude
 from station.run.desk import Desk
+from station.run.ending import Ending
 from station.run.fault_companion import Companion
 from station.run.machine_faults import Traces, deed_of
 from station.run.recovery import recover

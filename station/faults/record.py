@@ -9,7 +9,8 @@ from station.bench.request import Job, Source
 from station.faults.run import FaultRun
 from station.record.run_record import RunRecord
 from station.record.scan_record import pack
-from station.run.conclusion import Ending, conclude
+from station.run.conclusion import conclude
+from station.run.ending import Ending
 from station.run.new_record import Wanted, new_record
 
 

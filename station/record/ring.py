@@ -9,6 +9,7 @@ magic, version, layout     scan     refuse a ring of another program or another 
 state, pid                 scan     `ScanState` and process id (the desk sets `DIED` afterwards)
 written, lost              scan     records appended; records that found the ring full
 started                    scan     monotonic time [ns] from which its deadlines count, 0 before
+ended for                  scan     `StopCause` of the scan process's own wish to end the run
 read                       desk     records taken
 desk beats                 desk     looks at the ring so far: a desk that is there counts on
 stopped for                desk     `StopCause` of the desk's own wish to end the run
@@ -45,6 +46,7 @@ FILE_PREFIX = "lostmotion-ring-"
 # Words of the header, each 8 bytes and written by one process only.
 W_MAGIC, W_VERSION, W_RECORD_BYTES, W_CAPACITY = 0, 1, 2, 3
 W_STATE, W_PID, W_WRITTEN, W_LOST, W_STARTED = 8, 9, 10, 11, 12
+W_ENDED_FOR = 13
 W_READ, W_DESK_BEATS, W_STOPPED_FOR = 16, 17, 18
 W_COMMANDS_WRITTEN, W_COMMANDS_TAKEN = 24, 32
 W_SLOTS = 40
@@ -62,10 +64,15 @@ class ScanState(IntEnum):
 
 
 class StopCause(IntEnum):
-    """Why the desk asked for a stop, where it was not the operator who did."""
+    """Why desk or scan process asked for a stop, where it was not the operator who did."""
 
     NONE = 0
     DISK = 1
+    DESK_SILENT = 2
+    DESK_GONE = 3
+    """Before it had started the run: nothing has moved."""
+    RECORDS_LOST = 4
+    """Nobody notes it: the ring counts them."""
 
 
 class RingError(StationError):

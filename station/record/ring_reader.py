@@ -11,6 +11,7 @@ from station.record.ring import (
     W_COMMANDS_TAKEN,
     W_COMMANDS_WRITTEN,
     W_DESK_BEATS,
+    W_ENDED_FOR,
     W_LOST,
     W_PID,
     W_READ,
@@ -45,17 +46,22 @@ class RingReader(MappedRing):
 
     @property
     def stop_cause(self) -> StopCause:
-        """Why the desk asked for a stop."""
-        return StopCause(self._words[W_STOPPED_FOR])
+        """Why the run was stopped although nobody asked for it; the desk's word comes first."""
+        cause = StopCause(self._words[W_STOPPED_FOR] or self._words[W_ENDED_FOR])
+        return StopCause.RECORDS_LOST if cause is StopCause.NONE and self.lost else cause
 
     @property
     def stopped_because(self) -> str:
-        """Why the run was stopped although nobody asked for it; empty when nothing here says so."""
-        if self.stop_cause is StopCause.DISK:
-            return "the disk did not take the records, so the desk"
-        if self.lost:
-            return f"{self.lost} records found no room, because they were not taken in time, so the scan process"
-        return ""
+        """Say the same as the subject of a sentence; empty when nothing here says so."""
+        texts = {
+            StopCause.DISK: "the disk did not take the records, so the desk",
+            StopCause.DESK_SILENT: "the desk was gone and the scan process",
+            StopCause.DESK_GONE: "the desk was gone and the scan process",
+            StopCause.RECORDS_LOST: (
+                f"{self.lost} records found no room, because they were not taken in time, so the scan process"
+            ),
+        }
+        return texts.get(self.stop_cause, "")
 
     def mark_died(self) -> None:
         """Note that the scan process ended without saying so."""

@@ -13,6 +13,7 @@ from station.record.ring import (
     W_COMMANDS_TAKEN,
     W_COMMANDS_WRITTEN,
     W_DESK_BEATS,
+    W_ENDED_FOR,
     W_LOST,
     W_PID,
     W_READ,
@@ -22,6 +23,7 @@ from station.record.ring import (
     W_WRITTEN,
     MappedRing,
     ScanState,
+    StopCause,
 )
 from station.record.scan_record import BODY_BYTES, BODY_STRUCT, CHECK_STRUCT, MAX_WORK_NS, RECORD_BYTES
 
@@ -54,6 +56,10 @@ class RingWriter(MappedRing):
     def set_state(self, state: ScanState) -> None:
         """Tell the desk where the scan process is."""
         self._words[W_STATE] = int(state)
+
+    def note_stop(self, cause: StopCause) -> None:
+        """Keep why the scan process asks for a stop, for the case that it cannot be told at the end."""
+        self._words[W_ENDED_FOR] = int(cause)
 
     def note_start(self, started_ns: int) -> None:
         """Keep the moment from which the scan's deadlines count, for the case that it cannot be told at the end."""

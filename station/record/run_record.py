@@ -111,6 +111,14 @@ class RunRecord:
         except ValueError as error:
             raise RecordError(f"{path}: is damaged: {error}") from error
 
+    def remove(self, name: str) -> None:
+        """Remove one of the run's files if it is there; RecordError when the disk refuses that."""
+        path = self.folder / name
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise RecordError(f"{path}: cannot be removed: {error.strerror}") from error
+
     def has(self, name: str) -> bool:
         """Whether the run has this file."""
         return (self.folder / name).is_file()

@@ -2,23 +2,31 @@
 
 When a run is concluded, run.json gets the SHA-256 and the size of every file of `SEALED`, and one line goes to the end
 of `index.jsonl` in the data folder: run id, SHA-256 of run.json, verdict, time. No line of the index is ever changed.
-A run that was not concluded has no checksums; there is no verdict in it to believe either.
+A run that was not concluded has no checksums; there is no verdict in it to believe either. A run is concluded by its
+line: the new run.json is on disk beside the old one before it, and takes its place behind it, whoever does that.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
+from contextlib import suppress
+from errno import ENOSPC
 from pathlib import Path
 from typing import Any
 
-from station.durable import as_json, sync_folder
+from station.durable import as_json, read_from_disk, remove_parts, sync_folder
 from station.errors import RecordError
+from station.record.ring import FILE_PREFIX
 from station.record.run_record import INTERRUPTED, MANIFEST, RECORDING, RESULT, SAMPLES, RunRecord
 from station.wall_clock import now_text
 
 INDEX = "index.jsonl"
+CONCLUDED = ".run.json.concluded"
+"""The run.json of a run whose line is being written to the index; nobody believes it before it is there."""
+
 SEALED = (
     SAMPLES,
     "samples.json",
@@ -66,6 +74,7 @@ def seal(record: RunRecord, **changes: Any) -> None:
         RecordError: run.json or the index cannot be written; the run then has no verdict.
 
     """
+    remove_parts(record.folder)
     files = {name: fingerprint(record.folder / name) for name in sealed_names(record)}
     manifest = record.manifest() | changes | {"files": files}
     content = as_json(manifest)
@@ -75,9 +84,46 @@ def seal(record: RunRecord, **changes: Any) -> None:
         "verdict": manifest["verdict"],
         "time": now_text(),
     }
-    # A power failure between the two leaves a run without checksums, which has no verdict; never one without a line.
+    # The line is what concludes the run. Before it the new run.json is on disk already, under another name, so that
+    # a process that is killed behind it leaves the next one nothing to decide: it gives the file its name.
+    record.write_bytes(CONCLUDED, content)
     _append(index_of(record), (json.dumps(line, ensure_ascii=False) + "\n").encode())
-    record.write_bytes(MANIFEST, content)
+    _put_in_place(record)
+
+
+def finish_seal(record: RunRecord) -> bool:
+    """Finish what a process had begun that was killed while it sealed its run; return whether the run is sealed now.
+
+    Only a run.json that the index vouches for is put in its place: any other is removed, and decides nothing.
+
+    Raises:
+        RecordError: the disk refuses it; nothing has changed.
+
+    """
+    if not record.has(CONCLUDED):
+        return False
+    index = index_of(record)
+    if index.exists():
+        read_from_disk(index)  # an index that cannot be read says nothing; and a line that was written is flushed now
+    found = fingerprint(record.folder / CONCLUDED)["sha256"]
+    if found not in [line.get("sha256") for line in index_lines(index, record.id) or []]:
+        record.remove(CONCLUDED)
+        return False
+    _put_in_place(record)
+    return True
+
+
+def _put_in_place(record: RunRecord) -> None:
+    """Give the concluded run.json its name; the ring of the run has nothing more to say."""
+    ring = record.manifest().get("ring")
+    try:
+        if ring and Path(ring).name.startswith(FILE_PREFIX):
+            Path(ring).unlink(missing_ok=True)
+        (record.folder / CONCLUDED).replace(record.folder / MANIFEST)
+        sync_folder(record.folder)
+    except OSError as error:
+        path = record.folder / MANIFEST
+        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
 
 
 def index_of(record: RunRecord) -> Path:
@@ -86,19 +132,34 @@ def index_of(record: RunRecord) -> Path:
 
 
 def _append(path: Path, line: bytes) -> None:
-    """Append one line in a single write, which runs that end at the same time cannot tear."""
+    """Append one line; runs that end at the same time, a full disk and a power failure cannot tear another one's.
+
+    Raises:
+        RecordError: the disk refuses it; what it took of it is taken back.
+
+    """
     try:
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:
-            written = os.write(handle, line)
-            os.fsync(handle)
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            _append_to(handle, line)
         finally:
             os.close(handle)
         sync_folder(path.parent)
     except OSError as error:
-        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk, then run again") from error
-    if written != len(line):
-        raise RecordError(f"{path}: cannot be written: the disk is full. Free the disk, then run again")
+        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
+
+
+def _append_to(handle: int, line: bytes) -> None:
+    size = os.fstat(handle).st_size
+    # The end of a line that a power failure has torn is no part of this one.
+    torn = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
+    whole = b"\n" + line if torn else line
+    if os.write(handle, whole) != len(whole):
+        with suppress(OSError):  # where lines can only be added, the next one begins behind it
+            os.ftruncate(handle, size)
+        raise OSError(ENOSPC, os.strerror(ENOSPC))
+    os.fsync(handle)
 
 
 def is_sealed(manifest: dict[str, Any]) -> bool:

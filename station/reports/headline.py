@@ -21,6 +21,16 @@ ENDINGS: dict[str, str] = {
 """State of a run as it stands behind the word `run`."""
 
 
+STOPPED_BY: dict[str, str] = {
+    "operator": "by the operator",
+    "disk": "the disk did not take the records",
+    "records_lost": "records were lost, because they were not taken in time",
+    "desk_silent": "the desk was gone in the middle of the run",
+    "desk_gone": "the desk was gone before the run had started",
+}
+"""Who or what stopped a run, as it stands behind STOPPED."""
+
+
 class Headline(NamedTuple):
     """First line of a result, the verdict below it ('' where the verdict is the headline), and its style's name."""
 
@@ -52,7 +62,8 @@ def headline(result: dict[str, Any]) -> Headline:
         return Headline(f"{BENCH_FAULT}: {found}", verdict, "fault")
     if state == "stopped":
         cause = first_cause(result)
-        found = "by the operator" if cause is None or is_note(cause) else cause["text"]
+        found = STOPPED_BY.get(result.get("stopped_by") or "operator", "before its end")
+        found = found if cause is None or is_note(cause) else cause["text"]
         return Headline(f"STOPPED: {found}", verdict, "stopped")
     return Headline(ENDINGS.get(state, state).removeprefix("was ").removeprefix("is ").upper(), verdict, "stopped")
 

@@ -6,7 +6,7 @@ The verdict leaves this module only after every record and the result itself hav
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from analysis import AnalysisError, Evidence, Result, RunFacts, Trace, gate_reas
 from controller.image import State
 from station.bench.request import Job
 from station.durable import read_from_disk
-from station.errors import BenchFaultError, RecordError, StationError
+from station.errors import RecordError, StationError
 from station.record.check import Table, check_bytes, table_of
 from station.record.event_log import alarms_in, events_of
 from station.record.left_state import left_state
@@ -23,45 +23,13 @@ from station.record.run_record import INTERRUPTED, RESULT, RunRecord
 from station.record.seal import seal
 from station.record.timing_proof import run_facts, timing_block
 from station.results.evaluation import calibration_of, evaluate_trace, trace_of
+from station.run.ending import Ending
 from station.scan.desk_watch import DESK_GONE, DESK_SILENT
 from station.wall_clock import now_text
 
+CALIBRATION = "calibration.json"
 NOT_DECIDABLE = "NOT DECIDABLE"
 END_STATES = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}
-VIRTUAL_REALTIME: dict[str, object] = {
-    "fifo": False,
-    "mlock": False,
-    "details": {"clock": "virtual time: scans follow each other as fast as they go, nothing is asked of the machine"},
-}
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How the scan ended: records it says it wrote, those it lost, its report, and why it ended early if it did.
-
-    `refused`: the bench could not be opened, nothing has moved. `started_ns`: monotonic time; scan n was due n + 1
-    periods after it.
-    """
-
-    written: int
-    lost: int = 0
-    realtime: dict[str, object] = field(default_factory=lambda: dict(VIRTUAL_REALTIME))
-    notes: list[dict[str, Any]] = field(default_factory=list)
-    trouble: str = ""
-    refused: bool = False
-    counters: dict[str, int] = field(default_factory=dict)
-    times: dict[str, Any] = field(default_factory=dict)
-    started_ns: int = 0
-    clock_jumped_s: float = 0.0
-    """By how much the computer's wall clock was set in the middle."""
-    stopped_because: str = ""
-    """Subject of the sentence that tells who stopped the run and why; empty for the operator."""
-    disk: dict[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def refused_by(cls, record: RunRecord, error: BenchFaultError) -> Ending:
-        """Return the ending of a run whose bench could not be opened: nothing has moved."""
-        return cls(written=record.records(), realtime={"details": {}}, trouble=str(error), refused=True)
 
 
 @dataclass(frozen=True)
@@ -74,7 +42,13 @@ class Conclusion:
 
 
 def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
-    """Evaluate a run that has ended, write everything, read it back, and only then return the verdict."""
+    """Evaluate a run that has ended, write everything, read it back, and only then return the verdict.
+
+    Raises:
+        RecordError: something cannot be stored, or not be read back. The run has no verdict then and is not sealed:
+            it can be concluded again when the disk is in order.
+
+    """
     content = read_from_disk(record.samples)
     read_back = check_bytes(content, ending.written)
     table = table_of(content)
@@ -117,12 +91,13 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "operator": run.get("operator"),
         "clock": run["clock"],
         "state": state,
+        "stopped_by": stopped_by(ending) if state == "stopped" else None,
         "verdict": judged["verdict"],
         "reasons": reasons,
         "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
         "metrics": judged["metrics"],
         "gates": judged["gates"],
-        "notes": [*run.get("notes", []), *_clock_notes(ending.clock_jumped_s), *judged["notes"]],
+        "notes": [*run.get("notes", []), *_desk_notes(ending), *_clock_notes(ending.clock_jumped_s), *judged["notes"]],
         "stages": judged["stages"],
         "timing": timing,
         "alarms": alarms_in(events),
@@ -131,10 +106,11 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         else left_state(table, record.read_json("program.json"), to_its_end=state != INTERRUPTED),
         "record": str(record.folder),
     }
-    if found is not None and state == "complete":
-        calibration = calibration_of(found, run, job.bench)
-        if calibration is not None:
-            record.write_json("calibration.json", calibration)
+    calibration = calibration_of(found, run, job.bench) if found is not None and state == "complete" else None
+    if calibration is not None:
+        record.write_json(CALIBRATION, calibration)
+    else:
+        record.remove(CALIBRATION)  # left by somebody who was killed while he concluded the run
     lines = [json.dumps(event, ensure_ascii=False) + "\n" for event in events]
     record.write_bytes("events.jsonl", "".join(lines).encode())
     record.write_json("timing.json", proof)
@@ -145,6 +121,17 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
 
 def _end_state(table: Table) -> str:
     return END_STATES.get(State(int(table["orders"]["state"][-1])), INTERRUPTED) if len(table) else INTERRUPTED
+
+
+def stopped_by(ending: Ending) -> str:
+    """Return who or what stopped a run: `operator`, or a cause that the ring or a note of the scan names."""
+    said = {note["text"] for note in ending.notes}
+    told = {DESK_GONE: "desk_gone", DESK_SILENT: "desk_silent"}
+    return ending.stopped_by or next((name for text, name in told.items() if text in said), "operator")
+
+
+def _desk_notes(ending: Ending) -> list[str]:
+    return [ending.desk_died] if ending.desk_died else []
 
 
 def _clock_notes(jumped_s: float) -> list[str]:
@@ -164,12 +151,12 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
     if state == "fault":
         causes = [alarm for alarm in alarms_in(events) if alarm["first"]]
         reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
-    elif state == "stopped" and any(note["text"] == DESK_GONE for note in ending.notes):
+    elif state == "stopped" and stopped_by(ending) == "desk_gone":
         reasons.append(
             "the desk was gone before it had started the run, so the scan process ended it; nothing has moved"
         )
     elif state == "stopped":
-        silent = any(note["text"] == DESK_SILENT for note in ending.notes)
+        silent = stopped_by(ending) == "desk_silent"
         who = "the desk was gone and the scan process" if silent else ending.stopped_because or "the operator"
         reasons.append(f"{who} stopped the run; the torque was brought to zero and the lock opened")
     elif state == INTERRUPTED and not reasons:
@@ -191,19 +178,16 @@ def _evaluate(
 
 
 def _store(record: RunRecord, result: dict[str, Any]) -> dict[str, Any]:
-    """Write result.json and return it as it reads back; what cannot be read back decides nothing."""
+    """Write result.json and return it as it reads back; RecordError when it does not: it decides nothing."""
+    record.write_json(RESULT, result)
+    path = record.folder / RESULT
     try:
-        record.write_json(RESULT, result)
-        stored: dict[str, Any] = json.loads(read_from_disk(record.folder / RESULT))
-    except (RecordError, ValueError) as error:
-        return _undecided(result, f"the result could not be stored: {error}")
+        stored: dict[str, Any] = json.loads(read_from_disk(path))
+    except ValueError as error:
+        raise RecordError(f"{path}: cannot be read back: {error}. Check the disk") from error
     if stored != json.loads(json.dumps(result)):
-        return _undecided(result, "the result reads back differently from what was written: check the disk")
+        raise RecordError(f"{path}: reads back differently from what was written. Check the disk")
     return stored
-
-
-def _undecided(result: dict[str, Any], reason: str) -> dict[str, Any]:
-    return result | {"verdict": NOT_DECIDABLE, "reasons": [reason, *result["reasons"]]}
 
 
 def finite(value: Any) -> Any:

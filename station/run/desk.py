@@ -25,7 +25,7 @@ from station.record.run_record import SCAN_REPORT, RunRecord
 from station.record.writer import RecordsWaitError, RecordWriter
 from station.run import children
 from station.run.asked_to_stop import listening
-from station.run.conclusion import Ending
+from station.run.ending import Ending, take_room
 from station.run.fault_companion import Companion, Reach
 from station.run.process_specs import write_bench_spec, write_scan_spec
 from station.run.scan_end import ending_of, what_waits
@@ -47,13 +47,6 @@ def _quietly(end: Callable[[], None]) -> None:
     """End something whose trouble with the disk has been told already."""
     with suppress(RecordError):
         end()
-
-
-def _let_go(ring: RingReader, path: Path) -> None:
-    """Close the ring, and remove it unless records wait in it for a disk that takes them."""
-    if not ring.waiting:
-        path.unlink(missing_ok=True)
-    ring.close()
 
 
 def _if_possible(tell: Callable[[Told], None]) -> Callable[[Told], None]:
@@ -93,6 +86,7 @@ class Desk:
         self._interrupts = 0
         self._sent = 0
         self._disk_refused = ""
+        self._waits = False
         self._seen: SimpleQueue[bytes] = SimpleQueue()
         self._wall_clock = JumpWatch()
 
@@ -106,6 +100,7 @@ class Desk:
 
         """
         with ExitStack() as cleanup:
+            take_room(self._record)
             cleanup.enter_context(listening(self._interrupt))
             ports, life_line = None, None
             if self._job.bench.bench.embedded or self._gateway:
@@ -114,7 +109,7 @@ class Desk:
                 ports = self._start_bench(cleanup, life_line, unit, scenario)
             ring_path = create(self._record.folder)
             ring = RingReader(ring_path)
-            cleanup.callback(_let_go, ring, ring_path)
+            cleanup.callback(self._let_go, ring, ring_path)
             self._record.update(ring=str(ring_path))
             file = Appender(self._record.samples)
             cleanup.callback(_quietly, file.close)
@@ -130,17 +125,20 @@ class Desk:
             self._serve(process, ring, writer)
             try:
                 writer.finish()
-            except RecordsWaitError as error:
+                ending = ending_of(
+                    process,
+                    ring,
+                    self._record,
+                    writer,
+                    self._wall_clock,
+                    embedded=life_line is not None,
+                    interrupted=self._interrupts > 0,
+                )
+                ending.keep(self._record)
+            except RecordError as error:
+                self._waits = True
                 raise RecordsWaitError(what_waits(self._record.id, error, ring)) from error
-            return ending_of(
-                process,
-                ring,
-                report,
-                writer,
-                self._wall_clock,
-                embedded=life_line is not None,
-                interrupted=self._interrupts > 0,
-            )
+            return ending
 
     # --- starting
 
@@ -236,3 +234,11 @@ class Desk:
         else:
             self._say("quick stop")
             ring.send(Command.QUICK_STOP)
+
+    # --- ending
+
+    def _let_go(self, ring: RingReader, path: Path) -> None:
+        """Close the ring, and remove it unless something waits in it for a disk that takes it."""
+        if not (self._waits or ring.waiting):
+            path.unlink(missing_ok=True)
+        ring.close()

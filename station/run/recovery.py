@@ -7,12 +7,11 @@ came to, and its verdict when it came to its end. While the scan process is stil
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +20,15 @@ from station.durable import Appender
 from station.errors import StationError
 from station.record.ring import ScanState, StopCause
 from station.record.ring_reader import RingReader
-from station.record.run_record import INTERRUPTED, SCAN_REPORT, RunRecord, process_birth
+from station.record.run_record import INTERRUPTED, RunRecord, process_birth
 from station.record.scan_record import RECORD_BYTES
+from station.record.seal import finish_seal
 from station.record.store import Store
 from station.record.writer import RecordWriter
+from station.run.ending import Ending, cause_name, scan_report
 
 DESK_DIED = "the desk ended in the middle of the run; the scan process went on without it"
+TAKEN_OVER = "the desk ended in the middle of the run; a new one took it over, with {} records on disk"
 BOTH_DIED = "desk and scan process ended in the middle of the run"
 UNCOUNTED = "how many records the scan process wrote is not known: its ring is gone, and its report does not say it"
 LOOK_EVERY_S = 0.02
@@ -51,7 +53,7 @@ def recover(run: RunRecord) -> int:
     if not run.deserted():
         return 0
     with _owned(run) as ours:
-        if not ours:
+        if not ours or finish_seal(run):
             return 0
         path = _ring_of(run)
         if path is None:
@@ -72,7 +74,7 @@ def resume(run: RunRecord, attend: Attend) -> int:
     `attend` is called about 50 times per second, to show what there is and to pass commands on.
     """
     with _owned(run) as ours:
-        path = _ring_of(run) if ours else None
+        path = _ring_of(run) if ours and not finish_seal(run) else None
         if path is None:
             return 0
         ring = RingReader(path)
@@ -106,6 +108,7 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
         ending.callback(writer.finish)
         ring.beat()  # before anything else: the scan waits 2 s for a new desk, then it unloads and stops
         writer.start()
+        taken_over = attend is not None and _alive(ring)
         while attend is not None and _alive(ring):
             time.sleep(LOOK_EVERY_S)
             ring.beat()
@@ -113,10 +116,15 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
             if writer.first_trouble and not ring.stopped_because:
                 ring.note_stop(StopCause.DISK)
                 ring.send(Command.STOP)
-    ended = Ended(ring.written, ring.lost, ring.stopped_because, finished=ring.state is ScanState.FINISHED)
+    finished = ring.state is ScanState.FINISHED
+    ended = Ended(ring.written, ring.lost, ring.stopped_because, cause_name(ring), finished=finished)
+    if taken_over:
+        # What the desk before measured went with it; its part of the record is bounded by this one's start.
+        disk = writer.times.as_json() | {"from_record": on_disk}
+        ended = replace(ended, desk_died=TAKEN_OVER.format(on_disk), disk=disk)
     run.update(trouble=ended.because or DESK_DIED)
     _conclude(run, ended)
-    # Only now: whoever is killed before the seal leaves the next one what the ring knows.
+    # The seal has removed it; whoever is killed before that leaves the next one what the ring knows.
     path.unlink(missing_ok=True)
     return writer.written
 
@@ -131,26 +139,22 @@ class Ended:
     written: int | None
     lost: int = 0
     because: str = ""
+    cause: str = ""
     finished: bool = False
+    desk_died: str = DESK_DIED
+    disk: dict[str, float] = field(default_factory=dict)
 
 
-def _report_of(run: RunRecord) -> dict[str, Any]:
-    """Return what the scan process said at its end; nothing where a failing disk kept none of it, or half."""
-    with suppress(OSError, ValueError):
-        said = json.loads((run.folder / SCAN_REPORT).read_bytes())
-        return said if isinstance(said, dict) else {}
-    return {}
-
-
-def _counts(run: RunRecord, ended: Ended, said: dict[str, Any]) -> tuple[int, int, str]:
+def _counts(run: RunRecord, ended: Ended, said: dict[str, Any], kept: Ending | None) -> tuple[int, int, str]:
     """Return how many records ought to be on disk, how many were lost, and what stands against believing it.
 
-    Ring and scan report are asked, and the higher word counts. The file is no witness of its own completeness.
+    Ring, scan report and desk are asked, and the highest word counts. The file is no witness of its own completeness.
     """
-    lost = max(ended.lost, int(said.get("lost", 0)))
+    lost = max(ended.lost, int(said.get("lost", 0)), 0 if kept is None else kept.lost)
     # the report counts the lost ones too
     counted = [] if ended.written is None else [ended.written]
     counted += [int(said["written"]) - lost] if "written" in said else []
+    counted += [] if kept is None else [kept.written]
     return (max(counted), lost, "") if counted else (run.records(), lost, UNCOUNTED)
 
 
@@ -159,18 +163,18 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
     # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
     from recipes import RecipeError  # noqa: PLC0415
     from station.bench.request import load_job  # noqa: PLC0415
-    from station.run.conclusion import Ending, conclude  # noqa: PLC0415
+    from station.run.conclusion import conclude  # noqa: PLC0415
 
-    said = _report_of(run)
+    said, kept = scan_report(run), Ending.kept_in(run)
     finished = ended.finished or said.get("state") == "finished"
-    written, lost, uncounted = _counts(run, ended, said)
+    written, lost, uncounted = _counts(run, ended, said, kept)
     run.samples.touch()
     try:
         job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
     except RecipeError as error:
         run.update(state=INTERRUPTED, ring=None, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
         return
-    ending = Ending(
+    kept = kept or Ending(
         written=written,
         lost=lost,
         realtime=said.get("realtime", {"details": {}}),
@@ -179,8 +183,11 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
         counters=said.get("counters", {}),
         times=said.get("times", {}),
         stopped_because=ended.because,
+        stopped_by=ended.cause,
+        desk_died=ended.desk_died if finished else "",
+        disk=ended.disk,
     )
-    conclude(run, job, ending)
+    conclude(run, job, replace(kept, written=written, lost=lost))
 
 
 def recover_all(store: Store) -> None:

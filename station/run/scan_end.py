@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import time
-from pathlib import Path
 
 from controller.image import State
-from station.errors import BenchFaultError
+from station.errors import BenchFaultError, RecordError
 from station.record.ring import ScanState
 from station.record.ring_reader import RingReader
+from station.record.run_record import RunRecord
 from station.record.scan_record import unpack
-from station.record.writer import RecordsWaitError, RecordWriter
+from station.record.writer import RecordWriter
 from station.run import children
-from station.run.conclusion import Ending
+from station.run.ending import Ending, cause_name, scan_report
 from station.wall_clock import JumpWatch
 
 LAST_WORDS_S = 0.6
@@ -32,7 +31,7 @@ LOST_IN_THE_MIDDLE = "The scan process was lost in the middle: treat the unit as
 def ending_of(
     process: subprocess.Popen[bytes],
     ring: RingReader,
-    report: Path,
+    record: RunRecord,
     writer: RecordWriter,
     wall_clock: JumpWatch,
     *,
@@ -47,7 +46,7 @@ def ending_of(
         BenchFaultError: the bench could not be opened, or the operator stopped before it was; nothing has moved.
 
     """
-    said = json.loads(report.read_bytes()) if report.exists() else {}
+    said = scan_report(record)
     if said.get("state") == "refused":
         raise BenchFaultError(str(said["error"]))
     if interrupted and not ring.written:
@@ -73,14 +72,17 @@ def ending_of(
         started_ns=ring.started_ns,
         clock_jumped_s=wall_clock.jumped_s(),
         stopped_because=ring.stopped_because,
+        stopped_by=cause_name(ring),
         disk=writer.times.as_json(),
     )
 
 
-def what_waits(run_id: str, error: RecordsWaitError, ring: RingReader) -> str:
+def what_waits(run_id: str, error: RecordError, ring: RingReader) -> str:
     """Say what became of a run whose disk was full to the end, and what to do."""
     state = State(unpack(ring.last())[2].state) if ring.written else State.IDLE
-    waits = f"{ring.waiting} of {ring.written} records wait in memory" if ring.waiting else "its last flush failed"
+    waits = (
+        f"{ring.waiting} of {ring.written} records wait in memory" if ring.waiting else "how it ended is kept in memory"
+    )
     return (
         f"{error}. {ENDED.get(state, LOST_IN_THE_MIDDLE)}; {waits}. When the disk is in order, 'lostmotion show "
         f"{run_id}' completes the record; do it before this computer is switched off"

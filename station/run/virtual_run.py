@@ -14,7 +14,7 @@ from station.bench.request import Job
 from station.durable import Appender
 from station.record.run_record import RunRecord
 from station.run.asked_to_stop import listening
-from station.run.conclusion import Ending
+from station.run.ending import Ending, take_room
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
@@ -56,6 +56,7 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
     controller = Controller(job.program)
     injected = None if faults is None else bench.faults
     operator = _Operator()
+    take_room(record)
     file = Appender(record.samples)
     recorder = VirtualRecorder(file)
 
@@ -76,4 +77,6 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
     if injected is not None:
         last = Event(recorder.sequence - 1, "note", controller.state.name.lower(), "")
         notes += [last._replace(text=f"injected fault: {text}")._asdict() for text in injected.why_unseen()]
-    return Ending(written=recorder.sequence, notes=notes)
+    ending = Ending(written=recorder.sequence, notes=notes)
+    ending.keep(record)
+    return ending

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from station.record.ring import StopCause
 from station.record.ring_writer import RingWriter
 from station.scan.scan_loop import Stop
 
@@ -36,6 +37,7 @@ class DeskWatch:
             self._silent_scans += 1
             if self._silent_scans > self._limit_scans and self.silent_at is None:
                 self.silent_at = ring.last_scan
+                ring.note_stop(StopCause.DESK_SILENT)
                 self._stop.ask()
         return ring.take_command()
 

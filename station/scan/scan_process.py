@@ -17,7 +17,7 @@ import os
 import signal
 import sys
 import traceback
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +30,10 @@ from drivers.wire_bench import WireBench
 from recipes import Problem, RecipeError, load_bench, load_recipe
 from station.bench.assemble import wire_config
 from station.bench.bench_lock import BenchBusyError, alone_on
+from station.durable import reserve, write_durable
+from station.errors import RecordError
 from station.record.program_file import program_differences
-from station.record.ring import ScanState
+from station.record.ring import ScanState, StopCause
 from station.record.ring_writer import RingWriter
 from station.record.run_record import process_birth
 from station.record.scan_times import ScanTimes
@@ -42,6 +44,8 @@ from station.scan.schedule import RealTimeSchedule
 
 EXIT_REFUSED = 2
 PR_SET_PDEATHSIG = 1
+REPORT_BYTES = 1 << 18
+"""Room for the last report: histograms of the timing, the periods that were missed, notes."""
 
 
 def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
@@ -73,7 +77,9 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         told = realtime.as_json((*grants, spinning))
         told |= {"machine": machine.against(told)}
         armed = {"realtime": told, "verified": verified}
-        _tell(spec, {"state": "running", "pid": os.getpid(), "birth": process_birth(os.getpid()), **armed})
+        running = {"state": "running", "pid": os.getpid(), "birth": process_birth(os.getpid())}
+        _tell(spec, running | armed, flush=False)
+        _take_room(spec)
         ring.set_state(ScanState.RUNNING)
         times = ScanTimes()
         desk = DeskWatch(ring, stop, period_ns)
@@ -117,18 +123,22 @@ def refuse_another(program: Program, recorded: Path) -> None:
         raise RecipeError([Problem(str(recorded), 0, 0, "", what, "the same program", hint)])
 
 
-def _tell(spec: dict[str, Any], report: dict[str, Any]) -> None:
+def _tell(spec: dict[str, Any], report: dict[str, Any], *, flush: bool) -> None:
     """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end.
 
     A disk that refuses it changes nothing else: how the scan ended stands in the ring too.
     """
-    path = Path(spec["report"])
-    beside = path.with_suffix(".part")
     try:
-        beside.write_text(json.dumps(report, ensure_ascii=False))
-        beside.replace(path)
-    except OSError as error:
-        sys.stderr.write(f"{path}: cannot be written: {error.strerror}\n")
+        write_durable(Path(spec["report"]), json.dumps(report, ensure_ascii=False).encode(), flush=flush)
+    except RecordError as error:
+        with suppress(OSError):  # what was said goes to a file on the same disk
+            sys.stderr.write(f"{error}\n")
+
+
+def _take_room(spec: dict[str, Any]) -> None:
+    """Take room for the last report while there is some: a disk that fills up meanwhile costs no proof of timing."""
+    with suppress(RecordError):
+        reserve(Path(spec["report"]), REPORT_BYTES)
 
 
 def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:
@@ -137,6 +147,7 @@ def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:
     def desk_died(*_: object) -> None:
         if os.getppid() != desk and ring.commands_given == 0:
             stop.desk_gone = True
+            ring.note_stop(StopCause.DESK_GONE)
             stop.ask()
 
     signal.signal(signal.SIGUSR1, desk_died)
@@ -168,8 +179,9 @@ def main() -> int:
             "traceback": traceback.format_exc(),
             "written": ring.sequence,
         }
-    _tell(spec, report)
+    # In the ring first: it takes what a disk may refuse.
     ring.set_state(state)
+    _tell(spec, report, flush=True)
     ring.close()
     return code
 

@@ -82,6 +82,12 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     shown = here("show", folder.name, "--data", str(disk), "--json").json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
     assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
+    assert shown["stopped_by"] == "disk"
+    assert not any("ended in the middle" in one for one in shown["reasons"]), "the scan came to its end, and said so"
+    proof = json.loads((folder / "timing.json").read_bytes())
+    assert {"histograms_us", "missed_scans"} & set(proof), proof.keys()
+    assert proof["histograms_us"]["work"], "the report of the scan process had its room"
+    assert shown["timing"]["wires"], "the report of the scan process had its room"
     whole = check_file(folder / "samples.bin", shown["timing"]["scans"])
     assert whole.problems == ()
     assert whole.records > on_disk
@@ -103,6 +109,46 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
     assert any("the disk did not take the records" in one for one in result["reasons"])
     assert result["timing"]["disk"]["refused"] >= 1
     assert check_file(ran.record / "samples.bin", result["timing"]["scans"]).problems == ()
+
+
+FULL_AT_THE_END = """
+import shutil, sys
+from pathlib import Path
+import station.commands.run as command
+from station.cli import main
+disk, pages, words = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
+honest = command.conclude
+def in_little_room(*args):
+    free = shutil.disk_usage(disk).free
+    (disk / "ballast").write_bytes(bytes(free - 4096 * pages))
+    return honest(*args)
+command.conclude = in_little_room
+sys.argv = ["lostmotion", "run", *words, "--virtual-time", "--json", "--no-report", "--data", str(disk)]
+main()
+"""
+
+
+@pytest.mark.parametrize("pages", [0, 1, 3, 12, 30])
+def test_a_disk_that_fills_up_while_a_run_is_concluded_costs_time_and_no_verdict(disk, quick_run, pages):
+    """In so many free pages there is room for no file of the conclusion, or for some, or for all but the last."""
+    words = ["rv-40e-121-quick", "--serial", "SN 1", "--operator", "A. Tester"]
+    command = [sys.executable, "-c", FULL_AT_THE_END, str(disk), str(pages), *words]
+    ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    (folder,) = (path.parent for path in disk.glob("*/run.json"))
+    (disk / "ballast").unlink()
+    assert ran.returncode == 4, ran.stderr
+    assert "Traceback" not in ran.stderr
+    (reason,) = json.loads(ran.stdout)["reasons"]
+    for words in ("No space left on device", f"show {folder.name}"):
+        assert words in reason
+    shown = here("show", folder.name, "--data", str(disk), "--json").json
+    own = ("run", "record")
+    expected = here("show", "last", "--data", str(quick_run.data), "--json").json
+    assert expected["verdict"] == "PASS"
+    assert {**shown, **dict.fromkeys(own)} == {**expected, **dict.fromkeys(own)}
+    assert here("list", "--data", str(disk), "--json").json[0]["state"] == "complete"
+    assert here("replay", str(folder)).exit_code == 0
+    assert not list(folder.glob(".*.part"))
 
 
 def test_a_disk_without_room_is_refused_before_anything_moves(disk):

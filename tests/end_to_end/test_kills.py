@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import os
+import signal
+
 import pytest
-from kills import kill
+from kills import kill, wait_for
+from lostmotion_command import here
 from warm_desk import load, warm
+
+from station.record.run_record import process_birth
+from station.record.scan_record import RECORD_BYTES
+from station.reports.headline import headline
 
 pytestmark = pytest.mark.wires
 
@@ -21,6 +30,25 @@ def test_a_run_whose_desk_was_killed_is_unloaded_without_it(tmp_path):
     assert left.problems() == []
     assert left.state == "stopped"
     assert any("the desk gave no sign" in note for note in left.notes)
+    assert not any("operator" in text for text in (*left.notes, *left.reasons))
+
+
+def test_a_run_whose_desk_was_killed_and_whose_folder_was_moved_says_who_stopped_it(start, one_ramp, tmp_path):
+    """The scan process cannot write its report then: what it knows is in the ring."""
+    run = start("run", *one_ramp, "--serial", "M", data=tmp_path / "runs")
+    run.wait_for(lambda: any(p.stat().st_size > 2000 * RECORD_BYTES for p in tmp_path.glob("runs/*/samples.bin")))
+    (folder,) = (path.parent for path in tmp_path.glob("runs/*/run.json"))
+    scan = json.loads((folder / "scan-report.json").read_bytes())["pid"]
+    os.kill(run.process.pid, signal.SIGKILL)
+    run.process.communicate()
+    moved = tmp_path / "moved" / folder.name
+    moved.parent.mkdir()
+    folder.rename(moved)
+    wait_for(lambda: not process_birth(scan), "end of the scan process")
+    shown = here("show", "M", "--data", str(moved.parent), "--json").json
+    assert (shown["state"], shown["stopped_by"]) == ("stopped", "desk_silent")
+    assert headline(shown).text == "STOPPED: the desk was gone in the middle of the run"
+    assert not any("operator" in reason or "ended in the middle" in reason for reason in shown["reasons"])
 
 
 def test_a_new_desk_takes_over_a_run_that_goes_on(tmp_path):
@@ -28,6 +56,11 @@ def test_a_new_desk_takes_over_a_run_that_goes_on(tmp_path):
     left = kill("desk", 1.9, tmp_path, resume=True, start=warm)
     assert left.problems() == []
     assert left.state == "complete"
+    result = json.loads((left.folder / "result.json").read_bytes())
+    assert any("the desk ended in the middle of the run; a new one took it over" in note for note in result["notes"])
+    disk = result["timing"]["disk"]
+    assert disk["flushes"] > 0
+    assert 0 < disk["from_record"] < left.on_disk
 
 
 def test_a_scan_that_nobody_can_start_any_more_ends(tmp_path):

@@ -18,14 +18,18 @@ import station.run.conclusion
 import station.run.recovery
 from station.bench.request import load_job
 from station.commands.run import recipe_notes
+from station.commands.show import stored_result
+from station.errors import RecordError
 from station.record.check import check_file
 from station.record.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, ScanState, create
 from station.record.ring_reader import RingReader
 from station.record.ring_writer import RingWriter
 from station.record.run_record import RunRecord
 from station.record.scan_record import RECORD_BYTES
+from station.record.seal import alterations
 from station.record.store import Store
-from station.run.conclusion import Ending, conclude
+from station.run.conclusion import conclude
+from station.run.ending import Ending
 from station.run.recovery import recover
 
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
@@ -63,8 +67,8 @@ def copied(finished: tuple[dict[str, Any], Any], tmp_path: Path) -> RunRecord:
 
 
 def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> None:
-    """Make the run one whose desk died at its very end; `report` is what its scan process said."""
-    for name in ("result.json", "events.jsonl", "timing.json", "calibration.json"):
+    """Make the run one whose desk died before it said how its scan ended; `report` is what the scan process said."""
+    for name in ("result.json", "events.jsonl", "timing.json", "calibration.json", "desk-report.json"):
         (record.folder / name).unlink()
     manifest = record.manifest()
     for name in ("records", "files", "ended"):
@@ -169,20 +173,28 @@ def test_a_scan_process_lost_after_its_last_record_is_never_a_pass(copied: RunRe
     assert sum("the scan process was lost" in reason for reason in result["reasons"]) == 1
 
 
-def test_a_result_that_reads_back_differently_decides_nothing(
-    copied: RunRecord,
-    monkeypatch: pytest.MonkeyPatch,
+def test_a_result_that_reads_back_differently_decides_nothing_and_is_not_sealed(
+    copied: RunRecord, tmp_path: Path
 ) -> None:
+    report = {"state": "finished", "written": copied.records(), "lost": 0, "realtime": {"details": {}}}
+    desert(copied, ring=tmp_path / "gone", report=report)
     honest = station.run.conclusion.read_from_disk
 
     def forgetful(path: Path) -> bytes:
         content = honest(path)
         return content.replace(b'"PASS"', b'"FAIL"', 1) if path.name == "result.json" else content
 
-    monkeypatch.setattr(station.run.conclusion, "read_from_disk", forgetful)
-    result = again(copied)
-    assert result["verdict"] == "NOT DECIDABLE"
-    assert "reads back differently" in result["reasons"][0]
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(station.run.conclusion, "read_from_disk", forgetful)
+        with pytest.raises(RecordError, match="reads back differently"):
+            recover(copied)
+    manifest = copied.manifest()
+    assert (manifest["state"], manifest["verdict"]) == ("recording", None)
+    shown = stored_result(copied)
+    assert (shown["state"], shown["verdict"], shown["metrics"]) == ("interrupted", "NOT DECIDABLE", [])
+    recover(copied)
+    assert stored_result(copied)["verdict"] == copied.manifest()["verdict"] == "PASS"
+    assert alterations(copied) == ()
 
 
 def test_too_many_missed_periods_invalidate_the_measurement(

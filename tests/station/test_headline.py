@@ -7,7 +7,8 @@ import pytest
 from rich.console import Console
 
 from station.record.left_state import left_action, left_text
-from station.reports.headline import badges, headline, remaining_reasons, virtual_badges
+from station.record.ring import StopCause
+from station.reports.headline import STOPPED_BY, badges, headline, remaining_reasons, virtual_badges
 from station.reports.result_view import show_result, way_back_command
 
 ALARM = {
@@ -101,6 +102,11 @@ def test_a_fault_is_the_headline_and_the_verdict_stands_below() -> None:
 
 def test_a_stop_and_a_bench_that_did_not_open_are_headlines_too() -> None:
     assert headline(result(state="stopped", verdict="NOT DECIDABLE")).text == "STOPPED: by the operator"
+    for cause, words in STOPPED_BY.items():
+        said = headline(result(state="stopped", verdict="NOT DECIDABLE", stopped_by=cause)).text
+        assert said == f"STOPPED: {words}"
+        assert ("operator" in said) is (cause == "operator")
+    assert {cause.name.lower() for cause in StopCause if cause} == set(STOPPED_BY) - {"operator"}
     refused = result(state="fault", verdict="NOT DECIDABLE", timing={"scans": 0})
     assert headline(refused).text == "BENCH FAULT: the bench could not be opened"
     assert headline(result(state="interrupted", verdict="NOT DECIDABLE")).text == "INTERRUPTED"

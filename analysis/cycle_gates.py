@@ -37,10 +37,8 @@ def wrong_way(found: Measured) -> Reading | str:
 @of_measured
 def loop_closure(found: Measured) -> Reading | str:
     """Wind-up between start and end of a cycle at the same torque, % of the wind-up of the loop."""
-    gaps = closure_gaps_arcmin(found.pairs, found.blocks)
-    if gaps is None:
-        return "the torque after a reversal is masked: the cycle has no start to compare"
-    jump = widest_jump_nm(found.blocks)
+    gaps = closure_gaps_arcmin(found)
+    jump = widest_jump_nm(found)
     words = (
         f"the branches do not meet: {jump:.3g} N·m are missing in the trace after a reversal, and across them nothing "
         "says whether the loop closes"

@@ -107,7 +107,7 @@ def analyse(
         gates = judge_gates(Evidence(found, facts, tuple(invalid), noisy), method.gate_limits)
         problems = gate_reasons(gates, tuple(invalid))
         errors, stage = measurement_of(found, figures, draws)
-        closed = closed_loops(found.loops, found.pairs, found.blocks)
+        closed = closed_loops(found)
         metrics = tuple(
             evaluate(
                 one, found.loops, found.quadrants, method, rule,

@@ -158,9 +158,9 @@ def _unseen_drift(found: Measured) -> float:
     times = [one.t_s for one in found.pairs[0] if one.t_s is not None]
     if found.drift.per_cycle_arcmin is not None or len(times) < len(found.pairs[0]):
         return 0.0
-    gaps = closure_gaps_arcmin(found.pairs, found.blocks)
+    gaps = closure_gaps_arcmin(found)
     minutes = (max(float(one[-1]) for one in times) - min(float(one[0]) for one in times)) / 60.0
-    return max(gaps) / minutes if gaps and minutes > 0.0 else 0.0
+    return max(gaps) / minutes if minutes > 0.0 else 0.0
 
 
 def _stretch(samples: BranchSamples) -> Stretch:

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from analysis import (
     Method,
     MetricWanted,
+    Quadrants,
     Result,
     RunFacts,
     SensorFigures,
@@ -21,6 +22,7 @@ from analysis import (
     analyse,
 )
 from analysis.cycle_gates import COMPARED
+from analysis.quadrants import QUADRANTS
 
 P1 = ReferenceUnit()
 
@@ -107,6 +109,21 @@ def uneven_ramp() -> dict[str, Any]:
     """Every second stretch of the way is run ten times as slowly."""
     step = np.where((np.arange(GOOD.samples) // 700) % 2, 1e-3, 1e-2)
     return changed(t_s=np.cumsum(step))
+
+
+def rising_cycles_off(arcmin: float) -> Trace:
+    """The lock slips at each lower turn of the cycles and goes back at each upper one: the loop is narrower by that."""
+    rising = [index for index, info in GOOD.segments.items() if info.role == "measure" and info.direction > 0]
+    slip = np.isin(GOOD.segment, rising) * arcmin * ARC * RATIO
+    return dataclasses.replace(GOOD, angle_in_rad=GOOD.angle_in_rad + slip)
+
+
+def by_stored_lines(trace: Trace) -> Result:
+    """Judge a trace with its torque converted by lines without a transition: masked after each reversal."""
+    lines = analyse(GOOD, dataclasses.replace(KNOWN, output_torque="calibrated"), WANTED).quadrants
+    stored = Quadrants(*(getattr(lines, name) for name in QUADRANTS))
+    method = dataclasses.replace(KNOWN, output_torque="calibrated", quadrants=stored)
+    return analyse(trace, method, WANTED, facts=FACTS, figures=FIGURES)
 
 
 def sparse() -> dict[str, Any]:

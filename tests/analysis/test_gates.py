@@ -6,7 +6,20 @@ import dataclasses
 import json
 
 import pytest
-from gate_support import BAD, FACTS, GOOD_RUN, KNOWN, METHOD, P1, WANTED, copied_cycle, judged, of
+from gate_support import (
+    BAD,
+    FACTS,
+    GOOD_RUN,
+    KNOWN,
+    METHOD,
+    P1,
+    WANTED,
+    by_stored_lines,
+    copied_cycle,
+    judged,
+    of,
+    rising_cycles_off,
+)
 from reference_unit import bench_trace, exact_trace
 
 from analysis import (
@@ -124,6 +137,20 @@ def test_a_bad_unit_still_fails() -> None:
     worn = dataclasses.replace(P1, f_c=2 * P1.f_c, j=0.6)
     result = analyse(bench_trace(worn, 453.2, cycles=3), KNOWN, WANTED, facts=FACTS)
     assert result.verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize("output", [True, False])
+def test_where_the_torque_is_masked_a_loop_that_does_not_close_is_seen(output: bool) -> None:
+    """With and without the torque as measured at the output; a lock that stands passes the gates that look at it."""
+    given = {} if output else {"torque_out_nm": None, "drive_torque_nm": None}
+    good, slipped = (by_stored_lines(dataclasses.replace(rising_cycles_off(off), **given)) for off in (0.0, 0.3))
+    assert any("masked" in note and "masked, 0" not in note for note in good.notes)
+    assert [one for one in good.gates if one.passed is False] == []
+    assert all(of(good, gate).passed for gate in ("loop_closure", "locked_motion", "locked_compliance", "clipping"))
+    assert of(good, "loop_closure").figure < 0.5
+    assert slipped.metrics[0].headline.value < good.metrics[0].headline.value - 0.2
+    assert of(slipped, "loop_closure").passed is False
+    assert slipped.verdict is Verdict.NOT_DECIDABLE
 
 
 def test_a_copied_cycle_is_told_by_its_number_and_only_where_noise_is_declared() -> None:

@@ -185,6 +185,13 @@ GATES: dict[str, Gate] = {
         "the loop loses less than the friction of a reducer: rising and falling branch are nearly one curve",
         "check that both branches were measured, and the lag of torque against angle", least=True,
     ),
+    "torque_out_zero": _row(
+        "output torque at which the lines of loading and unloading meet, beyond the declared zero of its sensor "
+        "(tared_zero), of the reference torque",
+        "%", 0.5, torque_gates.torque_out_zero,
+        "the output torque sensor does not read zero where no torque is",
+        "tare it at rest and without load, and check its zero; then measure again",
+    ),
     "torque_lines": _row(
         "what a straight line of T_out over T_in leaves of the loading branches (rms), of the reference torque", "%",
         0.5, torque_gates.torque_lines,

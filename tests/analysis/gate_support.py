@@ -218,6 +218,7 @@ BAD: dict[str, Bad] = {
         angle_in_rad=GOOD.angle_in_rad / 60.0, angle_out_rad=GOOD.angle_out_rad / 60.0
     ),
     "loss": nearly_one_curve,
+    "torque_out_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0),
     "torque_lines": lambda: changed(torque_in_nm=GOOD.torque_in_nm + 0.1 * np.sin(3.0 * GOOD.torque_in_nm)),
     "drive_torque_agreement": lambda: both_torques(gain=1.25),
     "drive_torque_gap": lambda: both_torques(lag_s=0.4),

@@ -93,7 +93,7 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
         "copied_cycles", "lag", "ramp_rate", "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
         "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines",
-        "drive_torque_agreement", "drive_torque_gap", "locked_compliance",
+        "torque_out_zero",        "drive_torque_agreement", "drive_torque_gap", "locked_compliance",
     }  # fmt: skip
     assert "one cycle" in why["drift"]
     assert "no time" in why["ramp_rate"]
@@ -139,11 +139,11 @@ def test_a_bad_unit_still_fails() -> None:
     assert result.verdict is Verdict.FAIL
 
 
-@pytest.mark.parametrize("output", [True, False])
-def test_where_the_torque_is_masked_a_loop_that_does_not_close_is_seen(output: bool) -> None:
+@pytest.mark.parametrize("missing", [(), ("torque_out_nm", "drive_torque_nm")])
+def test_where_the_torque_is_masked_a_loop_that_does_not_close_is_seen(missing: tuple[str, ...]) -> None:
     """With and without the torque as measured at the output; a lock that stands passes the gates that look at it."""
-    given = {} if output else {"torque_out_nm": None, "drive_torque_nm": None}
-    good, slipped = (by_stored_lines(dataclasses.replace(rising_cycles_off(off), **given)) for off in (0.0, 0.3))
+    without = dict.fromkeys(missing)
+    good, slipped = (by_stored_lines(dataclasses.replace(rising_cycles_off(off), **without)) for off in (0.0, 0.3))
     assert any("masked" in note and "masked, 0" not in note for note in good.notes)
     assert [one for one in good.gates if one.passed is False] == []
     assert all(of(good, gate).passed for gate in ("loop_closure", "locked_motion", "locked_compliance", "clipping"))

@@ -95,6 +95,25 @@ def copied_cycles(evidence: Evidence) -> Reading | str:
     return Reading(100.0 * worst, where)
 
 
+def repeated_samples(evidence: Evidence) -> Reading | str:
+    """Largest share of a branch's samples that are bit by bit the one before, %.
+
+    A sample that was written twice is no second measurement, and the uncertainty would count it as one.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if not evidence.noise_declared:
+        return "no noise of the sensors is declared: without noise samples may be alike"
+    worst, where = 0.0, ""
+    for one in (one for pair in found.pairs for one in pair):
+        values = _as_measured(found, one.run)
+        share = float((values[1:] == values[:-1]).all(axis=1).mean())
+        if share > worst:
+            worst, where = share, f"{one.where}: samples are the ones before, written once more"
+    return Reading(100.0 * worst, where)
+
+
 def _as_measured(found: Measured, run: Run) -> FloatArray:
     """Torques and angles of a branch as they were recorded, shape (samples, channels)."""
     channels = (getattr(found.trace, name) for name in COMPARED)

@@ -103,6 +103,11 @@ GATES: dict[str, Gate] = {
         "cycles are copies of each other", "measure again: a copy has no scatter, and shows nothing of how sure the "
         "values are", configurable=False,
     ),
+    "repeated_samples": _row(
+        "samples of a branch that are bit by bit the one before in torques and angles, where noise is declared",
+        "%", 20.0, cycle_gates.repeated_samples,
+        "samples are written more than once", "record each sample once, not faster than the amplifier gives them",
+    ),
     "lag": _row(
         "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",
         "%", 1.0, figures.lag,

@@ -169,6 +169,7 @@ class Validity(Section):
     loop_closure_fraction: Fraction = 0.02
     drift_fraction: Fraction = 0.01
     repeat_fraction: Fraction = 0.02
+    repeated_samples_fraction: Fraction = 0.2
     lag_fraction: Fraction = 0.01
     ramp_rate_fraction: Fraction = 0.5
     points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3

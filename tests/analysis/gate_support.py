@@ -23,6 +23,7 @@ from analysis import (
 )
 from analysis.cycle_gates import COMPARED
 from analysis.quadrants import QUADRANTS
+from analysis.trace import CHANNELS
 
 P1 = ReferenceUnit()
 
@@ -103,6 +104,13 @@ def copied_cycle(after: int = 1) -> dict[str, Any]:
         for values in channels.values():
             values[there[after:size]] = values[here[after:size]]
     return changed(**channels)
+
+
+def each_row(times: int) -> dict[str, Any]:
+    """Every row of the record written so many times."""
+    rows = np.repeat(np.arange(GOOD.samples), times)
+    names = (*CHANNELS, "segment")
+    return {"trace": dataclasses.replace(GOOD, **{name: getattr(GOOD, name)[rows] for name in names})}
 
 
 def uneven_ramp() -> dict[str, Any]:
@@ -197,6 +205,7 @@ BAD: dict[str, Bad] = {
     "drift": lambda: changed(angle_in_rad=GOOD.angle_in_rad + 1.0 / 60 * GOOD.t_s * ARC * RATIO),
     "repeat": one_cycle_off,
     "copied_cycles": copied_cycle,
+    "repeated_samples": lambda: each_row(2),
     "lag": lambda: {"method": dataclasses.replace(KNOWN, lags_s=LAGS | {"torque_out_nm": 0.2})},
     "ramp_rate": uneven_ramp,
     "points_per_bin": sparse,

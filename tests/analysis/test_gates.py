@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 from gate_support import (
     BAD,
@@ -16,6 +17,7 @@ from gate_support import (
     WANTED,
     by_stored_lines,
     copied_cycle,
+    each_row,
     judged,
     of,
     rising_cycles_off,
@@ -91,7 +93,8 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     why = {one.id: one.text for one in result.gates if one.passed is None}
     assert set(why) == {
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
-        "copied_cycles", "lag", "ramp_rate", "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
+        "copied_cycles", "repeated_samples", "lag", "ramp_rate",
+        "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
         "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines",
         "torque_out_zero",        "drive_torque_agreement", "drive_torque_gap", "locked_compliance",
     }  # fmt: skip
@@ -131,6 +134,22 @@ def test_the_recipe_has_an_option_for_every_limit_with_the_same_default() -> Non
 def test_gates_are_plain_data() -> None:
     plain = json.loads(json.dumps(GOOD_RUN.to_dict()["gates"], allow_nan=False))
     assert [set(one) for one in plain] == [{"id", "figure", "limit", "unit", "passed", "text"}] * len(GATES)
+
+
+def test_rows_written_several_times_are_no_measurements() -> None:
+    """Twenty of each make the uncertainty smaller, and nothing else shows it; a few held samples do not matter."""
+    twenty = judged(**each_row(20))
+    assert twenty.metrics[0].headline.uncertainty < GOOD_RUN.metrics[0].headline.uncertainty
+    assert [one.id for one in twenty.gates if one.passed is False] == ["repeated_samples"]
+    found = of(twenty, "repeated_samples")
+    assert (found.figure, twenty.verdict) == (pytest.approx(95.0, abs=0.1), Verdict.NOT_DECIDABLE)
+    assert "cycle 1, rising branch" in found.text
+    assert of(GOOD_RUN, "repeated_samples").figure < 0.1
+    again = each_row(20)["trace"]
+    own_times = dataclasses.replace(again, t_s=np.arange(again.samples) * 5e-5)
+    assert of(judged(own_times), "repeated_samples").passed is False
+    unknown = analyse(own_times, KNOWN, WANTED, facts=FACTS)
+    assert "no noise of the sensors is declared" in of(unknown, "repeated_samples").text
 
 
 def test_a_bad_unit_still_fails() -> None:

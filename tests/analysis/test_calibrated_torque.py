@@ -13,6 +13,7 @@ from analysis import (
     Quadrants,
     TorqueLine,
     Trace,
+    Verdict,
     analyse,
     commanded_runs,
     fit_quadrants,
@@ -137,6 +138,18 @@ def test_stored_calibration_without_transition_masks_it() -> None:
     assert result.metrics[0].headline.value == pytest.approx(0.94, abs=0.05)
     assert result.metrics[1].headline.value == pytest.approx(104.70, rel=0.02)
     assert any("masked" in note and "masked, 0" not in note for note in result.notes)
+
+
+def test_a_loop_that_the_mask_cuts_open_has_no_area() -> None:
+    """Without the stretch after its reversals a loop loses a sixth of its area, which no uncertainty knew of."""
+    wanted = [MetricWanted("hysteresis_energy", max=430.0)]
+    masked = dataclasses.replace(METHOD, quadrants=dataclasses.replace(QUADRANTS, transition_rad=None, fits={}))
+    (whole,), result = analyse(TRACE, METHOD, wanted).metrics, analyse(TRACE, masked, wanted)
+    (cut,) = result.metrics
+    assert whole.headline.value == pytest.approx(449.0, rel=0.03)
+    assert (cut.headline.value, result.verdict) == (None, Verdict.NOT_DECIDABLE)
+    assert "the loop is cut open" in result.reasons[0]
+    assert "measure the torque at the output" in result.reasons[0]
 
 
 def test_one_line_for_the_whole_loop_reads_a_wrong_backlash() -> None:

@@ -184,6 +184,8 @@ class Validity(Section):
     locked_motion_fraction: Fraction = 0.02
     fixture_share_fraction: Fraction = 0.25
     loss_fraction: Fraction = 0.01
+    calibrated_turn_fraction: Fraction = 0.004
+    calibrated_gap_fraction: Fraction = 0.01
     torque_out_zero_fraction: Fraction = 0.005
     torque_lines_fraction: Fraction = 0.005
     drive_torque_agreement_fraction: Fraction = 0.1

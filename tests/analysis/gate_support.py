@@ -59,6 +59,8 @@ GOOD = dataclasses.replace(
 KNOWN = dataclasses.replace(METHOD, lags_s=LAGS)
 
 
+CONVERTED = dataclasses.replace(KNOWN, output_torque="calibrated")
+
 FIGURES = SensorFigures(torque_in=TorqueFigures(5.0), torque_out=TorqueFigures(1000.0))
 """Noise is declared: no two cycles are alike."""
 
@@ -192,6 +194,35 @@ def nearly_one_curve() -> dict[str, Any]:
     return changed(angle_in_rad=angle)
 
 
+def kept(trace: Trace, samples: np.ndarray) -> Trace:
+    """Only some samples of a trace."""
+    names = [name for name in (*CHANNELS, "segment") if getattr(trace, name) is not None]
+    return dataclasses.replace(trace, **{name: getattr(trace, name)[samples] for name in names})
+
+
+def calibrates(trace: Trace) -> np.ndarray:
+    """Say of each sample whether its segment calibrates."""
+    return np.isin(trace.segment, [index for index, info in trace.segments.items() if info.role == "calibrate"])
+
+
+def calibrated_to(peak_nm: float) -> dict[str, Any]:
+    """The good cycles after a calibration to another peak torque."""
+    other = bench_trace(P1, peak_nm, cycles=1, seed=5)
+    last = int(np.flatnonzero(calibrates(GOOD))[-1]) + 1
+    before, after = kept(other, np.arange(np.flatnonzero(calibrates(other))[-1] + 1)), kept(GOOD, np.s_[last:])
+    joined = {name: np.concatenate([getattr(before, name), getattr(after, name)])
+              for name in (*COMPARED, "segment")}  # fmt: skip
+    time = np.arange(joined["segment"].size) * float(GOOD.t_s[1])
+    return {"trace": dataclasses.replace(GOOD, t_s=time, temperature_c=None, drive_torque_nm=None, **joined),
+            "method": CONVERTED}  # fmt: skip
+
+
+def calibrated_without(torque_nm: float) -> dict[str, Any]:
+    """The calibration has no samples about zero."""
+    lost = calibrates(GOOD) & (np.abs(GOOD.torque_out_nm) < torque_nm)
+    return {"trace": kept(GOOD, ~lost), "method": CONVERTED}
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -227,6 +258,9 @@ BAD: dict[str, Bad] = {
         angle_in_rad=GOOD.angle_in_rad / 60.0, angle_out_rad=GOOD.angle_out_rad / 60.0
     ),
     "loss": nearly_one_curve,
+    "calibrated_turn": lambda: calibrated_to(500.0),
+    "calibrated_gap": lambda: calibrated_without(5.0),
+    "calibrated_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0) | {"method": CONVERTED},
     "torque_out_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0),
     "torque_lines": lambda: changed(torque_in_nm=GOOD.torque_in_nm + 0.1 * np.sin(3.0 * GOOD.torque_in_nm)),
     "drive_torque_agreement": lambda: both_torques(gain=1.25),
@@ -237,6 +271,11 @@ BAD: dict[str, Bad] = {
 
 
 GOOD_RUN = judged()
+
+GOOD_CONVERTED = judged(method=CONVERTED)
+
+OF_CONVERTED = ("calibrated_turn", "calibrated_gap", "calibrated_zero")
+"""Gates that look at how the torque was converted."""
 
 
 def of(result: Result, gate: str):

@@ -10,9 +10,11 @@ import pytest
 from gate_support import (
     BAD,
     FACTS,
+    GOOD_CONVERTED,
     GOOD_RUN,
     KNOWN,
     METHOD,
+    OF_CONVERTED,
     P1,
     WANTED,
     by_stored_lines,
@@ -44,11 +46,12 @@ def test_every_gate_has_something_that_makes_it_fail() -> None:
 
 @pytest.mark.parametrize("gate", GATES)
 def test_a_good_run_passes(gate: str) -> None:
-    found = of(GOOD_RUN, gate)
+    run = GOOD_CONVERTED if gate in OF_CONVERTED else GOOD_RUN
+    found = of(run, gate)
     assert found.passed is True, found
     assert found.figure is not None
     assert f"{found.limit:.3g}" in found.text
-    assert (GOOD_RUN.verdict, GOOD_RUN.reasons) == (Verdict.PASS, ())
+    assert (run.verdict, run.reasons) == (Verdict.PASS, ())
 
 
 @pytest.mark.parametrize("gate", GATES)
@@ -96,7 +99,8 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
         "copied_cycles", "repeated_samples", "lag", "ramp_rate",
         "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
         "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines",
-        "torque_out_zero",        "drive_torque_agreement", "drive_torque_gap", "locked_compliance",
+        "torque_out_zero", "calibrated_turn", "calibrated_gap", "calibrated_zero", "drive_torque_agreement",
+        "drive_torque_gap", "locked_compliance",
     }  # fmt: skip
     assert "one cycle" in why["drift"]
     assert "no time" in why["ramp_rate"]

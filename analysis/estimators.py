@@ -181,8 +181,7 @@ def hysteresis_energy(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
     if missing > OPEN * max(float(high - low) for low, high in ends):
         raise AnalysisError(
             f"the loop is cut open: {missing:.3g} N·m are missing in one branch after a reversal, and its area with "
-            "them; measure the torque at the output, or calibrate in the sequence so that friction after a reversal "
-            "is known"
+            "them; measure the torque at the output, or leave this metric out of the recipe"
         )
     return loop.energy_nm_arcmin
 

@@ -61,6 +61,7 @@ class StoredValue:
     value: float
     virtual: bool
     operator: str = ""
+    faults: bool = False
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,8 @@ class StoredValues:
         """Return what a reader must know of the runs behind the figures."""
         virtual = sum(one.virtual for one in self.values)
         notes = [f"VIRTUAL: {virtual} of {len(self.values)} runs are of the virtual bench"] if virtual else []
+        faults = sum(one.faults for one in self.values)
+        notes += [f"FAULTS INJECTED: in {faults} of {len(self.values)} runs"] if faults else []
         return notes + [f"left out: {count} {reason}" for reason, count in self.left_out.items()]
 
     def head(self) -> dict[str, Any]:
@@ -92,6 +95,7 @@ class StoredValues:
             "runs": [one.run.id for one in self.values],
             "left_out": dict(self.left_out),
             "virtual_runs": sum(one.virtual for one in self.values),
+            "runs_with_faults": sum(one.faults for one in self.values),
         }
 
 
@@ -143,7 +147,8 @@ def _read(run: RunRecord, ask: Ask, left_out: Counter[str]) -> tuple[StoredValue
         started = datetime.fromisoformat(manifest["started"])
         bench = str((result.get("bench") or {}).get("name", ""))
         who, virtual = str(manifest.get("operator") or ""), bool(virtual_badges(result))
-        return StoredValue(run, manifest["serial"], started, bench, value, virtual, who), metric
+        faults = bool(manifest.get("scenario"))
+        return StoredValue(run, manifest["serial"], started, bench, value, virtual, who, faults), metric
     except (RecordError, KeyError, TypeError, ValueError, AttributeError):
         left_out["damaged"] += 1
         return None

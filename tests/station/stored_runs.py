@@ -33,11 +33,13 @@ def store_run(
     state: str = "complete",
     recipe: str = "inverse",
     operator: str | None = None,
+    scenario: str | None = None,
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start."""
     manifest: dict[str, Any] = {"bench": {"name": "b", "sha256": ""}, "unit": {"model": "RV", "virtual": None}}
     manifest |= {"recipe": {"name": recipe, "revision": 1, "sha256": ""}, "clock": "real", "verdict": None}
     manifest |= {} if operator is None else {"operator": operator}
+    manifest |= {} if scenario is None else {"scenario": scenario}
     run = Store(data).create(serial, manifest, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
     run.samples.touch()
     sha = {part: fingerprint(run.folder / f"{part}.yaml")["sha256"] for part in ("recipe", "bench")}

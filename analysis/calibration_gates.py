@@ -85,8 +85,8 @@ def calibrated_zero(found: Measured) -> Reading | str:
 
 def _of_this_run(found: Measured) -> Quadrants | str:
     """Return the quadrants that convert, where they were measured in this run."""
-    quadrants = found.quadrants
-    if not converts(found.trace, found.method) or not isinstance(quadrants, Quadrants) or not quadrants.fits:
+    quadrants, method = found.quadrants, found.method
+    if not converts(found.trace, method) or method.quadrants is not None or not isinstance(quadrants, Quadrants):
         return NOT_CONVERTED
     return quadrants
 

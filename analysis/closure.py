@@ -6,35 +6,22 @@ from collections.abc import Sequence
 
 from analysis.branches import Blocks, Branch
 from analysis.loop import Loop
+from analysis.measured import Measured
 from analysis.samples import BranchSamples
 
 END_SHARE = 50
 """The slope at the end of a branch is read over a fiftieth of its blocks."""
 
 
-def closure_gaps_arcmin(
-    pairs: Sequence[tuple[BranchSamples, BranchSamples]], blocks: Sequence[Blocks]
-) -> list[float] | None:
-    """Return the gap of each cycle [arcmin, not negative]; None where the torque after a reversal is masked.
-
-    pairs: rising and falling branch of each cycle; blocks: the same branches in turn, in order of time.
-    """
-    found = _signed_gaps(pairs, blocks)
-    return None if found is None else [abs(gap) for gap, _ in found]
+def closure_gaps_arcmin(found: Measured) -> list[float]:
+    """Return the gap of each cycle [arcmin, not negative]."""
+    return [abs(gap) for gap, _ in _signed_gaps(found)]
 
 
-def closed_loops(
-    loops: Sequence[Loop], pairs: Sequence[tuple[BranchSamples, BranchSamples]], blocks: Sequence[Blocks]
-) -> list[Loop] | None:
-    """Return each cycle as it would be if its whole gap had been a slip at the turn: its later branch moved back.
-
-    loops, pairs, blocks: of the same cycles. None where the torque after a reversal is masked.
-    """
-    found = _signed_gaps(pairs, blocks)
-    if found is None:
-        return None
+def closed_loops(found: Measured) -> list[Loop]:
+    """Return each cycle as it would be if its whole gap had been a slip at the turn: its later branch moved back."""
     closed = []
-    for loop, (gap, rising_first) in zip(loops, found, strict=True):
+    for loop, (gap, rising_first) in zip(found.loops, _signed_gaps(found), strict=True):
         later = loop.backward if rising_first else loop.forward
         moved = Branch(later.torque_nm, later.angle_arcmin + gap)
         closed.append(
@@ -43,33 +30,55 @@ def closed_loops(
     return closed
 
 
-def _signed_gaps(
-    pairs: Sequence[tuple[BranchSamples, BranchSamples]], blocks: Sequence[Blocks]
-) -> list[tuple[float, bool]] | None:
+def _signed_gaps(found: Measured) -> list[tuple[float, bool]]:
     """Gap of each cycle: what its later branch lacks [arcmin], and whether the rising one came first."""
     gaps = []
-    for number, pair in enumerate(pairs):
-        both = blocks[2 * number : 2 * number + 2]
+    for pair, blocks in _cycles(found):
         rising_first = pair[0].run.pieces[0].start < pair[1].run.pieces[0].start
-        if pair[0 if rising_first else 1].masked:
-            return None
-        leaving, arriving = both if rising_first else both[::-1]
+        first, last = (0, 1) if rising_first else (1, 0)
+        leaving, arriving = blocks[first], blocks[last]
         reach = max(1, arriving.torque_nm.size // END_SHARE)
         way = float(arriving.torque_nm[-1] - arriving.torque_nm[-1 - reach])
         slope = float(arriving.angle_arcmin[-1] - arriving.angle_arcmin[-1 - reach]) / way if way else 0.0
-        between = slope * float(leaving.torque_nm[0] - arriving.torque_nm[-1])
-        gaps.append((float(leaving.angle_arcmin[0] - arriving.angle_arcmin[-1]) - between, rising_first))
+        between = slope * _jump_nm(found, (pair[first], leaving), (pair[last], arriving))
+        gaps.append((_first(pair[first], leaving) - float(arriving.angle_arcmin[-1]) - between, rising_first))
     return gaps
 
 
-def widest_jump_nm(blocks: Sequence[Blocks]) -> float:
+def _cycles(found: Measured) -> list[tuple[tuple[BranchSamples, BranchSamples], Sequence[Blocks]]]:
+    """Rising and falling branch of each cycle, and their blocks."""
+    return [(pair, found.blocks[2 * number : 2 * number + 2]) for number, pair in enumerate(found.pairs)]
+
+
+def _first(samples: BranchSamples, blocks: Blocks) -> float:
+    """Wind-up at the turn that a branch leaves [arcmin]: its first block, masked or not."""
+    if not samples.masked:
+        return float(blocks.angle_arcmin[0])
+    return float(samples.cut.windup_arcmin[: int(blocks.counts[0])].mean())
+
+
+def _jump_nm(found: Measured, leaving: tuple[BranchSamples, Blocks], arriving: tuple[BranchSamples, Blocks]) -> float:
+    """Torque at the start of a branch less that at the end of the other one of its cycle [N·m].
+
+    Where the start is masked it is that of the output as measured, for the torque may creep while the input stands;
+    without one, it is that of the line before the turn, which still holds there.
+    """
+    (samples, blocks), (other, end) = leaving, arriving
+    if not samples.masked:
+        return float(blocks.torque_nm[0] - end.torque_nm[-1])
+    output, first, last = found.trace.torque_out_nm, int(blocks.counts[0]), int(end.counts[-1])
+    if output is None:
+        return float(samples.cut.turn_nm[:first].mean() - end.torque_nm[-1])
+    return float(samples.run.take(output)[:first].mean() - other.run.take(output)[-last:].mean())
+
+
+def widest_jump_nm(found: Measured) -> float:
     """Return the largest torque between the end of a branch and the start of the other one of its cycle [N·m].
 
-    blocks: rising and falling branch of each cycle in turn. What lies in such a jump is not in the trace.
+    What lies in such a jump is not in the trace.
     """
-    pairs = zip(blocks[::2], blocks[1::2], strict=True)
-    jumps = [
-        min(abs(float(one.torque_nm[0] - other.torque_nm[-1])) for one, other in ((rising, falling), (falling, rising)))
-        for rising, falling in pairs
-    ]
+    jumps = []
+    for pair, blocks in _cycles(found):
+        rising, falling = zip(pair, blocks, strict=True)
+        jumps.append(min(abs(_jump_nm(found, *turn)) for turn in ((rising, falling), (falling, rising))))
     return max(jumps)

@@ -37,10 +37,8 @@ def wrong_way(found: Measured) -> Reading | str:
 @of_measured
 def loop_closure(found: Measured) -> Reading | str:
     """Wind-up between start and end of a cycle at the same torque, % of the wind-up of the loop."""
-    gaps = closure_gaps_arcmin(found.pairs, found.blocks)
-    if gaps is None:
-        return "the torque after a reversal is masked: the cycle has no start to compare"
-    jump = widest_jump_nm(found.blocks)
+    gaps = closure_gaps_arcmin(found)
+    jump = widest_jump_nm(found)
     words = (
         f"the branches do not meet: {jump:.3g} N·m are missing in the trace after a reversal, and across them nothing "
         "says whether the loop closes"
@@ -94,6 +92,25 @@ def copied_cycles(evidence: Evidence) -> Reading | str:
             share = _alike(one, other)
             if share > worst:
                 worst, where = share, f"cycles {first} and {second} are copies of each other, sample by sample"
+    return Reading(100.0 * worst, where)
+
+
+def repeated_samples(evidence: Evidence) -> Reading | str:
+    """Largest share of a branch's samples that are bit by bit the one before, %.
+
+    A sample that was written twice is no second measurement, and the uncertainty would count it as one.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if not evidence.noise_declared:
+        return "no noise of the sensors is declared: without noise samples may be alike"
+    worst, where = 0.0, ""
+    for one in (one for pair in found.pairs for one in pair):
+        values = _as_measured(found, one.run)
+        share = float((values[1:] == values[:-1]).all(axis=1).mean())
+        if share > worst:
+            worst, where = share, f"{one.where}: samples are the ones before, written once more"
     return Reading(100.0 * worst, where)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -85,9 +85,7 @@ def _without(pairs: Pairs, rate: float) -> Pairs:
     middle = (min(float(t[0]) for t in times) + max(float(t[-1]) for t in times)) / 2.0
 
     def corrected(one: BranchSamples) -> BranchSamples:
-        if one.t_s is None:
-            return one
-        return replace(one, windup_arcmin=one.windup_arcmin - rate * (one.t_s - middle))
+        return one.moved(lambda some: np.zeros(1) if some.t_s is None else rate * (some.t_s - middle))
 
     return [(corrected(rising), corrected(falling)) for rising, falling in pairs]
 

@@ -20,6 +20,9 @@ from analysis.segment_stiffness import three_segments
 LSQ_BAND = (0.2, 0.8)
 """Band of the least squares and the two-point stiffness, of the reference torque ("stiffness characterization", 4)."""
 
+OPEN = 0.02
+"""Share of a branch's torque by which the two may end apart: a turn that creeps opens it by less, a mask by more."""
+
 LSQ_POINTS = 200
 """Torques, equally spaced, of the least squares stiffness."""
 
@@ -172,7 +175,14 @@ def windup(loop: Loop, ask: Ask) -> float:
 
 
 def hysteresis_energy(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
-    """Area of the whole loop, N·m·arcmin."""
+    """Area of the whole loop, N·m·arcmin; AnalysisError where the loop is cut open at a turn."""
+    ends = [(branch.torque_nm[0], branch.torque_nm[-1]) for branch in (loop.forward, loop.backward)]
+    missing = max(abs(float(one - other)) for one, other in zip(*ends, strict=True))
+    if missing > OPEN * max(float(high - low) for low, high in ends):
+        raise AnalysisError(
+            f"the loop is cut open: {missing:.3g} N·m are missing in one branch after a reversal, and its area with "
+            "them; measure the torque at the output, or leave this metric out of the recipe"
+        )
     return loop.energy_nm_arcmin
 
 

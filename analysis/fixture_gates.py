@@ -45,8 +45,6 @@ def locked_motion(found: Measured) -> Reading | str:
     if found.angles != "both":
         return "not measured: the angle of the locked shaft is not in the trace"
     torque, angle = _locked(found)
-    if not torque.size:
-        return "the torque after a reversal is masked: the locked shaft has no torque to compare"
     offset, slope = np.polynomial.polynomial.polyfit(torque, angle, 1)
     slope = max(float(slope), 0.0)
     stiffness = found.method.fixture_stiffness_nm_per_arcmin
@@ -67,7 +65,7 @@ def locked_compliance(found: Measured) -> Reading | str:
     if stiffness is None or found.method.loading == "output":
         return "not measured: nothing is declared of how far the locked shaft gives way"
     torque, angle = _locked(found)
-    if found.angles != "both" or not torque.size:
+    if found.angles != "both":
         return "not measured: there is no angle of the locked shaft with its torque"
     expected = float(np.ptp(torque)) / stiffness
     (slope, _), covariance = np.polyfit(torque, angle, 1, cov=True)
@@ -89,9 +87,9 @@ def _locked(found: Measured) -> tuple[FloatArray, FloatArray]:
     scale = ARCMIN_PER_RAD if by_input else ARCMIN_PER_RAD / found.method.ratio
     torques, angles = [np.empty(0)], [np.empty(0)]
     for one in (one for pair in found.pairs for one in pair):
-        if locked is None or one.masked:
+        if locked is None:
             continue
-        angle = scale * one.run.take(locked)
+        angle = scale * one.run.take(locked)[one.masked :]
         edges = np.linspace(0, angle.size, min(BLOCKS, angle.size), endpoint=False).astype(np.int64)
         counts = np.diff(np.append(edges, angle.size))
         torques.append(np.add.reduceat(one.torque_nm, edges) / counts)

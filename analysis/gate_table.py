@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from analysis import cycle_gates, drive_gates, fixture_gates, loop_gates, record_gates, torque_gates
+from analysis import calibration_gates, cycle_gates, drive_gates, fixture_gates, loop_gates, record_gates, torque_gates
 from analysis import gate_figures as figures
 from analysis.reading import Figure
 
@@ -103,6 +103,11 @@ GATES: dict[str, Gate] = {
         "cycles are copies of each other", "measure again: a copy has no scatter, and shows nothing of how sure the "
         "values are", configurable=False,
     ),
+    "repeated_samples": _row(
+        "samples of a branch that are bit by bit the one before in torques and angles, where noise is declared",
+        "%", 20.0, cycle_gates.repeated_samples,
+        "samples are written more than once", "record each sample once, not faster than the amplifier gives them",
+    ),
     "lag": _row(
         "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",
         "%", 1.0, figures.lag,
@@ -184,6 +189,32 @@ GATES: dict[str, Gate] = {
         loop_gates.loss,
         "the loop loses less than the friction of a reducer: rising and falling branch are nearly one curve",
         "check that both branches were measured, and the lag of torque against angle", least=True,
+    ),
+    "calibrated_turn": _row(
+        "deviation of the input torque at the turns of the cycles from that at the turns of the calibration, where it "
+        "converts the torque",
+        "%", 0.4, calibration_gates.calibrated_turn,
+        "cycles and calibration turn at different torques", "calibrate to the peak torque of the cycles",
+    ),
+    "calibrated_gap": _row(
+        "largest torque without a sample in a branch of the calibration, of the reference torque, where it converts "
+        "the torque",
+        "%", 1.0, calibration_gates.calibrated_gap,
+        "the calibration has a gap", "calibrate again, slower or with a higher sampling rate",
+    ),
+    "calibrated_zero": _row(
+        "output torque at which the calibration finds no load, of the largest that is sought, where it converts the "
+        "torque",
+        "%", 95.0, calibration_gates.calibrated_zero,
+        "the zero of the output torque was not found",
+        "tare the output torque sensor at rest and without load, and calibrate again", configurable=False,
+    ),
+    "torque_out_zero": _row(
+        "output torque at which the lines of loading and unloading meet, beyond the declared zero of its sensor "
+        "(tared_zero), of the reference torque",
+        "%", 0.5, torque_gates.torque_out_zero,
+        "the output torque sensor does not read zero where no torque is",
+        "tare it at rest and without load, and check its zero; then measure again",
     ),
     "torque_lines": _row(
         "what a straight line of T_out over T_in leaves of the loading branches (rms), of the reference torque", "%",

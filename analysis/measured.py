@@ -58,10 +58,12 @@ class RunFacts:
 class Evidence:
     """All that validity gates look at; `measured` is None when the trace could not be evaluated at all.
 
-    noise_declared: a bench is known whose sensors have noise.
+    noise_declared: a bench is known whose sensors have noise. torque_out_zero_nm: limit that is declared of the zero of
+    the output torque [N·m]; 0 where nothing is.
     """
 
     measured: Measured | None
     facts: RunFacts | None = None
     objections: tuple[str, ...] = ()
     noise_declared: bool = False
+    torque_out_zero_nm: float = 0.0

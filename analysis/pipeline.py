@@ -104,10 +104,11 @@ def analyse(
     with np.errstate(all="ignore"):
         found = measure(trace, method, with_ratio=any(row.estimate is None for row in rows))
         noisy = figures is not None and figures.noisy
-        gates = judge_gates(Evidence(found, facts, tuple(invalid), noisy), method.gate_limits)
+        zero_nm = 0.0 if figures is None else figures.torque_out_zero_nm
+        gates = judge_gates(Evidence(found, facts, tuple(invalid), noisy, zero_nm), method.gate_limits)
         problems = gate_reasons(gates, tuple(invalid))
         errors, stage = measurement_of(found, figures, draws)
-        closed = closed_loops(found.loops, found.pairs, found.blocks)
+        closed = closed_loops(found)
         metrics = tuple(
             evaluate(
                 one, found.loops, found.quadrants, method, rule,

@@ -4,25 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from analysis.errors import AnalysisError
 from analysis.method import Method
 from analysis.quadrant_fit import fit_quadrants
-from analysis.quadrants import Quadrants, output_torque
+from analysis.quadrants import Quadrants, output_torque, turn_lines
 from analysis.runs import Run, paired_cycles
 from analysis.stages import Figure, StageRecord
 from analysis.trace import Trace
 from analysis.turning import converts
-from analysis.units import BoolArray, FloatArray
+from analysis.units import FloatArray
+
+
+class Cut(NamedTuple):
+    """Masked samples: torque by the line before the turn, which still holds at the turn itself, wind-up and time."""
+
+    turn_nm: FloatArray
+    windup_arcmin: FloatArray
+    t_s: FloatArray | None
+
+
+NOTHING_CUT = Cut(np.empty(0), np.empty(0), None)
 
 
 @dataclass(frozen=True)
 class BranchSamples:
     """One branch of one cycle in order of time: torque [N·m], wind-up [arcmin], time [s] or None.
 
-    where: words that name the branch in messages. masked: samples that the torque ratio could not convert.
+    where: words that name the branch in messages. masked: samples that the torque ratio could not convert; they are the
+    first ones, and `cut` has what is known of them.
     """
 
     run: Run
@@ -32,19 +45,26 @@ class BranchSamples:
     t_s: FloatArray | None
     where: str
     masked: int = 0
+    cut: Cut = NOTHING_CUT
 
     def moved(self, change: Callable[[BranchSamples], FloatArray]) -> BranchSamples:
         """Return these samples with something subtracted from the wind-up."""
-        return replace(self, windup_arcmin=self.windup_arcmin - change(self))
+        cut = self.cut
+        if self.masked:
+            of_cut = replace(self, torque_nm=cut.turn_nm, windup_arcmin=cut.windup_arcmin, t_s=cut.t_s)
+            cut = cut._replace(windup_arcmin=cut.windup_arcmin - change(of_cut))
+        return replace(self, windup_arcmin=self.windup_arcmin - change(self), cut=cut)
 
-    def only(self, valid: BoolArray) -> BranchSamples:
-        """Return the samples that count."""
+    def without(self, masked: int, turn_nm: FloatArray) -> BranchSamples:
+        """Return the samples after the masked ones; turn_nm: torque of these by the line before the turn."""
+        time = self.t_s
         return replace(
             self,
-            torque_nm=self.torque_nm[valid],
-            windup_arcmin=self.windup_arcmin[valid],
-            t_s=None if self.t_s is None else self.t_s[valid],
-            masked=int(np.count_nonzero(~valid)),
+            torque_nm=self.torque_nm[masked:],
+            windup_arcmin=self.windup_arcmin[masked:],
+            t_s=None if time is None else time[masked:],
+            masked=masked,
+            cut=Cut(turn_nm, self.windup_arcmin[:masked], None if time is None else time[:masked]),
         )
 
 
@@ -74,12 +94,12 @@ def branch_samples(
     for cycle, (rising, falling) in enumerate(paired_cycles(runs), start=1):
         taken = []
         for run in (rising, falling):
-            torque, valid = _branch_torque(trace, method, run, quadrants)
+            torque, masked, turn_nm = _branch_torque(trace, method, run, quadrants)
             side = "rising" if run.direction > 0 else "falling"
             where = f"{trace.source}: cycle {cycle}, {side} branch (from row {run.first_row})"
             time = None if trace.t_s is None else run.take(trace.t_s)
             one = BranchSamples(run, cycle, torque, run.take(windup), time, where)
-            taken.append(one if valid is None else one.only(valid))
+            taken.append(one.without(masked, turn_nm))
         pairs.append((taken[0], taken[1]))
     return pairs
 
@@ -128,12 +148,15 @@ def _ratio_figures(quadrants: Quadrants | AnalysisError) -> dict[str, Figure]:
 
 def _branch_torque(
     trace: Trace, method: Method, run: Run, quadrants: Quadrants | AnalysisError
-) -> tuple[FloatArray, BoolArray | None]:
-    """Output torque of a run, and which of its samples count (None: all)."""
+) -> tuple[FloatArray, int, FloatArray]:
+    """Output torque of a run; how many of its first samples do not count, and their torque by the line before."""
     if not converts(trace, method):
-        return run.take(trace.channel("torque_out_nm", "the torque at the output")), None
+        return run.take(trace.channel("torque_out_nm", "the torque at the output")), 0, np.empty(0)
     torque_in = run.take(trace.channel("torque_in_nm", "the output torque by calibration"))
     if isinstance(quadrants, AnalysisError):
         raise quadrants
     angle = None if trace.angle_in_rad is None else run.take(trace.angle_in_rad)
-    return output_torque(quadrants, torque_in, run.direction, angle)
+    torque, valid = output_torque(quadrants, torque_in, run.direction, angle)
+    masked = int(np.count_nonzero(~valid))
+    before, _ = turn_lines(quadrants, run.direction)
+    return torque, masked, before.offset_nm + before.slope * torque_in[:masked]

@@ -27,10 +27,10 @@ def angle_stands(found: Measured) -> float:
     worst = 0.0
     sides = [one for pair in found.pairs for one in pair]
     for one, some in zip(sides, found.blocks, strict=True):
-        if loaded is None or one.masked or len(one.run.pieces) > 1:
+        if loaded is None or len(one.run.pieces) > 1:
             continue
         loading = one.run.direction * one.torque_nm > 0.0
-        torque, angle = one.torque_nm[loading], one.run.take(loaded)[loading]
+        torque, angle = one.torque_nm[loading], one.run.take(loaded)[one.masked :][loading]
         if not torque.size:
             continue
         starts = np.concatenate(([0], np.flatnonzero(angle[1:] != angle[:-1]) + 1))

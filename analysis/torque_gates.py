@@ -10,10 +10,10 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.errors import AnalysisError
-from analysis.measured import Measured
+from analysis.measured import Evidence, Measured
 from analysis.quadrant_fit import fit_lines
-from analysis.reading import Reading, of_measured
-from analysis.torque_lines import slopes_of
+from analysis.reading import NOT_EVALUATED, Reading, of_measured
+from analysis.torque_lines import lines_of
 
 LINE_SHOWN = ("load_positive", "load_negative")
 """Lines whose residual is looked at: an unloading branch begins in the transition after its turn, which is no line."""
@@ -58,25 +58,46 @@ def efficiency_high(found: Measured) -> Reading | str:
 def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Reading | str:
     if found.method.loading == "output":
         return "the input is locked: what arrives there says nothing of the efficiency"
-    slopes = slopes_of(found)
-    if isinstance(slopes, str):
-        return slopes
-    ratio, slope = found.method.ratio, side(slopes.loading())
+    lines = lines_of(found)
+    if isinstance(lines, str):
+        return lines
+    ratio, slope = found.method.ratio, side(lines.loading())
     share = 100.0 * slope / ratio
-    words = f"{slopes.where} rise by {slope:.4g}, which is an efficiency of {share:.3g} % for the ratio of {ratio:g}"
+    words = f"{lines.where} rise by {slope:.4g}, which is an efficiency of {share:.3g} % for the ratio of {ratio:g}"
     return Reading(share, words)
 
 
 @of_measured
 def ratio_agreement(found: Measured) -> Reading | str:
     """How far the ratio that the torques show is from the recipe's, %; the worse side."""
-    slopes = slopes_of(found)
-    if isinstance(slopes, str):
-        return slopes
+    lines = lines_of(found)
+    if isinstance(lines, str):
+        return lines
     ratio = found.method.ratio
-    shown = max(slopes.ratios(), key=lambda one: abs(one / ratio - 1.0))
-    words = f"{slopes.where} show a ratio of {shown:.4g}, where the recipe has {ratio:g}"
+    shown = max(lines.ratios(), key=lambda one: abs(one / ratio - 1.0))
+    words = f"{lines.where} show a ratio of {shown:.4g}, where the recipe has {ratio:g}"
     return Reading(100.0 * abs(shown / ratio - 1.0), words)
+
+
+def torque_out_zero(evidence: Evidence) -> Reading | str:
+    """What the output sensor reads where no torque is, beyond the zero that is declared of it, % of the reference."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if found.method.loading == "output":
+        return "not measured: at a locked input the torque lines meet at the friction, not at zero torque"
+    lines = lines_of(found)
+    if isinstance(lines, str):
+        return lines
+    zero_nm = lines.zero_nm()
+    if zero_nm is None:
+        return "not measured: loading and unloading have nearly the same line, and meet nowhere definite"
+    words = (
+        f"{lines.where} meet where the output torque reads {zero_nm:+.3g} N·m, and {evidence.torque_out_zero_nm:.2g} "
+        "N·m are declared of its zero"
+    )
+    beyond_nm = max(0.0, abs(zero_nm) - evidence.torque_out_zero_nm)
+    return Reading(100.0 * beyond_nm / found.method.reference_nm, words)
 
 
 @of_measured

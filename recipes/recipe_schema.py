@@ -169,6 +169,7 @@ class Validity(Section):
     loop_closure_fraction: Fraction = 0.02
     drift_fraction: Fraction = 0.01
     repeat_fraction: Fraction = 0.02
+    repeated_samples_fraction: Fraction = 0.2
     lag_fraction: Fraction = 0.01
     ramp_rate_fraction: Fraction = 0.5
     points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3
@@ -183,6 +184,9 @@ class Validity(Section):
     locked_motion_fraction: Fraction = 0.02
     fixture_share_fraction: Fraction = 0.25
     loss_fraction: Fraction = 0.01
+    calibrated_turn_fraction: Fraction = 0.004
+    calibrated_gap_fraction: Fraction = 0.01
+    torque_out_zero_fraction: Fraction = 0.005
     torque_lines_fraction: Fraction = 0.005
     drive_torque_agreement_fraction: Fraction = 0.1
     drive_torque_gap_fraction: Fraction = 0.01

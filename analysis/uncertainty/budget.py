@@ -32,10 +32,17 @@ COVERAGE_FACTOR = 2.0
 SMOOTH_POINTS = 400
 """Points per branch, about, of the loop that errors are tried on."""
 
+MASKED_AGAIN = 0.5
+"""Share of a masked stretch that is left out besides, to see what a fit that continues a branch owes to it.
+
+On the virtual units that moves the spring constant and the wind-up by 1.4 to 1.6 times what the mask itself did.
+"""
+
 STUDENT = "Student's t"
 NOISE = ("noise", "noise of the sensors, mean of the cycles", "normal")
 SCATTER = ("repeatability", "scatter between cycles beyond the noise, enlarged for few cycles (Student)", STUDENT)
 TRANSFER = ("transfer", "friction about zero torque and after reversals that the calibration leaves over")
+MASKED = ("masked", "stretch after a reversal that is masked, which a fit continues", "rectangular")
 ONLY_SCATTER = ("repeatability", "scatter between cycles, enlarged for few cycles (Student)", STUDENT)
 
 Estimate = Callable[[Loop], float]
@@ -156,6 +163,21 @@ def _smoothed(branch: Branch) -> Branch:
     return Branch(torque, angle)
 
 
+def _shorter(loop: Loop, masked_nm: tuple[float, float]) -> Loop | None:
+    """Return a loop of which more is masked, by `MASKED_AGAIN`; None where nothing is."""
+    below, above = (MASKED_AGAIN * masked for masked in masked_nm)
+    if not below + above > 0.0:
+        return None
+    rising, falling = loop.forward, loop.backward
+    kept = rising.torque_nm >= rising.torque_nm[0] + below
+    left = falling.torque_nm <= falling.torque_nm[-1] - above
+    return Loop(
+        Branch(rising.torque_nm[kept], rising.angle_arcmin[kept]),
+        Branch(falling.torque_nm[left], falling.angle_arcmin[left]),
+        loop.method,
+    )
+
+
 class LoopUncertainty:
     """Uncertainty of whatever is read from the loops of one measurement. Perturbed loops are made once, for all."""
 
@@ -164,14 +186,15 @@ class LoopUncertainty:
         self.used = used_sources(self.smooth, circumstances, figures)
         self._pairs = [[(move.applied(self.smooth, one.scale), move.applied(self.smooth, -one.scale))
                         for move in one.moves] for one in self.used]  # fmt: skip
+        self._shorter = _shorter(self.smooth, circumstances.masked_nm)
         self._noisy = noisy_loops(loop, circumstances, figures)
         drawn = [Drawn(one.distribution, one.limit, one.moves) for one in self.used]
         self._drawn = drawn_loops(self.smooth, drawn, draws) if draws else []
 
     def budget(self, estimate: Estimate, values: Sequence[float], unit: str) -> Budget:
         """Return the budget of a metric whose values per cycle are given; AnalysisError where a moved loop has none."""
-        entries = []
         base = estimate(self.smooth)
+        entries = self._of_masked(estimate, base, unit)
         for one, pairs in zip(self.used, self._pairs, strict=True):
             changes = [_change(base, estimate(high), estimate(low)) for high, low in pairs]
             # one component keeps its sign; of several with unknown phase only the size means something
@@ -192,6 +215,16 @@ class LoopUncertainty:
             freedom=cycles - 1,
         )
         return replace(found, monte_carlo=drawn)
+
+    def _of_masked(self, estimate: Estimate, base: float, unit: str) -> list[Entry]:
+        """Return what a metric owes to the masked stretch: at most what half as much again of it would change."""
+        if self._shorter is None:
+            return []
+        try:
+            u = abs(estimate(self._shorter) - base) / math.sqrt(3.0)
+        except AnalysisError:
+            return []  # it reads a branch where it was measured, and continues none
+        return [Entry(*MASKED, u, unit, u)] if u else []
 
     def noise(self, estimate: Estimate) -> float:
         """Return the standard deviation of one cycle's value by the noise of the sensors."""

@@ -59,7 +59,8 @@ class Circumstances:
     """Method, branches in time of the first cycle, encoders in the wind-up, and whether the fixture was corrected.
 
     unseen_drift_arcmin_per_min: largest drift that the gap of the loop allows where no second cycle shows it; 0 where
-    one does, or where there is no gap to read.
+    one does, or where there is no gap to read. masked_nm: torque that is masked after the negative turn, where the
+    rising branch begins, and after the positive one.
     """
 
     method: Method
@@ -71,6 +72,7 @@ class Circumstances:
     converted: bool
     quadrants: Quadrants | None
     unseen_drift_arcmin_per_min: float = 0.0
+    masked_nm: tuple[float, float] = (0.0, 0.0)
 
     @property
     def lines_of_this_run(self) -> bool:
@@ -150,7 +152,13 @@ def circumstances_of(found: Measured) -> Circumstances:
         converted=converts(trace, method) and isinstance(found.quadrants, Quadrants),
         quadrants=found.quadrants if isinstance(found.quadrants, Quadrants) else None,
         unseen_drift_arcmin_per_min=_unseen_drift(found),
+        masked_nm=(_masked_nm(found.pairs[0][0]), _masked_nm(found.pairs[0][1])),
     )
+
+
+def _masked_nm(samples: BranchSamples) -> float:
+    """Torque from the turn that a branch begins at to its first sample that counts."""
+    return abs(float(samples.cut.turn_nm[0] - samples.torque_nm[0])) if samples.masked else 0.0
 
 
 def _unseen_drift(found: Measured) -> float:
@@ -158,9 +166,9 @@ def _unseen_drift(found: Measured) -> float:
     times = [one.t_s for one in found.pairs[0] if one.t_s is not None]
     if found.drift.per_cycle_arcmin is not None or len(times) < len(found.pairs[0]):
         return 0.0
-    gaps = closure_gaps_arcmin(found.pairs, found.blocks)
+    gaps = closure_gaps_arcmin(found)
     minutes = (max(float(one[-1]) for one in times) - min(float(one[0]) for one in times)) / 60.0
-    return max(gaps) / minutes if gaps and minutes > 0.0 else 0.0
+    return max(gaps) / minutes if minutes > 0.0 else 0.0
 
 
 def _stretch(samples: BranchSamples) -> Stretch:

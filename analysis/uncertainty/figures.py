@@ -115,6 +115,11 @@ class SensorFigures:
         angles = (one.noise_rad for one in (self.angle_in, self.angle_out) if one is not None)
         return any(noise > 0.0 for noise in (*torques, *angles))
 
+    @property
+    def torque_out_zero_nm(self) -> float:
+        """Limit of what the tare leaves of the zero of the output torque, N·m; 0 without that sensor."""
+        return 0.0 if self.torque_out is None else self.torque_out.zero_fraction * self.torque_out.full_scale_nm
+
 
 def _numbers(figures: object) -> dict[str, float]:
     return {name: value for name, value in vars(figures).items() if isinstance(value, int | float)}

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from analysis import (
     Method,
     MetricWanted,
+    Quadrants,
     Result,
     RunFacts,
     SensorFigures,
@@ -21,6 +22,8 @@ from analysis import (
     analyse,
 )
 from analysis.cycle_gates import COMPARED
+from analysis.quadrants import QUADRANTS
+from analysis.trace import CHANNELS
 
 P1 = ReferenceUnit()
 
@@ -55,6 +58,8 @@ GOOD = dataclasses.replace(
 
 KNOWN = dataclasses.replace(METHOD, lags_s=LAGS)
 
+
+CONVERTED = dataclasses.replace(KNOWN, output_torque="calibrated")
 
 FIGURES = SensorFigures(torque_in=TorqueFigures(5.0), torque_out=TorqueFigures(1000.0))
 """Noise is declared: no two cycles are alike."""
@@ -103,10 +108,32 @@ def copied_cycle(after: int = 1) -> dict[str, Any]:
     return changed(**channels)
 
 
+def each_row(times: int) -> dict[str, Any]:
+    """Every row of the record written so many times."""
+    rows = np.repeat(np.arange(GOOD.samples), times)
+    names = (*CHANNELS, "segment")
+    return {"trace": dataclasses.replace(GOOD, **{name: getattr(GOOD, name)[rows] for name in names})}
+
+
 def uneven_ramp() -> dict[str, Any]:
     """Every second stretch of the way is run ten times as slowly."""
     step = np.where((np.arange(GOOD.samples) // 700) % 2, 1e-3, 1e-2)
     return changed(t_s=np.cumsum(step))
+
+
+def rising_cycles_off(arcmin: float) -> Trace:
+    """The lock slips at each lower turn of the cycles and goes back at each upper one: the loop is narrower by that."""
+    rising = [index for index, info in GOOD.segments.items() if info.role == "measure" and info.direction > 0]
+    slip = np.isin(GOOD.segment, rising) * arcmin * ARC * RATIO
+    return dataclasses.replace(GOOD, angle_in_rad=GOOD.angle_in_rad + slip)
+
+
+def by_stored_lines(trace: Trace) -> Result:
+    """Judge a trace with its torque converted by lines without a transition: masked after each reversal."""
+    lines = analyse(GOOD, dataclasses.replace(KNOWN, output_torque="calibrated"), WANTED).quadrants
+    stored = Quadrants(*(getattr(lines, name) for name in QUADRANTS))
+    method = dataclasses.replace(KNOWN, output_torque="calibrated", quadrants=stored)
+    return analyse(trace, method, WANTED, facts=FACTS, figures=FIGURES)
 
 
 def sparse() -> dict[str, Any]:
@@ -167,6 +194,35 @@ def nearly_one_curve() -> dict[str, Any]:
     return changed(angle_in_rad=angle)
 
 
+def kept(trace: Trace, samples: np.ndarray) -> Trace:
+    """Only some samples of a trace."""
+    names = [name for name in (*CHANNELS, "segment") if getattr(trace, name) is not None]
+    return dataclasses.replace(trace, **{name: getattr(trace, name)[samples] for name in names})
+
+
+def calibrates(trace: Trace) -> np.ndarray:
+    """Say of each sample whether its segment calibrates."""
+    return np.isin(trace.segment, [index for index, info in trace.segments.items() if info.role == "calibrate"])
+
+
+def calibrated_to(peak_nm: float) -> dict[str, Any]:
+    """The good cycles after a calibration to another peak torque."""
+    other = bench_trace(P1, peak_nm, cycles=1, seed=5)
+    last = int(np.flatnonzero(calibrates(GOOD))[-1]) + 1
+    before, after = kept(other, np.arange(np.flatnonzero(calibrates(other))[-1] + 1)), kept(GOOD, np.s_[last:])
+    joined = {name: np.concatenate([getattr(before, name), getattr(after, name)])
+              for name in (*COMPARED, "segment")}  # fmt: skip
+    time = np.arange(joined["segment"].size) * float(GOOD.t_s[1])
+    return {"trace": dataclasses.replace(GOOD, t_s=time, temperature_c=None, drive_torque_nm=None, **joined),
+            "method": CONVERTED}  # fmt: skip
+
+
+def calibrated_without(torque_nm: float) -> dict[str, Any]:
+    """The calibration has no samples about zero."""
+    lost = calibrates(GOOD) & (np.abs(GOOD.torque_out_nm) < torque_nm)
+    return {"trace": kept(GOOD, ~lost), "method": CONVERTED}
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -180,6 +236,7 @@ BAD: dict[str, Bad] = {
     "drift": lambda: changed(angle_in_rad=GOOD.angle_in_rad + 1.0 / 60 * GOOD.t_s * ARC * RATIO),
     "repeat": one_cycle_off,
     "copied_cycles": copied_cycle,
+    "repeated_samples": lambda: each_row(2),
     "lag": lambda: {"method": dataclasses.replace(KNOWN, lags_s=LAGS | {"torque_out_nm": 0.2})},
     "ramp_rate": uneven_ramp,
     "points_per_bin": sparse,
@@ -201,6 +258,10 @@ BAD: dict[str, Bad] = {
         angle_in_rad=GOOD.angle_in_rad / 60.0, angle_out_rad=GOOD.angle_out_rad / 60.0
     ),
     "loss": nearly_one_curve,
+    "calibrated_turn": lambda: calibrated_to(500.0),
+    "calibrated_gap": lambda: calibrated_without(5.0),
+    "calibrated_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0) | {"method": CONVERTED},
+    "torque_out_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0),
     "torque_lines": lambda: changed(torque_in_nm=GOOD.torque_in_nm + 0.1 * np.sin(3.0 * GOOD.torque_in_nm)),
     "drive_torque_agreement": lambda: both_torques(gain=1.25),
     "drive_torque_gap": lambda: both_torques(lag_s=0.4),
@@ -210,6 +271,11 @@ BAD: dict[str, Bad] = {
 
 
 GOOD_RUN = judged()
+
+GOOD_CONVERTED = judged(method=CONVERTED)
+
+OF_CONVERTED = ("calibrated_turn", "calibrated_gap", "calibrated_zero")
+"""Gates that look at how the torque was converted."""
 
 
 def of(result: Result, gate: str):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from reference_unit import ReferenceUnit, bench_trace
+from reference_unit import FIGURES, ReferenceUnit, bench_trace
 
 from analysis import (
     AnalysisError,
@@ -13,6 +13,7 @@ from analysis import (
     Quadrants,
     TorqueLine,
     Trace,
+    Verdict,
     analyse,
     commanded_runs,
     fit_quadrants,
@@ -137,6 +138,36 @@ def test_stored_calibration_without_transition_masks_it() -> None:
     assert result.metrics[0].headline.value == pytest.approx(0.94, abs=0.05)
     assert result.metrics[1].headline.value == pytest.approx(104.70, rel=0.02)
     assert any("masked" in note and "masked, 0" not in note for note in result.notes)
+
+
+def test_a_loop_that_the_mask_cuts_open_has_no_area() -> None:
+    """Without the stretch after its reversals a loop loses a sixth of its area, which no uncertainty knew of."""
+    wanted = [MetricWanted("hysteresis_energy", max=430.0)]
+    masked = dataclasses.replace(METHOD, quadrants=dataclasses.replace(QUADRANTS, transition_rad=None, fits={}))
+    (whole,), result = analyse(TRACE, METHOD, wanted).metrics, analyse(TRACE, masked, wanted)
+    (cut,) = result.metrics
+    assert whole.headline.value == pytest.approx(449.0, rel=0.03)
+    assert (cut.headline.value, result.verdict) == (None, Verdict.NOT_DECIDABLE)
+    assert "the loop is cut open" in result.reasons[0]
+    assert "measure the torque at the output" in result.reasons[0]
+
+
+def test_what_a_fit_reads_in_the_masked_stretch_says_so_in_its_uncertainty() -> None:
+    """The reference torque lies in what is masked: spring constant and wind-up are continued there, and not measured.
+
+    Found by an adversary: the spring constant was six times its uncertainty from the truth, and the budget had no row.
+    """
+    wanted = [MetricWanted(name) for name in ("spring_constant", "windup", "backlash_width_3pct")]
+    masked = dataclasses.replace(METHOD, quadrants=dataclasses.replace(QUADRANTS, transition_rad=None, fits={}))
+    reaction = dataclasses.replace(METHOD, output_torque="reaction")
+    true, found = (analyse(TRACE, method, wanted, figures=FIGURES).metrics for method in (reaction, masked))
+    for one, other in zip(true[:2], found[:2], strict=True):
+        for side, continued in zip(one.sides, other.sides, strict=True):
+            assert abs(continued.value - side.value) <= continued.uncertainty
+            assert continued.uncertainty > 3.0 * side.uncertainty
+            assert continued.budget.rows[0].quantity == "masked"
+    assert not any(row.quantity == "masked" and row.share > 0.1 for row in found[2].headline.budget.rows)
+    assert not any(row.quantity == "masked" for row in true[0].headline.budget.rows)
 
 
 def test_one_line_for_the_whole_loop_reads_a_wrong_backlash() -> None:

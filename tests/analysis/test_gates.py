@@ -5,8 +5,25 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import numpy as np
 import pytest
-from gate_support import BAD, FACTS, GOOD_RUN, KNOWN, METHOD, P1, WANTED, copied_cycle, judged, of
+from gate_support import (
+    BAD,
+    FACTS,
+    GOOD_CONVERTED,
+    GOOD_RUN,
+    KNOWN,
+    METHOD,
+    OF_CONVERTED,
+    P1,
+    WANTED,
+    by_stored_lines,
+    copied_cycle,
+    each_row,
+    judged,
+    of,
+    rising_cycles_off,
+)
 from reference_unit import bench_trace, exact_trace
 
 from analysis import (
@@ -29,11 +46,12 @@ def test_every_gate_has_something_that_makes_it_fail() -> None:
 
 @pytest.mark.parametrize("gate", GATES)
 def test_a_good_run_passes(gate: str) -> None:
-    found = of(GOOD_RUN, gate)
+    run = GOOD_CONVERTED if gate in OF_CONVERTED else GOOD_RUN
+    found = of(run, gate)
     assert found.passed is True, found
     assert found.figure is not None
     assert f"{found.limit:.3g}" in found.text
-    assert (GOOD_RUN.verdict, GOOD_RUN.reasons) == (Verdict.PASS, ())
+    assert (run.verdict, run.reasons) == (Verdict.PASS, ())
 
 
 @pytest.mark.parametrize("gate", GATES)
@@ -78,9 +96,11 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     why = {one.id: one.text for one in result.gates if one.passed is None}
     assert set(why) == {
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
-        "copied_cycles", "lag", "ramp_rate", "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
+        "copied_cycles", "repeated_samples", "lag", "ramp_rate",
+        "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
         "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines",
-        "drive_torque_agreement", "drive_torque_gap", "locked_compliance",
+        "torque_out_zero", "calibrated_turn", "calibrated_gap", "calibrated_zero", "drive_torque_agreement",
+        "drive_torque_gap", "locked_compliance",
     }  # fmt: skip
     assert "one cycle" in why["drift"]
     assert "no time" in why["ramp_rate"]
@@ -120,10 +140,40 @@ def test_gates_are_plain_data() -> None:
     assert [set(one) for one in plain] == [{"id", "figure", "limit", "unit", "passed", "text"}] * len(GATES)
 
 
+def test_rows_written_several_times_are_no_measurements() -> None:
+    """Twenty of each make the uncertainty smaller, and nothing else shows it; a few held samples do not matter."""
+    twenty = judged(**each_row(20))
+    assert twenty.metrics[0].headline.uncertainty < GOOD_RUN.metrics[0].headline.uncertainty
+    assert [one.id for one in twenty.gates if one.passed is False] == ["repeated_samples"]
+    found = of(twenty, "repeated_samples")
+    assert (found.figure, twenty.verdict) == (pytest.approx(95.0, abs=0.1), Verdict.NOT_DECIDABLE)
+    assert "cycle 1, rising branch" in found.text
+    assert of(GOOD_RUN, "repeated_samples").figure < 0.1
+    again = each_row(20)["trace"]
+    own_times = dataclasses.replace(again, t_s=np.arange(again.samples) * 5e-5)
+    assert of(judged(own_times), "repeated_samples").passed is False
+    unknown = analyse(own_times, KNOWN, WANTED, facts=FACTS)
+    assert "no noise of the sensors is declared" in of(unknown, "repeated_samples").text
+
+
 def test_a_bad_unit_still_fails() -> None:
     worn = dataclasses.replace(P1, f_c=2 * P1.f_c, j=0.6)
     result = analyse(bench_trace(worn, 453.2, cycles=3), KNOWN, WANTED, facts=FACTS)
     assert result.verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize("missing", [(), ("torque_out_nm", "drive_torque_nm")])
+def test_where_the_torque_is_masked_a_loop_that_does_not_close_is_seen(missing: tuple[str, ...]) -> None:
+    """With and without the torque as measured at the output; a lock that stands passes the gates that look at it."""
+    without = dict.fromkeys(missing)
+    good, slipped = (by_stored_lines(dataclasses.replace(rising_cycles_off(off), **without)) for off in (0.0, 0.3))
+    assert any("masked" in note and "masked, 0" not in note for note in good.notes)
+    assert [one for one in good.gates if one.passed is False] == []
+    assert all(of(good, gate).passed for gate in ("loop_closure", "locked_motion", "locked_compliance", "clipping"))
+    assert of(good, "loop_closure").figure < 0.5
+    assert slipped.metrics[0].headline.value < good.metrics[0].headline.value - 0.2
+    assert of(slipped, "loop_closure").passed is False
+    assert slipped.verdict is Verdict.NOT_DECIDABLE
 
 
 def test_a_copied_cycle_is_told_by_its_number_and_only_where_noise_is_declared() -> None:

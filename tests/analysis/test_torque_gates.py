@@ -6,14 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from gate_support import GOOD, KNOWN, P1, judged, of
+from gate_support import FACTS, FIGURES, GOOD, KNOWN, P1, WANTED, judged, of
 from reference_unit import RATIO, bench_trace
 
 from analysis import (
     Quadrants,
+    TorqueFigures,
     TorqueLine,
     Trace,
     Verdict,
+    analyse,
 )
 
 
@@ -51,6 +53,38 @@ def test_stored_lines_of_another_ratio_are_seen() -> None:
     found = of(judged(dataclasses.replace(without("calibrate"), torque_out_nm=None), stored), "ratio_agreement")
     assert found.passed is False
     assert "the lines that convert the torque show a ratio of 121" in found.text
+
+
+@pytest.mark.parametrize("torque", ["reaction", "calibrated"])
+@pytest.mark.parametrize("role", ["calibrate", "unload"])
+def test_a_zero_of_the_output_sensor_is_seen_where_the_torque_lines_meet(role: str, torque: str) -> None:
+    """10 N·m at zero torque move the width by 4.6 times its uncertainty, and what the tare may leave by none of it."""
+    trace, method = without(role), dataclasses.replace(KNOWN, output_torque=torque)
+    if role == "calibrate" and torque == "calibrated":
+        method = dataclasses.replace(method, quadrants=judged(GOOD, method).quadrants)
+    for off_nm in (0.0, 0.2, -10.0, 10.0):
+        result = judged(dataclasses.replace(trace, torque_out_nm=trace.torque_out_nm + off_nm), method)
+        found = of(result, "torque_out_zero")
+        assert found.figure == pytest.approx(max(0.0, 100.0 * (abs(off_nm) - 0.2) / 412.0), abs=0.1)
+        assert found.passed is (abs(off_nm) < 1.0)
+        assert result.verdict is (Verdict.PASS if found.passed else Verdict.NOT_DECIDABLE)
+    assert "meet where the output torque reads +" in found.text
+    assert "0.2 N·m are declared of its zero" in found.text
+
+
+def test_a_larger_zero_may_be_declared() -> None:
+    """What is declared of the sensor's zero is in the uncertainty, and no fault of the measurement."""
+    off = dataclasses.replace(GOOD, torque_out_nm=GOOD.torque_out_nm + 4.0)
+    declared = dataclasses.replace(FIGURES, torque_out=TorqueFigures(1000.0, zero_fraction=0.005))
+    assert of(judged(off), "torque_out_zero").passed is False
+    wider = analyse(off, KNOWN, WANTED, facts=FACTS, figures=declared)
+    assert of(wider, "torque_out_zero").figure == 0.0
+
+
+def test_a_zero_of_the_input_sensor_moves_no_output_torque() -> None:
+    """It moves all four lines along the input torque, and where they meet not up or down."""
+    off = judged(dataclasses.replace(GOOD, torque_in_nm=GOOD.torque_in_nm + 0.05))
+    assert of(off, "torque_out_zero").figure < 0.1
 
 
 def test_a_tight_or_worn_unit_has_the_same_ratio() -> None:

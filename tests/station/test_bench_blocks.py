@@ -149,7 +149,8 @@ def test_a_measured_torque_ratio_becomes_a_stored_one(quick_run: Any, tmp_path: 
     text = re.sub(r"(?m)^  - calibrate:.*\n", "", text).replace(
         "output_torque: reaction", "output_torque: calibrated\n  calibration: stored"
     )
-    text = re.sub(r"(?m)^  - \{id: torque_ratio.*\n", "", text)
+    # Stored lines mask what comes after a reversal: there is no torque ratio, and the loop has no area.
+    text = re.sub(r"(?m)^  - \{id: (torque_ratio|hysteresis_energy).*\n", "", text)
     recipe = parse_recipe(text.encode(), "r.yaml")
     assert check(recipe, bench, today=stored.made) == []
     assert method_of(recipe, bench).quadrants.load_positive.slope == stored.load_positive.slope

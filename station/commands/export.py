@@ -13,6 +13,7 @@ from station.record.check import check_bytes, table_of
 from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.record.store import RunRecord, Store
 from station.results.export import FORMATS, columns_of
+from station.results.export_origin import for_analysis
 from station.run.recovery import recover
 
 COPIED = ("id", "serial", "attempt", "state", "started", "ended", "clock", "period_ns", "recipe", "bench", "software")
@@ -55,10 +56,12 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
         raise RecordError(f"{run.id}: {damage[0]}; a damaged record is not exported")
     if not read_back.records:
         raise StationError(f"{run.id}: the run has no records: nothing was measured")
-    columns = columns_of(table_of(content), int(run.manifest()["period_ns"]))
+    table = table_of(content)
+    measured, beside = for_analysis(run, table)
+    columns = columns_of(table, int(run.manifest()["period_ns"]), measured)
     part = path.with_name(f".{path.name}.part")
     try:
-        FORMATS[file_format](part, columns, described(run))
+        FORMATS[file_format](part, columns, described(run) | beside)
         for written in (part, *part.parent.glob(f"{part.name}.*")):
             written.replace(written.with_name(written.name.replace(part.name, path.name, 1)))
     except OSError as error:

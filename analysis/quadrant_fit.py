@@ -103,7 +103,8 @@ def _leftovers(branches: Sequence[Branch], quadrants: Quadrants) -> dict[int, Le
     found: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
     for branch in branches:
         converted, _ = by_lines(quadrants, branch.torque_in_nm, branch.direction, branch.angle_in_rad)
-        found.setdefault(branch.direction, []).append((branch.angle_in_rad, branch.torque_out_nm, converted))
+        turned = branch.angle_in_rad - branch.angle_in_rad[0]
+        found.setdefault(branch.direction, []).append((turned, branch.torque_out_nm, converted))
     left = {}
     for direction, pieces in found.items():
         angle, measured, converted = (np.concatenate(parts) for parts in zip(*pieces, strict=True))

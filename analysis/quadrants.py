@@ -32,8 +32,11 @@ ZERO_SAMPLES = 15
 NEAR_ZERO = (1.2, 0.06)
 """Piece of the unloading line, in fractions of its friction torque, that is continued to zero."""
 
-MASK_BELOW_TURN = 0.15
-"""Share of the torque at the turn that is masked after a reversal when the transition length is not known."""
+MASK_BELOW_TURN = 0.25
+"""Share of the torque at the turn that is masked after a reversal when the transition length is not known.
+
+Lines are fitted to what is left. On the virtual bench the output torque joins the unloading line 19 % below the turn.
+"""
 
 
 class TorqueLine(NamedTuple):
@@ -58,8 +61,9 @@ class Leftover(NamedTuple):
 class Leftovers(NamedTuple):
     """What a calibration leaves over, in two fineness: what is corrected, and what shows how good the correction is.
 
-    The place on a branch is converted torque + stiffness × input angle. About zero the converted torque stands still
-    while the angle goes on, and after a reversal the angle hardly moves while the torque does: their sum always grows.
+    The place on a branch is converted torque + stiffness × input angle, counted from its turn. About zero the converted
+    torque stands still while the angle goes on, and after a reversal the angle hardly moves while the torque does:
+    their sum always grows.
     """
 
     stiffness_nm_per_rad: float
@@ -67,8 +71,9 @@ class Leftovers(NamedTuple):
     fine: Leftover
 
     def places(self, torque_nm: FloatArray, angle_in_rad: FloatArray) -> FloatArray:
-        """Return places of converted torques and angles."""
-        return torque_nm + self.stiffness_nm_per_rad * angle_in_rad
+        """Return places of converted torques and angles of a whole branch, which begins at its turn."""
+        found: FloatArray = torque_nm + self.stiffness_nm_per_rad * (angle_in_rad - angle_in_rad[0])
+        return found
 
     def at(self, place_nm: FloatArray) -> FloatArray:
         """Return the error that is corrected at places [N·m], straight between the means of two bins."""
@@ -82,8 +87,8 @@ class Quadrants:
 
     zero_nm: what the output sensor reads where no torque is. There friction goes over from unloading to loading, within
     zero_transition_rad (None: as much shorter than L as less friction changes there).
-    left: by direction of motion, what lines and transition leave over while calibrating; it is taken off, by the angles
-    of that run. Lines without fits are of another run, whose angles mean nothing here.
+    left: by direction of motion, what lines and transition leave over while calibrating; it is taken off. Lines without
+    fits are of another run, with another tare and perhaps another turn: nothing is taken off by them.
     """
 
     load_positive: TorqueLine

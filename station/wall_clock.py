@@ -33,6 +33,11 @@ class WallClock:
 WALL_CLOCK = WallClock()
 
 
+def now_text() -> str:
+    """Return the time in UTC, to the millisecond, as it stands in records."""
+    return WALL_CLOCK.now().isoformat(timespec="milliseconds")
+
+
 class JumpWatch:
     """Finds out whether the wall clock was set while something went on, by the monotonic clock."""
 

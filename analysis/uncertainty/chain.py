@@ -14,7 +14,8 @@ from analysis.branches import Branch, made_rising
 from analysis.loop import Loop
 from analysis.uncertainty.circumstances import Circumstances, Points, line_name
 from analysis.uncertainty.figures import SensorFigures
-from analysis.uncertainty.sources import NOTHING, Effect, ErrorSource, Setting, Shape
+from analysis.uncertainty.shapes import NOTHING, Effect, Setting, Shape
+from analysis.uncertainty.sources import ErrorSource
 from analysis.units import FloatArray
 
 

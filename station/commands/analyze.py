@@ -16,8 +16,9 @@ from station.bench.request import recipe_path, trace_file
 from station.commands.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.commands.show import stored_result
 from station.errors import StationError
+from station.record.run_record import INTERRUPTED, RECORDING, RESULT, RunRecord
 from station.record.seal import alterations
-from station.record.store import INTERRUPTED, RECORDING, RESULT, RunRecord, Store
+from station.record.store import Store
 from station.reports.result_view import result_console, show_result
 from station.results.evaluation import (
     decision_of,

@@ -15,7 +15,8 @@ from station.bench.request import recipe_path, trace_file
 from station.commands.analyze import method_without_run
 from station.errors import StationError
 from station.record.check import read_table
-from station.record.store import RunRecord, Store
+from station.record.run_record import RunRecord
+from station.record.store import Store
 from station.results.evaluation import trace_of
 
 YEAR = timedelta(days=365)

@@ -10,8 +10,9 @@ from typing import Any
 from station.commands.show import stored_result
 from station.errors import RecordError, StationError
 from station.record.check import check_bytes, table_of
+from station.record.run_record import RunRecord
 from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
-from station.record.store import RunRecord, Store
+from station.record.store import Store
 from station.results.export import FORMATS, columns_of
 from station.results.export_origin import for_analysis
 from station.run.recovery import recover

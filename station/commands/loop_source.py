@@ -16,7 +16,8 @@ from station.bench.figures import figures_of
 from station.bench.request import recipe_path, trace_file
 from station.commands.analyze import method_without_run
 from station.errors import StationError
-from station.record.store import RunRecord, Store
+from station.record.run_record import RunRecord
+from station.record.store import Store
 from station.results.evaluation import decision_of, method_of, wanted_of
 from station.results.export_origin import origin_of
 from station.results.run_analysis import complete_run

@@ -22,7 +22,8 @@ from station.errors import BenchFaultError, RecordError, StationError
 from station.record.check import read_table
 from station.record.left_state import left_state
 from station.record.program_file import PROGRAM, plain_program
-from station.record.store import INTERRUPTED, RunRecord, Store
+from station.record.run_record import INTERRUPTED, RunRecord
+from station.record.store import Store
 from station.run.conclusion import Ending, conclude
 from station.run.desk import Desk
 from station.run.recovery import recover_all

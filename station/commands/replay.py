@@ -15,8 +15,9 @@ from station.bench.request import Job, Source, load_job, recipe_path
 from station.errors import StationError
 from station.record.check import Table, table_of
 from station.record.program_file import PROGRAM, program_differences
+from station.record.run_record import RunRecord
 from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
-from station.record.store import RunRecord, Store
+from station.record.store import Store
 from station.results.replay import Replayed, replay
 from station.results.what_if import ShadowWatch, interlock_changes, judge, same_load, tare_changes, verdict_changes
 from station.run.conclusion import finite

@@ -15,7 +15,8 @@ from station.bench.request import load_job
 from station.commands.show import stored_result
 from station.durable import write_durable
 from station.errors import RecordError, StationError
-from station.record.store import RunRecord, Store
+from station.record.run_record import RunRecord
+from station.record.store import Store
 from station.reports.illustrate import HTML, PDF, Shown, illustrate
 from station.results.run_analysis import complete_run
 from station.run.recovery import recover_all

@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 
 from controller.image import Command
-from station.record.ring import RingReader
-from station.record.store import RunRecord, Store
+from station.record.ring_reader import RingReader
+from station.record.run_record import RunRecord
+from station.record.store import Store
 from station.run.asked_to_stop import listening
 from station.run.recovery import recover, resume
 

@@ -13,13 +13,15 @@ from station.bench.request import Job, Source, load_job
 from station.commands.show import stored_result
 from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
-from station.record.store import RunRecord, Store, check_operator, check_serial, now_text
+from station.record.run_record import RunRecord
+from station.record.store import Store, check_operator, check_serial
 from station.reports.result_view import result_console, show_report, show_result
 from station.run.conclusion import Conclusion, Ending, conclude
 from station.run.disk_space import refuse_full_disk
 from station.run.live import LiveReader
 from station.run.new_record import Wanted, new_record
 from station.run.progress import Progress
+from station.wall_clock import now_text
 
 if TYPE_CHECKING:
     from station.run.fault_companion import Companion

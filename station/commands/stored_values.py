@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from station.errors import RecordError, StationError
+from station.record.run_record import RESULT, RunRecord
 from station.record.seal import alterations
-from station.record.store import RESULT, RunRecord, Store
+from station.record.store import Store
 from station.reports.headline import virtual_badges
 from station.run.recovery import recover_all
 

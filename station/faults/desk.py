@@ -17,8 +17,9 @@ from station.bench.assemble_virtual import load_scenario
 from station.bench.request import Job
 from station.errors import BenchFaultError, StationError
 from station.faults.record import create_record
-from station.record.ring import RingReader, ScanState, StopCause
-from station.record.store import RECORDING, SCAN_REPORT, RunRecord, process_birth
+from station.record.ring import ScanState, StopCause
+from station.record.ring_reader import RingReader
+from station.record.run_record import RECORDING, SCAN_REPORT, RunRecord, process_birth
 from station.run import children
 from station.run.conclusion import Ending, conclude
 from station.run.desk import Desk

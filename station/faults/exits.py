@@ -26,7 +26,8 @@ from station.faults.exits_elsewhere import (
 )
 from station.faults.matrix import scenario_of, undisturbed
 from station.faults.run import Bench
-from station.record.ring import RingWriter, create
+from station.record.ring import create
+from station.record.ring_writer import RingWriter
 from station.scan.desk_watch import LONGEST_SILENCE_S, DeskWatch
 from station.scan.scan_loop import Stop
 

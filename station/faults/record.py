@@ -7,8 +7,8 @@ from pathlib import Path
 from drivers.virtual.scenario import Scenario
 from station.bench.request import Job, Source
 from station.faults.run import FaultRun
+from station.record.run_record import RunRecord
 from station.record.scan_record import pack
-from station.record.store import RunRecord
 from station.run.conclusion import Ending, conclude
 from station.run.new_record import Wanted, new_record
 

@@ -27,10 +27,11 @@ from station.faults.desk import Left, needs_desk_of_its_own, run_apart, run_here
 from station.faults.run import FaultRun, Kept
 from station.record.check import check_bytes
 from station.record.event_log import alarms_in
+from station.record.run_record import RESULT, RunRecord
 from station.record.scan_record import RECORD_BYTES, unpack
-from station.record.store import RESULT, RunRecord
-from station.run.desk import BENCH_LOG, TRUTH
+from station.run.desk import BENCH_LOG
 from station.run.machine_faults import deed_of
+from station.run.process_specs import TRUTH
 
 WIRE_SCANS = 4
 """Scans by which a bound over wires is longer than in virtual time: the scan in which the fault acted is rounded down,

@@ -8,7 +8,7 @@ import numpy as np
 
 from station.errors import StationError
 from station.record.check import RECORD_DTYPE, Table
-from station.record.store import RunRecord
+from station.record.run_record import RunRecord
 from station.record.timing_proof import MEASURING_STATES
 
 LOOKED_AT = 512

@@ -15,7 +15,8 @@ from typing import Any
 
 from station.durable import as_json, sync_folder
 from station.errors import RecordError
-from station.record.store import INTERRUPTED, MANIFEST, RECORDING, RESULT, SAMPLES, RunRecord, now_text
+from station.record.run_record import INTERRUPTED, MANIFEST, RECORDING, RESULT, SAMPLES, RunRecord
+from station.wall_clock import now_text
 
 INDEX = "index.jsonl"
 SEALED = (

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from station.durable import Appender
 from station.errors import RecordError
-from station.record.ring import RingReader
+from station.record.ring_reader import RingReader
 from station.record.scan_record import RECORD_BYTES
 
 LOOK_EVERY_S = 0.02

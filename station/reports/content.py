@@ -14,7 +14,7 @@ from typing import Any
 from analysis import Result, SegmentInfo, segment_name
 from analysis.method import Method
 from station.errors import RecordError
-from station.record.store import RunRecord
+from station.record.run_record import RunRecord
 from station.reports.result_text import metric_name, minus, number, uncertainty_text, unit_text
 
 LOOP_CSV = "loop.csv"

@@ -13,7 +13,7 @@ from station.bench.request import Job
 from station.errors import RecordError
 from station.record.check import read_table
 from station.record.history import conditions_of, history_of
-from station.record.store import RunRecord
+from station.record.run_record import RunRecord
 from station.reports.content import content_of
 from station.reports.headline import first_cause, headline, virtual_badges
 from station.reports.html_page import report_html

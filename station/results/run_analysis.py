@@ -10,8 +10,8 @@ from recipes import Bench, Recipe
 from station.bench.request import Job, load_job
 from station.errors import StationError
 from station.record.check import check_file, read_table
+from station.record.run_record import RunRecord
 from station.record.seal import alterations
-from station.record.store import RunRecord
 from station.record.timing_proof import run_facts
 from station.results.evaluation import evaluate_trace, trace_of
 

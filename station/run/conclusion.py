@@ -19,11 +19,12 @@ from station.errors import BenchFaultError, RecordError, StationError
 from station.record.check import Table, check_bytes, table_of
 from station.record.event_log import alarms_in, events_of
 from station.record.left_state import left_state
+from station.record.run_record import INTERRUPTED, RESULT, RunRecord
 from station.record.seal import seal
-from station.record.store import INTERRUPTED, RESULT, RunRecord, now_text
 from station.record.timing_proof import run_facts, timing_block
 from station.results.evaluation import calibration_of, evaluate_trace, trace_of
 from station.scan.desk_watch import DESK_GONE, DESK_SILENT
+from station.wall_clock import now_text
 
 NOT_DECIDABLE = "NOT DECIDABLE"
 END_STATES = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}

@@ -7,9 +7,6 @@ run, no process and no ring file stays behind, and every record that was written
 
 from __future__ import annotations
 
-import json
-import os
-import signal
 import subprocess
 import time
 from collections.abc import Callable, Mapping
@@ -18,49 +15,32 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from controller.image import Command, State
+from controller.image import Command
 from station.bench.request import Job
 from station.durable import Appender
 from station.errors import BenchFaultError, RecordError
-from station.record.program_file import PROGRAM
-from station.record.ring import RingReader, ScanState, StopCause, create
-from station.record.scan_record import unpack
-from station.record.store import SCAN_REPORT, RunRecord
+from station.record.ring import ScanState, StopCause, create
+from station.record.ring_reader import RingReader
+from station.record.run_record import SCAN_REPORT, RunRecord
 from station.record.writer import RecordsWaitError, RecordWriter
 from station.run import children
+from station.run.asked_to_stop import listening
 from station.run.conclusion import Ending
 from station.run.fault_companion import Companion, Reach
+from station.run.process_specs import write_bench_spec, write_scan_spec
+from station.run.scan_end import ending_of, what_waits
 from station.wall_clock import JumpWatch
 
 BENCH_LOG = "virtual-bench.jsonl"
 """What the virtual bench or the gateway said."""
 
-TRUTH = "truth.csv"
-"""Torque in the virtual reducer itself over the monotonic clock, in the folder of a run with faults."""
-
 LOOK_EVERY_S = 0.02
 SHOW_EVERY_S = 0.1
 ARM_TIMEOUT_S = 60.0
-LAST_WORDS_S = 0.6
-"""Time for the virtual drive to notice a dead controller and to say so before it is switched off."""
-
-REAL_SPIN_NS = 100_000
-EMBEDDED_SPIN_NS = REAL_SPIN_NS if (os.cpu_count() or 1) > 1 else 0
-"""Spinning takes a tenth of a processor at 1 ms and makes p99 of the lateness ten times smaller (docs/determinism.md);
-beside an embedded bench on a single processor there is none to spare."""
 
 Told = TypeVar("Told")
 Show = Callable[[bytes], None]
 Say = Callable[[str], None]
-
-
-ENDED = {
-    State.IDLE: "Nothing has moved",
-    State.COMPLETE: "The run had come to its end",
-    State.STOPPED: "The run was stopped: the torque was brought to zero and the lock opened",
-    State.FAULT: "The run ended in a fault: look at the bench before the unit is touched",
-}
-LOST_IN_THE_MIDDLE = "The scan process was lost in the middle: treat the unit as wound up"
 
 
 def _quietly(end: Callable[[], None]) -> None:
@@ -126,11 +106,7 @@ class Desk:
 
         """
         with ExitStack() as cleanup:
-            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-                if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
-                    continue  # nohup: the run is to outlive its terminal
-                before = signal.signal(number, self._interrupt)
-                cleanup.callback(signal.signal, number, before)
+            cleanup.enter_context(listening(self._interrupt))
             ports, life_line = None, None
             if self._job.bench.bench.embedded or self._gateway:
                 life_line = children.LifeLine()
@@ -155,8 +131,16 @@ class Desk:
             try:
                 writer.finish()
             except RecordsWaitError as error:
-                raise RecordsWaitError(self._what_waits(error, ring)) from error
-            return self._ending(process, ring, report, writer, embedded=life_line is not None)
+                raise RecordsWaitError(what_waits(self._record.id, error, ring)) from error
+            return ending_of(
+                process,
+                ring,
+                report,
+                writer,
+                self._wall_clock,
+                embedded=life_line is not None,
+                interrupted=self._interrupts > 0,
+            )
 
     # --- starting
 
@@ -168,54 +152,25 @@ class Desk:
         scenario: Path | None,
     ) -> dict[str, Any]:
         self._say("starting the gateway" if self._gateway else "starting the virtual bench")
-        folder = self._record.folder
-        spec = {
-            "bench": str(folder / "bench.yaml"),
-            "profiles": self._profiles(),
-            "unit": unit,
-            "scenario": None if scenario is None else str(scenario),
-            "truth": None if scenario is None else str(folder / TRUTH),
-            "embedded": True,
-        }
-        path = folder / "virtual-bench-spec.json"
-        path.write_text(json.dumps(spec))
+        spec = write_bench_spec(self._job, self._record, unit, scenario)
         start = children.start_gateway if self._gateway else children.start_virtual_bench
-        process, ready = start(path, folder / BENCH_LOG, life_line)
+        process, ready = start(spec, self._record.folder / BENCH_LOG, life_line)
         cleanup.callback(children.stop, process)
         return ready
 
     def _start_scan(
-        self,
-        ring: Path,
-        report: Path,
-        ports: dict[str, Any] | None,
-        life_line: children.LifeLine | None,
+        self, ring: Path, report: Path, ports: dict[str, Any] | None, life_line: children.LifeLine | None
     ) -> subprocess.Popen[bytes]:
         self._say("opening the bench: identities, drive protections")
-        folder = self._record.folder
-        spec = {
-            "ring": str(ring),
-            "report": str(report),
-            "recipe": str(folder / "recipe.yaml"),
-            "program": str(folder / PROGRAM),
-            "bench": str(folder / "bench.yaml"),
-            "profiles": self._profiles(),
-            "ports": ports,
-            "desk": os.getpid(),
-            "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
-            "after_end_scans": 0 if self._companion is None else self._companion.after_end_scans,
-            "left": None if self._left is None else dict(self._left),
-        }
-        path = folder / "scan-spec.json"
-        path.write_text(json.dumps(spec))
-        return children.start_scan(path, folder / "scan-process.log", life_line)
+        after_end_scans = 0 if self._companion is None else self._companion.after_end_scans
+        spec = write_scan_spec(
+            self._job, self._record, ring, report, ports, after_end_scans=after_end_scans, left=self._left
+        )
+        return children.start_scan(spec, self._record.folder / "scan-process.log", life_line)
 
     def _longest_unload_s(self) -> float:
         program = self._job.program
         return (program.unload_limit_scans + program.release_scans + program.settle_scans) * program.period_s + 1.0
-
-    def _profiles(self) -> dict[str, str]:
-        return {name: str(self._record.folder / "profiles" / f"{name}.yaml") for name in self._job.profile_names}
 
     # --- running
 
@@ -268,15 +223,6 @@ class Desk:
         else:
             process.terminate()
 
-    def _what_waits(self, error: RecordsWaitError, ring: RingReader) -> str:
-        """Say what became of a run whose disk was full to the end, and what to do."""
-        state = State(unpack(ring.last())[2].state) if ring.written else State.IDLE
-        waits = f"{ring.waiting} of {ring.written} records wait in memory" if ring.waiting else "its last flush failed"
-        return (
-            f"{error}. {ENDED.get(state, LOST_IN_THE_MIDDLE)}; {waits}. When the disk is in order, 'lostmotion show "
-            f"{self._record.id}' completes the record; do it before this computer is switched off"
-        )
-
     def _pass_on(self, ring: RingReader, process: subprocess.Popen[bytes], *, armed: bool) -> None:
         """Turn interrupts into commands: the first a stop, the next ones quick stops."""
         if self._interrupts <= self._sent:
@@ -290,43 +236,3 @@ class Desk:
         else:
             self._say("quick stop")
             ring.send(Command.QUICK_STOP)
-
-    # --- ending
-
-    def _ending(
-        self,
-        process: subprocess.Popen[bytes],
-        ring: RingReader,
-        report: Path,
-        writer: RecordWriter,
-        *,
-        embedded: bool,
-    ) -> Ending:
-        said = json.loads(report.read_bytes()) if report.exists() else {}
-        if said.get("state") == "refused":
-            raise BenchFaultError(str(said["error"]))
-        if self._interrupts and not ring.written:
-            raise BenchFaultError("stopped by the operator before anything moved")
-        trouble = ""
-        if said.get("state") != "finished" and ring.state is not ScanState.FINISHED:
-            ring.mark_died()
-            reason = said.get("error") or children.why_it_ended(process)
-            trouble = (
-                f"the scan process was lost in the middle of the run ({reason}). The drive stops itself when it misses "
-                "the controller's heartbeat; torque may still be stored in the unit"
-            )
-            if embedded:
-                time.sleep(LAST_WORDS_S)
-        return Ending(
-            written=int(said.get("written", ring.written)) - ring.lost,
-            lost=ring.lost,
-            realtime=said.get("realtime", {"details": {}}),
-            notes=said.get("notes", []),
-            trouble=trouble,
-            counters=said.get("counters", {}),
-            times=said.get("times", {}),
-            started_ns=ring.started_ns,
-            clock_jumped_s=self._wall_clock.jumped_s(),
-            stopped_because=ring.stopped_because,
-            disk=writer.times.as_json(),
-        )

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from station.bench.request import Job, Source
 from station.record.program_file import PROGRAM, plain_program
-from station.record.store import RunRecord, Store
+from station.record.run_record import RunRecord
+from station.record.store import Store
 
 
 class Wanted(NamedTuple):

@@ -19,9 +19,11 @@ from typing import Any
 from controller.image import Command
 from station.durable import Appender
 from station.errors import StationError
-from station.record.ring import RingReader, ScanState, StopCause
+from station.record.ring import ScanState, StopCause
+from station.record.ring_reader import RingReader
+from station.record.run_record import INTERRUPTED, SCAN_REPORT, RunRecord, process_birth
 from station.record.scan_record import RECORD_BYTES
-from station.record.store import INTERRUPTED, SCAN_REPORT, RunRecord, Store, process_birth
+from station.record.store import Store
 from station.record.writer import RecordWriter
 
 DESK_DIED = "the desk ended in the middle of the run; the scan process went on without it"

@@ -14,7 +14,7 @@ from controller.faults import FAULT_BY_NUMBER, FAULTS
 from controller.image import Command, DriveState, Image, Orders, Reaction, State
 from controller.program import Program
 from drivers.emcy import explain_emcy
-from station.record.ring import RingReader
+from station.record.ring_reader import RingReader
 from station.record.scan_record import unpack
 
 QUESTION = "Is all of this checked? Then the torque is brought to zero and the lock opened; the shaft turns. [y/N] "

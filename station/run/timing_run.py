@@ -15,11 +15,13 @@ from typing import Any
 from controller.image import Image
 from station.bench.request import Job
 from station.errors import BenchFaultError
-from station.record.ring import RingReader, create
+from station.record.ring import create
+from station.record.ring_reader import RingReader
 from station.record.scan_record import BODY_BYTES, IMAGE_FIRST, RECORD_BYTES
 from station.results.replay import RECORD_STRUCT
 from station.run import children
-from station.run.desk import EMBEDDED_SPIN_NS, LOOK_EVERY_S, REAL_SPIN_NS
+from station.run.desk import LOOK_EVERY_S
+from station.run.process_specs import EMBEDDED_SPIN_NS, REAL_SPIN_NS
 from station.scan.machine import look
 
 MISSED = IMAGE_FIRST + Image._fields.index("missed_periods")

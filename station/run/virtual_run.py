@@ -12,7 +12,7 @@ from drivers.virtual.inprocess import VirtualTimeBench
 from station.bench.assemble_virtual import load_scenario, virtual_config
 from station.bench.request import Job
 from station.durable import Appender
-from station.record.store import RunRecord
+from station.record.run_record import RunRecord
 from station.run.asked_to_stop import listening
 from station.run.conclusion import Ending
 from station.run.virtual_recorder import VirtualRecorder

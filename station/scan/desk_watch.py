@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from station.record.ring import RingWriter
+from station.record.ring_writer import RingWriter
 from station.scan.scan_loop import Stop
 
 LONGEST_SILENCE_S = 2.0

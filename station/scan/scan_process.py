@@ -31,9 +31,10 @@ from recipes import Problem, RecipeError, load_bench, load_recipe
 from station.bench.assemble import wire_config
 from station.bench.bench_lock import BenchBusyError, alone_on
 from station.record.program_file import program_differences
-from station.record.ring import RingWriter, ScanState
+from station.record.ring import ScanState
+from station.record.ring_writer import RingWriter
+from station.record.run_record import process_birth
 from station.record.scan_times import ScanTimes
-from station.record.store import process_birth
 from station.scan import machine, realtime
 from station.scan.desk_watch import DeskWatch
 from station.scan.scan_loop import Stop, run_real

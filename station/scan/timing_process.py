@@ -23,7 +23,8 @@ from drivers.wire_bench import WireBench
 from recipes import Recipe, RecipeError, load_bench, load_recipe
 from station.bench.assemble import wire_config
 from station.bench.bench_lock import BenchBusyError, alone_on
-from station.record.ring import RingWriter, ScanState
+from station.record.ring import ScanState
+from station.record.ring_writer import RingWriter
 from station.record.scan_times import ScanTimes
 from station.scan import realtime
 from station.scan.machine import resident_kb

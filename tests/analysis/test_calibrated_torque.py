@@ -96,6 +96,17 @@ def test_friction_changes_sides_at_the_true_zero_and_not_at_that_of_the_sensor(
     assert converted == pytest.approx(measured, abs=5e-4)
 
 
+def test_where_the_angle_is_counted_from_does_not_matter() -> None:
+    """Found by an adversary: angles of the cycles shifted by 0.01 rad moved the correction along the branch."""
+    trace = bench_trace(ReferenceUnit(), 453.2)
+    first = min(key for key, info in trace.segments.items() if info.role == "measure")
+    cycles = np.arange(trace.segment.size) >= int(np.flatnonzero(trace.segment == first)[0])
+    shifted = dataclasses.replace(trace, angle_in_rad=trace.angle_in_rad + 0.01 * cycles)
+    spring = [analyse(one, METHOD, [MetricWanted("spring_constant")]).metrics[0] for one in (trace, shifted)]
+    for side, moved in zip(*(metric.sides for metric in spring), strict=True):
+        assert moved.value == pytest.approx(side.value, rel=2e-4)
+
+
 def test_what_another_run_left_over_is_not_taken_off() -> None:
     """It stands by the angles of its run, and where those begin nobody knows in this one."""
     trace = simulated(0.12, 0.17)

@@ -12,7 +12,8 @@ from analysis import AnalysisError, AngleFigures, LineCovariance, SensorFigures,
 from analysis.pipeline import measure
 from analysis.uncertainty.circumstances import Points, circumstances_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
-from analysis.uncertainty.sources import ROUNDINGS, SOURCES, Setting
+from analysis.uncertainty.shapes import ROUNDINGS, Setting
+from analysis.uncertainty.sources import SOURCES
 from analysis.units import ARCMIN_PER_RAD
 
 

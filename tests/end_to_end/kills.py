@@ -26,8 +26,9 @@ from patient import patient_bench, short_recipe
 
 from station.commands.replay import replay_run
 from station.record.check import check_file, read_table
-from station.record.ring import RingReader
-from station.record.store import Store, process_birth
+from station.record.ring_reader import RingReader
+from station.record.run_record import process_birth
+from station.record.store import Store
 from station.run.recovery import recover_all
 
 LONGEST_S = 90.0

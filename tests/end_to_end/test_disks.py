@@ -157,7 +157,9 @@ sys.path.insert(0, "tests/station")
 from station_samples import IMAGE, ORDERS
 from station.durable import Appender
 from station.record.writer import RecordWriter
-from station.record.ring import RingReader, RingWriter, create
+from station.record.ring import create
+from station.record.ring_reader import RingReader
+from station.record.ring_writer import RingWriter
 folder, capacity, count = Path(sys.argv[1]), int(sys.argv[2]), 1500
 path = create(folder, capacity)
 scan, ring = RingWriter(path), RingReader(path)

@@ -13,7 +13,7 @@ import pytest
 from drivers.virtual.scenario import Fault
 from station.faults.desk import Left
 from station.faults.wires import _unproven
-from station.record.store import RunRecord
+from station.record.run_record import RunRecord
 from station.run.machine_faults import DEEDS, Traces
 from station.wall_clock import WALL_CLOCK
 

@@ -25,15 +25,9 @@ from drivers.config import ModbusConfig
 from drivers.modbus_device import ModbusDevice
 from drivers.modbus_line import ModbusLine, Outcome
 from recipes import RecipeError, check, parse_bench, parse_recipe
-from station.record.ring import (
-    MAILBOX_SLOTS,
-    W_COMMANDS_WRITTEN,
-    W_READ,
-    W_SLOTS,
-    RingReader,
-    RingWriter,
-    create,
-)
+from station.record.ring import MAILBOX_SLOTS, W_COMMANDS_WRITTEN, W_READ, W_SLOTS, create
+from station.record.ring_reader import RingReader
+from station.record.ring_writer import RingWriter
 from station.record.scan_record import BODY_STRUCT
 
 MOST_FRAMES = 200

@@ -7,8 +7,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from station.record.run_record import RunRecord
 from station.record.seal import fingerprint, seal
-from station.record.store import RunRecord, Store
+from station.record.store import Store
 
 START = datetime(2026, 1, 5, 8, tzinfo=UTC)
 

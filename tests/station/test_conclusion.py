@@ -19,9 +19,12 @@ import station.run.recovery
 from station.bench.request import load_job
 from station.commands.run import recipe_notes
 from station.record.check import check_file
-from station.record.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, RingReader, RingWriter, ScanState, create
+from station.record.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, ScanState, create
+from station.record.ring_reader import RingReader
+from station.record.ring_writer import RingWriter
+from station.record.run_record import RunRecord
 from station.record.scan_record import RECORD_BYTES
-from station.record.store import RunRecord, Store
+from station.record.store import Store
 from station.run.conclusion import Ending, conclude
 from station.run.recovery import recover
 

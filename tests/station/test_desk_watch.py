@@ -8,7 +8,9 @@ from station_samples import IMAGE, ORDERS
 
 import station.record.ring
 from controller.image import Command
-from station.record.ring import RingReader, RingWriter, create
+from station.record.ring import create
+from station.record.ring_reader import RingReader
+from station.record.ring_writer import RingWriter
 from station.scan.desk_watch import DESK_GONE, LONGEST_SILENCE_S, DeskWatch
 from station.scan.scan_loop import Stop
 

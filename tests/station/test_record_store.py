@@ -16,9 +16,11 @@ from station.bench.request import load_job
 from station.commands.show import stored_result
 from station.durable import Appender, read_from_disk, write_durable
 from station.errors import RecordError, StationError
-from station.record.ring import RingWriter, ScanState, create
+from station.record.ring import ScanState, create
+from station.record.ring_writer import RingWriter
+from station.record.run_record import RunRecord, process_birth
 from station.record.scan_record import pack
-from station.record.store import RunRecord, Store, check_operator, check_serial, process_birth
+from station.record.store import Store, check_operator, check_serial
 from station.run.new_record import Wanted, new_record
 from station.run.recovery import recover
 from station.wall_clock import WallClock

@@ -12,8 +12,9 @@ from recipes import RecipeError
 from station.commands.analyze import reevaluate, reevaluation_heading
 from station.durable import as_json
 from station.errors import StationError
+from station.record.run_record import RunRecord
 from station.record.seal import INDEX, seal
-from station.record.store import RunRecord, Store
+from station.record.store import Store
 
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
 

@@ -23,7 +23,8 @@ from station.commands import report as command_report
 from station.commands.model import Asked, fixed_values
 from station.errors import StationError
 from station.record.run_conditions import housing_temperature_c, lock_position_deg
-from station.record.store import RunRecord, Store
+from station.record.run_record import RunRecord
+from station.record.store import Store
 from station.reports.content import budget_tables, gate_rows, shown_gates, stage_rows, uncertainty_kind
 from station.reports.headline import virtual_badges
 from station.reports.illustrate import Shown, illustrate

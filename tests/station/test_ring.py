@@ -11,16 +11,9 @@ from station_samples import IMAGE, ORDERS
 import station.record.ring
 from controller.image import Command
 from station.record.check import check_bytes
-from station.record.ring import (
-    MAILBOX_SLOTS,
-    W_COMMANDS_WRITTEN,
-    W_SLOTS,
-    RingError,
-    RingReader,
-    RingWriter,
-    ScanState,
-    create,
-)
+from station.record.ring import MAILBOX_SLOTS, W_COMMANDS_WRITTEN, W_SLOTS, RingError, ScanState, create
+from station.record.ring_reader import RingReader
+from station.record.ring_writer import RingWriter
 from station.record.scan_record import RECORD_BYTES
 
 Ends = tuple[RingWriter, RingReader]

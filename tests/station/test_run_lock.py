@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 from station_samples import IMAGE, ORDERS
 
-from station.record.ring import RingWriter, ScanState, create
+from station.record.ring import ScanState, create
+from station.record.ring_writer import RingWriter
 from station.record.run_lock import RunLock
-from station.record.store import RunRecord, Store
+from station.record.run_record import RunRecord
+from station.record.store import Store
 from station.run.recovery import recover, resume
 
 ROOT = Path(__file__).parents[2]

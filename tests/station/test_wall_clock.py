@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from station.log import open_log
-from station.record.store import now_text
-from station.wall_clock import SEEN_FROM_S, WALL_CLOCK, JumpWatch
+from station.wall_clock import SEEN_FROM_S, WALL_CLOCK, JumpWatch, now_text
 
 ROOT = Path(__file__).parents[2]
 READS = re.compile(r"\btime\.time(_ns)?\(|\bdatetime\.(now|utcnow|today)\(|\bdate\.today\(|CLOCK_REALTIME|TimeStamper")

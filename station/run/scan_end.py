@@ -1,0 +1,87 @@
+"""How the scan of a run ended, in the words of its own report and of the ring, seen from the run's desk."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from pathlib import Path
+
+from controller.image import State
+from station.errors import BenchFaultError
+from station.record.ring import ScanState
+from station.record.ring_reader import RingReader
+from station.record.scan_record import unpack
+from station.record.writer import RecordsWaitError, RecordWriter
+from station.run import children
+from station.run.conclusion import Ending
+from station.wall_clock import JumpWatch
+
+LAST_WORDS_S = 0.6
+"""Time for the virtual drive to notice a dead controller and to say so before it is switched off."""
+
+ENDED = {
+    State.IDLE: "Nothing has moved",
+    State.COMPLETE: "The run had come to its end",
+    State.STOPPED: "The run was stopped: the torque was brought to zero and the lock opened",
+    State.FAULT: "The run ended in a fault: look at the bench before the unit is touched",
+}
+LOST_IN_THE_MIDDLE = "The scan process was lost in the middle: treat the unit as wound up"
+
+
+def ending_of(
+    process: subprocess.Popen[bytes],
+    ring: RingReader,
+    report: Path,
+    writer: RecordWriter,
+    wall_clock: JumpWatch,
+    *,
+    embedded: bool,
+    interrupted: bool,
+) -> Ending:
+    """Return how a scan process ended that is not there any more; one that did not say so is marked dead in its ring.
+
+    `embedded`: its bench is a process beside it, and still runs; `interrupted`: the operator asked for a stop.
+
+    Raises:
+        BenchFaultError: the bench could not be opened, or the operator stopped before it was; nothing has moved.
+
+    """
+    said = json.loads(report.read_bytes()) if report.exists() else {}
+    if said.get("state") == "refused":
+        raise BenchFaultError(str(said["error"]))
+    if interrupted and not ring.written:
+        raise BenchFaultError("stopped by the operator before anything moved")
+    trouble = ""
+    if said.get("state") != "finished" and ring.state is not ScanState.FINISHED:
+        ring.mark_died()
+        reason = said.get("error") or children.why_it_ended(process)
+        trouble = (
+            f"the scan process was lost in the middle of the run ({reason}). The drive stops itself when it misses "
+            "the controller's heartbeat; torque may still be stored in the unit"
+        )
+        if embedded:
+            time.sleep(LAST_WORDS_S)
+    return Ending(
+        written=int(said.get("written", ring.written)) - ring.lost,
+        lost=ring.lost,
+        realtime=said.get("realtime", {"details": {}}),
+        notes=said.get("notes", []),
+        trouble=trouble,
+        counters=said.get("counters", {}),
+        times=said.get("times", {}),
+        started_ns=ring.started_ns,
+        clock_jumped_s=wall_clock.jumped_s(),
+        stopped_because=ring.stopped_because,
+        disk=writer.times.as_json(),
+    )
+
+
+def what_waits(run_id: str, error: RecordsWaitError, ring: RingReader) -> str:
+    """Say what became of a run whose disk was full to the end, and what to do."""
+    state = State(unpack(ring.last())[2].state) if ring.written else State.IDLE
+    waits = f"{ring.waiting} of {ring.written} records wait in memory" if ring.waiting else "its last flush failed"
+    return (
+        f"{error}. {ENDED.get(state, LOST_IN_THE_MIDDLE)}; {waits}. When the disk is in order, 'lostmotion show "
+        f"{run_id}' completes the record; do it before this computer is switched off"
+    )

@@ -23,7 +23,7 @@ from recipes import Recipe, RecipeError, load_bench
 from recipes.recipe_schema import Sampling
 from station.errors import StationError
 from station.record.check import Table
-from station.record.store import RunRecord
+from station.record.run_record import RunRecord
 from station.record.timing_proof import counts_of, facts_of_counts
 from station.results.evaluation import trace_of
 from station.results.export import RUN_KEY, Column, sidecar, trace_columns

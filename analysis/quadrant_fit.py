@@ -100,17 +100,18 @@ def _points(
 
 def _leftovers(branches: Sequence[Branch], quadrants: Quadrants) -> dict[int, Leftovers]:
     """Return what the conversion of whole calibration branches leaves over, by direction."""
-    found: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
-    for branch in branches:
-        converted, _ = by_lines(quadrants, branch.torque_in_nm, branch.direction, branch.angle_in_rad)
-        turned = branch.angle_in_rad - branch.angle_in_rad[0]
-        found.setdefault(branch.direction, []).append((turned, branch.torque_out_nm, converted))
     left = {}
-    for direction, pieces in found.items():
-        angle, measured, converted = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-        turned = float(np.ptp(angle))
-        stiffness = ANGLE_WEIGHT * float(np.ptp(converted)) / turned if turned else 0.0
-        place, error = converted + stiffness * angle, converted - measured
+    for direction in (1, -1):
+        alike = [branch for branch in branches if branch.direction == direction]
+        if not alike:
+            continue
+        stiffness = ANGLE_WEIGHT * alike[0].stiffness_nm_per_rad
+        pieces = []
+        for branch in alike:
+            found = by_lines(quadrants, branch.torque_in_nm, direction, branch.angle_in_rad)
+            place, error = found.places(stiffness, branch.angle_in_rad), found.torque_nm - branch.torque_out_nm
+            pieces.append([values[found.valid] for values in (place, branch.torque_out_nm, error)])
+        place, measured, error = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
         bins = (_in_bins(place, measured, error, count) for count in (LEFTOVER_BINS, FINE_BINS))
         left[direction] = Leftovers(stiffness, *bins)
     return left

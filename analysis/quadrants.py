@@ -58,22 +58,29 @@ class Leftover(NamedTuple):
     counts: FloatArray
 
 
+class Converted(NamedTuple):
+    """A branch converted by its lines: torque [N·m], samples that count, and where among them unloading ends."""
+
+    torque_nm: FloatArray
+    valid: BoolArray
+    crossing: float
+
+    def places(self, stiffness_nm_per_rad: float, angle_in_rad: FloatArray) -> FloatArray:
+        """Return the places on the branch [N·m] of its samples at these input angles (see `Leftovers`)."""
+        return self.torque_nm + stiffness_nm_per_rad * (angle_in_rad - _angle_at(self.crossing, angle_in_rad))
+
+
 class Leftovers(NamedTuple):
     """What a calibration leaves over, in two fineness: what is corrected, and what shows how good the correction is.
 
-    The place on a branch is converted torque + stiffness × input angle, counted from its turn. About zero the converted
-    torque stands still while the angle goes on, and after a reversal the angle hardly moves while the torque does:
-    their sum always grows.
+    The place on a branch is converted torque + stiffness × input angle, counted from the end of unloading. About zero
+    the converted torque stands still while the angle goes on, and after a reversal the angle hardly moves while the
+    torque does: their sum always grows.
     """
 
     stiffness_nm_per_rad: float
     corrected: Leftover
     fine: Leftover
-
-    def places(self, torque_nm: FloatArray, angle_in_rad: FloatArray) -> FloatArray:
-        """Return places of converted torques and angles of a whole branch, which begins at its turn."""
-        found: FloatArray = torque_nm + self.stiffness_nm_per_rad * (angle_in_rad - angle_in_rad[0])
-        return found
 
     def at(self, place_nm: FloatArray) -> FloatArray:
         """Return the error that is corrected at places [N·m], straight between the means of two bins."""
@@ -122,38 +129,36 @@ def output_torque(
 
     angle_in_rad: input angle of the same samples, None when it was not measured.
     """
-    torque, valid = by_lines(quadrants, torque_in_nm, direction, angle_in_rad)
-    left = quadrants.leftovers(direction)
+    found, left = by_lines(quadrants, torque_in_nm, direction, angle_in_rad), quadrants.leftovers(direction)
     if left is None or angle_in_rad is None:
-        return torque, valid
-    return torque - left.at(left.places(torque, angle_in_rad)), valid
+        return found.torque_nm, found.valid
+    return found.torque_nm - left.at(found.places(left.stiffness_nm_per_rad, angle_in_rad)), found.valid
 
 
 def by_lines(
     quadrants: Quadrants, torque_in_nm: FloatArray, direction: int, angle_in_rad: FloatArray | None
-) -> tuple[FloatArray, BoolArray]:
-    """Convert by lines and transition."""
-    steady = _steady(quadrants, torque_in_nm, direction, angle_in_rad)
+) -> Converted:
+    """Convert by lines and transitions."""
+    steady, crossing = _steady(quadrants, torque_in_nm, direction, angle_in_rad)
     valid = np.ones(steady.size, dtype=np.bool_)
     before, after = turn_lines(quadrants, direction)
     at_turn = before.offset_nm + before.slope * float(torque_in_nm[0])
     if at_turn * direction >= 0:
-        return steady, valid
+        return Converted(steady, valid, crossing)
     if quadrants.transition_rad is None or angle_in_rad is None:
         beyond = -direction * steady > (1.0 - MASK_BELOW_TURN) * abs(at_turn)
         if beyond.any():
             valid[: int(np.flatnonzero(beyond)[-1]) + 1] = False
-        return steady, valid
+        return Converted(steady, valid, crossing)
     share = np.exp(-np.abs(angle_in_rad - angle_in_rad[0]) / quadrants.transition_rad)
-    return np.where(
-        share > BLEND_END, blended(before, after, torque_in_nm, float(torque_in_nm[0]), share), steady
-    ), valid
+    after_turn = blended(before, after, torque_in_nm, float(torque_in_nm[0]), share)
+    return Converted(np.where(share > BLEND_END, after_turn, steady), valid, crossing)
 
 
 def _steady(
     quadrants: Quadrants, torque_in_nm: FloatArray, direction: int, angle_in_rad: FloatArray | None
-) -> FloatArray:
-    """Away from reversals: the unloading line until it reaches zero, the loading line from there on.
+) -> tuple[FloatArray, float]:
+    """Away from reversals: the unloading line until it reaches zero, the loading line from there on; and where that is.
 
     Where unloading has more friction than loading both lines have a torque for the same input torque about zero, so the
     order in time decides. The friction goes over from one to the other with the angle turned, as after a reversal.
@@ -172,14 +177,18 @@ def _steady(
     at_zero = -loading.offset_nm / loading.slope
     step = -unloading.offset_nm / unloading.slope - at_zero
     share: FloatArray | float = 0.0
-    if quadrants.transition_rad is not None and angle_in_rad is not None and crossing < unloaded.size:
-        length = zero_length_rad(quadrants, direction, float(torque_in_nm[0]))
-        turned = np.abs(angle_in_rad - np.interp(crossing, np.arange(angle_in_rad.size), angle_in_rad))
-        share = np.exp(-turned / length) if length > 0.0 else 0.0
+    length = zero_length_rad(quadrants, direction, float(torque_in_nm[0]))
+    if angle_in_rad is not None and length > 0.0:
+        share = np.exp(-np.abs(angle_in_rad - _angle_at(crossing, angle_in_rad)) / length)
     loaded = direction * (loading.offset_nm + loading.slope * (torque_in_nm - step * share))
     before = np.arange(unloaded.size) < crossing
     result: FloatArray = zero_nm + direction * np.where(before, np.minimum(unloaded, 0.0), np.maximum(loaded, 0.0))
-    return result
+    return result, crossing
+
+
+def _angle_at(sample: float, angle_in_rad: FloatArray) -> float:
+    """Angle at a place between two samples."""
+    return float(np.interp(sample, np.arange(angle_in_rad.size), angle_in_rad))
 
 
 def zero_length_rad(quadrants: Quadrants, direction: int, at_turn_nm: float) -> float:

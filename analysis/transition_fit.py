@@ -44,6 +44,12 @@ class Branch(NamedTuple):
     torque_out_nm: FloatArray
     angle_in_rad: FloatArray
 
+    @property
+    def stiffness_nm_per_rad(self) -> float:
+        """Torque at the output over angle at the input, from end to end; 0 of a shaft that stands."""
+        turned = float(np.ptp(self.angle_in_rad))
+        return float(np.ptp(self.torque_out_nm)) / turned if turned else 0.0
+
     def only(self, chosen: BoolArray, points: int) -> Branch:
         """Return its first sample, which is the turn, and so many of the chosen ones at most, evenly picked."""
         places = np.flatnonzero(chosen)
@@ -109,7 +115,7 @@ def fit_zero(branches: Sequence[Branch], quadrants: Quadrants, peak_nm: float) -
         candidate = moved(*where)
         squares = 0.0
         for one in near:
-            found, _ = by_lines(candidate, one.torque_in_nm, one.direction, one.angle_in_rad)
+            found = by_lines(candidate, one.torque_in_nm, one.direction, one.angle_in_rad).torque_nm
             squares += float(np.square((found - one.torque_out_nm)[1:]).sum())
         return squares
 

@@ -1,4 +1,4 @@
-"""What is written to the drive before it may be armed, as tables: protections, option codes, synchronisation, mapping.
+"""What is written to the drive before it may be armed, as tables: protections, option codes, synchronisation.
 
 A protection is a limit that the drive enforces by itself, also when this program is dead. Vendors' defaults differ
 (0x6007 is 0, "do nothing", on one drive and 1 on another; limits may mean "none"), so nothing is taken as given: every
@@ -8,23 +8,18 @@ row is written and read back.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
 from drivers.config import DriveConfig
 from drivers.data_types import RANGES, IntegerType
 from drivers.drive_units import TORQUE_COUNTS_PER_RATED
-from drivers.pdo import SYNC_COB_ID, rpdo_cob_id, tpdo_cob_id
-from drivers.profile import ReceivePdo, TransmitPdo
+from drivers.pdo import SYNC_COB_ID
 
-COB_INVALID = 1 << 31
-COB_NO_RTR = 1 << 30
-"""TPDO COB-IDs carry it or not at the drive's choice: it is written, and left out of the comparison."""
 ALL_BITS = 0xFFFF_FFFF
 SYNC_BITS = ALL_BITS & ~(1 << 31)
 """Bit 31 of 0x1005 has no meaning, and drives set it or not; bit 30 would make the drive send SYNC."""
-PDO_NUMBERS = range(1, 5)
 REQUIRED_MODES = (1 << 5) | (1 << 8) | (1 << 9)
 """Bits of 0x6502: homing, cyclic synchronous velocity, cyclic synchronous torque (CiA 402-2)."""
 
@@ -34,7 +29,6 @@ HOMING_METHOD_CURRENT_POSITION = 37
 _PROFILE_NEXT = "check that the drive profile belongs to this drive"
 _BENCH_NEXT = "set this value with the drive's own tool, or correct the bench file"
 _HOMING_NEXT = "use a drive whose homing takes the current position without moving, or set it with the drive's own tool"
-_MAPPING_NEXT = "correct the mapping in the drive profile, or restore the drive's PDO defaults"
 
 
 class Treatment(Enum):
@@ -85,7 +79,8 @@ class Protection:
     zero_is_off: bool = True
 
 
-def _milliseconds(seconds: float) -> int:
+def milliseconds(seconds: float) -> int:
+    """Return a time as objects in milliseconds hold it."""
     return round(seconds * 1000)
 
 
@@ -98,10 +93,10 @@ PROTECTIONS: tuple[Protection, ...] = (
         0x1016,
         1,
         "u32",
-        lambda c: c.controller_node_id << 16 | _milliseconds(c.controller_heartbeat_timeout_s),
+        lambda c: c.controller_node_id << 16 | milliseconds(c.controller_heartbeat_timeout_s),
         "heartbeat of the controller that the drive supervises (node << 16 | ms)",
     ),
-    Protection(0x1017, 0, "u16", lambda c: _milliseconds(c.drive_heartbeat_s), "heartbeat of the drive (ms)"),
+    Protection(0x1017, 0, "u16", lambda c: milliseconds(c.drive_heartbeat_s), "heartbeat of the drive (ms)"),
     Protection(
         0x6007, 0, "i16", lambda c: c.abort_connection_option, "reaction to a lost controller (abort connection option)"
     ),
@@ -202,69 +197,3 @@ def _interpolation_power(period_ns: int) -> int:
         if period_ns % 10 ** (9 + power) == 0 and 1 <= period_ns // 10 ** (9 + power) <= 0xFF:
             return power
     return 0
-
-
-def mapping_rows(config: DriveConfig) -> list[SetupRow]:
-    """Rows of all PDOs in the order that CiA 301 asks for: off, type, no entries, entries, their number, on."""
-    rows: list[SetupRow] = []
-    receive = {pdo.number: pdo for pdo in config.profile.receive_pdos}
-    transmit = {pdo.number: pdo for pdo in config.profile.transmit_pdos}
-    for number in PDO_NUMBERS:
-        if number in receive:
-            rows += _receive_rows(receive[number], config)
-        else:
-            rows.append(_switched_off(0x1400 + number - 1, rpdo_cob_id(number, config.node_id)))
-        if number in transmit:
-            rows += _transmit_rows(transmit[number], config)
-        else:
-            rows.append(_switched_off(0x1800 + number - 1, tpdo_cob_id(number, config.node_id) | COB_NO_RTR))
-    return rows
-
-
-def _switched_off(index: int, cob_id: int) -> SetupRow:
-    return SetupRow(
-        index,
-        1,
-        "u32",
-        cob_id | COB_INVALID,
-        "PDO not used, switched off",
-        Treatment.WRITE_IF_THERE,
-        _MAPPING_NEXT,
-        compare_mask=COB_INVALID,
-    )
-
-
-def _receive_rows(pdo: ReceivePdo, config: DriveConfig) -> Iterator[SetupRow]:
-    index = 0x1400 + pdo.number - 1
-    name = f"set-point PDO {pdo.number}"
-    supervised = SetupRow(
-        index, 5, "u16", _milliseconds(config.setpoint_timeout_s), f"{name}: longest time without it (ms)"
-    )
-    unsupervised = SetupRow(
-        index, 5, "u16", 0, f"{name}: its absence is not supervised", treatment=Treatment.WRITE_IF_THERE
-    )
-    yield from _mapped(pdo, index, rpdo_cob_id(pdo.number, config.node_id), name)
-    yield supervised if pdo.timeout else unsupervised
-    yield _switched_on(index, rpdo_cob_id(pdo.number, config.node_id), name)
-
-
-def _transmit_rows(pdo: TransmitPdo, config: DriveConfig) -> Iterator[SetupRow]:
-    index = 0x1800 + pdo.number - 1
-    name = f"drive PDO {pdo.number}"
-    cob_id = tpdo_cob_id(pdo.number, config.node_id) | COB_NO_RTR
-    yield from _mapped(pdo, index, cob_id, name)
-    yield _switched_on(index, cob_id, name)
-
-
-def _mapped(pdo: ReceivePdo | TransmitPdo, index: int, cob_id: int, name: str) -> Iterator[SetupRow]:
-    mapping = index + 0x200
-    yield SetupRow(index, 1, "u32", cob_id | COB_INVALID, f"{name}: off", Treatment.STEP, _MAPPING_NEXT)
-    yield SetupRow(index, 2, "u8", pdo.transmission_type, f"{name}: transmission type", Treatment.WRITE, _MAPPING_NEXT)
-    yield SetupRow(mapping, 0, "u8", 0, f"{name}: mapping cleared", Treatment.STEP, _MAPPING_NEXT)
-    for place, item in enumerate(pdo.objects, start=1):
-        yield SetupRow(mapping, place, "u32", item.mapping, f"{name}: {item.name}", Treatment.WRITE, _MAPPING_NEXT)
-    yield SetupRow(mapping, 0, "u8", len(pdo.objects), f"{name}: entries", Treatment.WRITE, _MAPPING_NEXT)
-
-
-def _switched_on(index: int, cob_id: int, name: str) -> SetupRow:
-    return SetupRow(index, 1, "u32", cob_id, f"{name}: COB-ID", Treatment.WRITE, _MAPPING_NEXT, ALL_BITS & ~COB_NO_RTR)

@@ -11,12 +11,12 @@ import time
 from controller.image import NmtState
 from drivers.can_bus import CanLink
 from drivers.config import DriveConfig
+from drivers.drive_mapping import mapping_rows
 from drivers.drive_objects import (
     SetupRow,
     Treatment,
     homing_rows,
     identity_rows,
-    mapping_rows,
     protection_rows,
     protections_switched_off,
     rating_rows,

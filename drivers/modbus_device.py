@@ -15,7 +15,8 @@ from collections.abc import Mapping
 from controller.image import AGE_NEVER
 from drivers.config import ModbusConfig
 from drivers.data_types import LETTERS, SIZES, to_integer
-from drivers.modbus_line import ModbusLine, Outcome, Reply, Request
+from drivers.modbus_frames import Outcome, Reply, Request
+from drivers.modbus_line import ModbusLine
 from drivers.profile import ModbusProfile
 
 EXCEPTIONS_IN_A_ROW = 3
@@ -107,9 +108,9 @@ class ModbusDevice:
         counters = [self.place(name) for name in COUNTERS if name in self.reader.names]
         self._counter_place = counters[0] if counters else NO_FIELD
         identity = profile.identity
-        self._identity_request = line.read_request(config.unit_id, identity.table, identity.address, 1)
+        self._identity_request = line.frames.read_request(config.unit_id, identity.table, identity.address, 1)
         block = profile.read
-        self._read_request = line.read_request(config.unit_id, block.table, block.address, block.count)
+        self._read_request = line.frames.read_request(config.unit_id, block.table, block.address, block.count)
         inside = identity.table == block.table and 0 <= identity.address - block.address < block.count
         self._identity_offset = identity.address - block.address if inside else NO_FIELD
         self._identity_word = self._as_received(identity.value)
@@ -154,7 +155,7 @@ class ModbusDevice:
         wanted = self.writer.registers(orders)
         if wanted != self._wanted:
             self._wanted = wanted
-            self._write_request = self.line.write_request(
+            self._write_request = self.line.frames.write_request(
                 self.config.unit_id, self.config.profile.write.address if self.config.profile.write else 0, wanted
             )
 

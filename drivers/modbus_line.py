@@ -1,7 +1,6 @@
 """Modbus as a split transaction: a request goes out in one scan, its reply is taken in a later one.
 
-One line is one TCP connection or one serial port with one request in flight. Frames and their checks are pymodbus'
-(its framers and PDUs, without its client); this is the only module that uses it. A reply is believed only when unit,
+One line is one TCP connection or one serial port with one request in flight. A reply is believed only when unit,
 function, length and, on TCP, the transaction id are those of the request.
 
 RTU has no transaction id, so a late reply would be taken for the next request's answer and every later one would be
@@ -15,75 +14,35 @@ Once open, nothing here raises or waits: a line that broke is `lost` and stays s
 from __future__ import annotations
 
 import contextlib
-import logging
 import os
 import select
 import socket
 import time
-from dataclasses import dataclass
-from enum import IntEnum
-from typing import NamedTuple
 
 import serial
-from pymodbus.exceptions import ModbusException
-from pymodbus.framer import FramerRTU, FramerSocket
-from pymodbus.pdu import DecodePDU, ModbusPDU
-from pymodbus.pdu.register_message import (
-    ReadHoldingRegistersRequest,
-    ReadInputRegistersRequest,
-    WriteMultipleRegistersRequest,
-)
 
 from drivers.config import ModbusConfig
 from drivers.errors import ModbusError, Problem
 from drivers.hung_up import hung_up
+from drivers.modbus_frames import (
+    EXCEPTION_BIT,
+    RTU_CHECK_BYTES,
+    TCP_HEADER_BYTES,
+    TCP_LENGTH_RANGE,
+    ModbusFrames,
+    Outcome,
+    Reply,
+    Request,
+    not_the_reply,
+    silence_pymodbus,
+)
 from drivers.modbus_port import open_port
 
 READ_SIZE = 4096
-TCP_HEADER_BYTES = 6
-TCP_LENGTH_RANGE = range(3, 255)
-"""Bytes after the TCP header: unit, function and 1 to 252 bytes (Modbus application protocol 1.1b3)."""
-EXCEPTION_BIT = 0x80
 QUIET_SCANS = 2
 """RTU: scans without a byte that end the discarding of a late reply."""
 
-_READ_REQUESTS: dict[str, type[ModbusPDU]] = {
-    "holding": ReadHoldingRegistersRequest,
-    "input": ReadInputRegistersRequest,
-}
-_NOT_A_FRAME = (ModbusException, ValueError, IndexError, KeyError, TypeError)
 _CHECK_NEXT = "check cable, power, address and unit id of the device"
-
-
-class Outcome(IntEnum):
-    """What became of a request."""
-
-    DATA = 0
-    EXCEPTION = 1
-    TIMEOUT = 2
-    GARBAGE = 3
-    LOST = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """A request ready to send: its frame (on TCP the first two bytes are the transaction id), what must answer it."""
-
-    unit_id: int
-    function: int
-    address: int
-    register_count: int
-    frame: bytes
-    reply_bytes: int
-    """Length of the expected reply's unit, function and data, without header or check sum."""
-
-
-class Reply(NamedTuple):
-    """The end of a transaction; `registers` with DATA of a read, `exception_code` with EXCEPTION."""
-
-    outcome: Outcome
-    registers: list[int]
-    exception_code: int = 0
 
 
 class ModbusLine:
@@ -101,9 +60,7 @@ class ModbusLine:
         self.strangers = 0
         self.timeout_scans = timeout_scans
         self.drain_scans = drain_scans
-        decoder = DecodePDU(is_server=False)
-        self._framer = FramerRTU(decoder) if self.rtu else FramerSocket(decoder)
-        self._overhead = 2 if self.rtu else TCP_HEADER_BYTES
+        self.frames = ModbusFrames(rtu=self.rtu)
         self._port: socket.socket | serial.Serial | None = None
         self._descriptor = -1
         self._pending: Request | None = None
@@ -111,16 +68,6 @@ class ModbusLine:
         self._transaction_id = 0
         self._received = bytearray()
         self._drain_until: int | None = None
-
-    def read_request(self, unit_id: int, table: str, address: int, count: int) -> Request:
-        """Build a request for `count` registers of the table "input" or "holding"."""
-        pdu = _READ_REQUESTS[table](dev_id=unit_id, transaction_id=0, address=address, count=count)
-        return Request(unit_id, pdu.function_code, address, count, self._framer.buildFrame(pdu), 3 + 2 * count)
-
-    def write_request(self, unit_id: int, address: int, registers: list[int]) -> Request:
-        """Build a request to write adjoining holding registers."""
-        pdu = WriteMultipleRegistersRequest(dev_id=unit_id, transaction_id=0, address=address, registers=registers)
-        return Request(unit_id, pdu.function_code, address, len(registers), self._framer.buildFrame(pdu), 6)
 
     def attach(self, port: socket.socket | serial.Serial) -> None:
         """Use a connected, non-blocking port from now on, with nothing in flight."""
@@ -135,7 +82,7 @@ class ModbusLine:
 
     def open(self) -> None:
         """Connect (blocking, bounded by the connect time-out); raises ModbusError with what to check next."""
-        logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)  # it would format a line for every bad frame
+        silence_pymodbus()
         self.close()
         try:
             self.attach(open_port(self.config))
@@ -239,7 +186,7 @@ class ModbusLine:
         while len(received) >= TCP_HEADER_BYTES:
             length = received[4] << 8 | received[5]
             if received[2] or received[3] or length not in TCP_LENGTH_RANGE:
-                return self._spoilt()
+                return not_the_reply()
             if len(received) < TCP_HEADER_BYTES + length:
                 return None
             frame = bytes(received[: TCP_HEADER_BYTES + length])
@@ -247,50 +194,29 @@ class ModbusLine:
             if frame[0] << 8 | frame[1] != self._transaction_id:
                 self.strangers += 1  # a late reply to a request given up before
                 continue
-            return self._decode(request, frame)
+            return self.frames.decode(request, frame)
         return None
 
     def _match_rtu(self, request: Request) -> Reply | None:
         received = self._received
         if received[0] != request.unit_id:
-            return self._spoilt()
+            return not_the_reply()
         if len(received) < 2:
             return None
         if received[1] & ~EXCEPTION_BIT != request.function:
-            return self._spoilt()
-        expected = (3 if received[1] & EXCEPTION_BIT else request.reply_bytes) + self._overhead
+            return not_the_reply()
+        expected = (3 if received[1] & EXCEPTION_BIT else request.reply_bytes) + RTU_CHECK_BYTES
         if len(received) < expected:
             return None
         frame = bytes(received)
         received.clear()
-        return self._decode(request, frame) if len(frame) == expected else self._spoilt()
-
-    def _decode(self, request: Request, frame: bytes) -> Reply:
-        """Decode exactly one frame by pymodbus and compare it with its request."""
-        try:
-            used, pdu = self._framer.handleFrame(frame, 0, 0)
-        except _NOT_A_FRAME:
-            return self._spoilt()
-        if pdu is None or used != len(frame) or pdu.dev_id != request.unit_id:
-            return self._spoilt()
-        if pdu.function_code == request.function | EXCEPTION_BIT:
-            return Reply(Outcome.EXCEPTION, [], pdu.exception_code)
-        if pdu.function_code != request.function or len(frame) != request.reply_bytes + self._overhead:
-            return self._spoilt()
-        registers = list(pdu.registers)
-        if request.function in {3, 4}:
-            return Reply(Outcome.DATA, registers) if len(registers) == request.register_count else self._spoilt()
-        same = pdu.address == request.address and pdu.count == request.register_count
-        return Reply(Outcome.DATA, registers) if same else self._spoilt()
-
-    def _spoilt(self) -> Reply:
-        self.garbage += 1
-        self._received.clear()
-        return Reply(Outcome.GARBAGE, [])
+        return self.frames.decode(request, frame) if len(frame) == expected else not_the_reply()
 
     def _end(self, reply: Reply, scan: int) -> Reply:
         self._pending = None
         self._received.clear()
+        if reply.outcome is Outcome.GARBAGE:
+            self.garbage += 1
         if self.rtu and reply.outcome in {Outcome.TIMEOUT, Outcome.GARBAGE}:
             self.epoch += 1
             self._drain_until = max(self._sent_scan + self.drain_scans, scan + QUIET_SCANS)

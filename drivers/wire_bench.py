@@ -17,7 +17,8 @@ from drivers.config import ModbusConfig, WireBenchConfig
 from drivers.drive_setup import set_up_drive
 from drivers.errors import DriverError, ModbusError, Problem
 from drivers.modbus_device import ModbusDevice
-from drivers.modbus_line import ModbusLine, Outcome
+from drivers.modbus_frames import Outcome
+from drivers.modbus_line import ModbusLine
 from drivers.other_controller import refuse_other_controller
 from drivers.part_fields import PART_FIELDS, check_parts
 from drivers.position_count import PositionCount

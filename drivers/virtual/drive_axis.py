@@ -37,7 +37,7 @@ class DriveAxis:
 
     def apply(self) -> None:
         """Pass the machine's demand on to the motor's loops."""
-        demand = self.machine.demand
+        demand = self.machine.motion.demand
         if demand is not self._applied:
             self._applied = demand
             self._plant.set_drive(

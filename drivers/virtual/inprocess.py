@@ -178,12 +178,13 @@ class VirtualTimeBench:
 
     def _write_drive(self, orders: Orders, now_ns: int) -> None:
         machine, faults = self.axis.machine, self.faults
-        machine.write_mode(orders.drive_mode)
+        motion = machine.motion
+        motion.write_mode(orders.drive_mode)
         torque = _clip16(round(orders.drive_target_torque_nm / self._torque_unit_nm))
-        machine.write_target_torque(faults.setpoint(torque, machine.target_torque))
+        motion.write_target_torque(faults.setpoint(torque, motion.target_torque))
         if orders.drive_mode == VELOCITY_MODE:
             velocity = round(orders.drive_target_velocity_rad_s / self._rad_s_per_count)
-            machine.write_target_velocity(faults.setpoint(velocity, machine.target_velocity))
+            motion.write_target_velocity(faults.setpoint(velocity, motion.target_velocity))
         word = CONTROLWORDS[orders.drive_command]
         if faults.takes_controlword(word, machine.controlword):
             machine.write_controlword(word, now_ns)
@@ -208,7 +209,7 @@ class VirtualTimeBench:
     def _send_status(self, scan: int) -> None:
         """Send TPDO 1, which faults may lose, change or delay; a frame that comes late brings an old status."""
         machine, faults = self.axis.machine, self.faults
-        word, mode, torque = machine.statusword, int(machine.mode_display), machine.motor.torque_permille
+        word, mode, torque = machine.statusword, int(machine.motion.mode_display), machine.motor.torque_permille
         if not (faults.active or self._late_status):
             self._status = (DRIVE_STATES[machine.state], word, mode, torque, machine.error_register)
             self._status_scan = scan + 1

@@ -1,4 +1,4 @@
-"""Objects of the virtual drive beside PDO and the services: one row each, applied by `drive_node`.
+"""Objects of the virtual drive beside PDO and the services: one row each, applied by `drive_dictionary`.
 
 Settings are written into the drive machine's `DriveObjects`; values are read from the machine when somebody asks.
 """
@@ -58,15 +58,15 @@ SETTINGS: tuple[Setting, ...] = (
 
 
 def _write_mode(machine: Cia402Machine, value: int, _now_ns: int) -> None:
-    machine.write_mode(value)
+    machine.motion.write_mode(value)
 
 
 def _write_torque(machine: Cia402Machine, value: int, _now_ns: int) -> None:
-    machine.write_target_torque(value)
+    machine.motion.write_target_torque(value)
 
 
 def _write_velocity(machine: Cia402Machine, value: int, _now_ns: int) -> None:
-    machine.write_target_velocity(value)
+    machine.motion.write_target_velocity(value)
 
 
 def _int32(value: int) -> int:
@@ -82,13 +82,13 @@ VALUES: tuple[Value, ...] = (
     Value(0x603F, U16, "Error code", lambda machine: machine.error_code),
     Value(0x6040, U16, "Controlword", lambda machine: machine.controlword, Cia402Machine.write_controlword),
     Value(0x6041, U16, "Statusword", lambda machine: machine.statusword),
-    Value(0x6060, I8, "Modes of operation", lambda machine: machine.mode, _write_mode),
-    Value(0x6061, I8, "Modes of operation display", lambda machine: int(machine.mode_display)),
+    Value(0x6060, I8, "Modes of operation", lambda machine: machine.motion.mode, _write_mode),
+    Value(0x6061, I8, "Modes of operation display", lambda machine: int(machine.motion.mode_display)),
     Value(0x6064, I32, "Position actual value", lambda machine: _int32(machine.position_counts)),
     Value(0x606C, I32, "Velocity actual value", lambda machine: _int32(machine.motor.velocity_counts_s)),
-    Value(0x6071, I16, "Target torque", lambda machine: machine.target_torque, _write_torque),
+    Value(0x6071, I16, "Target torque", lambda machine: machine.motion.target_torque, _write_torque),
     Value(0x6077, I16, "Torque actual value", lambda machine: _int16(machine.motor.torque_permille)),
-    Value(0x60FF, I32, "Target velocity", lambda machine: machine.target_velocity, _write_velocity),
+    Value(0x60FF, I32, "Target velocity", lambda machine: machine.motion.target_velocity, _write_velocity),
     Value(0x6502, U32, "Supported drive modes", lambda _machine: tables.SUPPORTED_MODES),
 )
 """All of these may be mapped into PDOs: into receive PDOs where they can be written."""

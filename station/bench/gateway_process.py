@@ -15,7 +15,8 @@ from pathlib import Path
 from drivers.errors import DriverError
 from drivers.virtual.config import RegisterMap
 from drivers.virtual.errors import VirtualBenchError
-from drivers.virtual.gateway import GatewayConfig, ModbusTarget, run_gateway
+from drivers.virtual.gateway import GatewayConfig, run_gateway
+from drivers.virtual.modbus_gateway import ModbusTarget
 from drivers.virtual.process_lines import log_line
 from recipes import Bench, RecipeError, load_bench
 from recipes.bench_schema import ModbusDevice

@@ -108,7 +108,9 @@ def replay(
     name: RunArgument,
     recipe: Annotated[
         str | None,
-        typer.Option("--recipe", metavar="OTHER", help="What if: interlocks and limits of another recipe."),
+        typer.Option(
+            "--recipe", metavar="OTHER", help="What if: another recipe, as far as it would have run the same."
+        ),
     ] = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
@@ -116,7 +118,8 @@ def replay(
     """Step the controller through a record and compare every order, byte for byte.
 
     Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record, 3 identical,
-    but the record was altered after the run.
+    but the record was altered after the run. With --recipe: 0 nothing would have changed, 1 something would have, 2 as
+    above, 3 nothing can be said, because the replay differs or the record was altered.
     """
     from station.commands import replay as command_replay
 

@@ -93,6 +93,26 @@ class Replayed(NamedTuple):
         return self.difference is None and not self.damage
 
 
+def _disorder(expected: int, found: int, rest: memoryview) -> str:
+    """Return what it means that one record stands where another belongs.
+
+    Args:
+        expected: number of the record that belongs there; all before it were in their places.
+        found: number of the record that stands there.
+        rest: the records from there on.
+
+    """
+    if found < expected:
+        return f"record {found} stands a second time, where record {expected} belongs: the file was changed"
+    if any(expected <= values[0] < found for values in RECORD_STRUCT.iter_unpack(rest)):
+        return (
+            f"record {found} stands where record {expected} belongs: they are not in their order, the file was changed"
+        )
+    last = found - 1
+    missing = f"record {expected} is" if last == expected else f"records {expected} to {last} are"
+    return f"{missing} missing: the ring was full, or the file was changed"
+
+
 def replay(content: bytes, controller: Steps) -> Replayed:
     """Step a fresh controller through the records in `content` until they end, differ, or are damaged."""
     cut = len(content) % RECORD_BYTES
@@ -105,7 +125,7 @@ def replay(content: bytes, controller: Steps) -> Replayed:
         if crc32(view[at:end]) != values[-1]:
             return Replayed(sequence, damage=f"record {sequence} fails its CRC", cut_bytes=cut)
         if values[0] != sequence:
-            damage = f"records {sequence} to {values[0] - 1} are missing: the ring was full, or the file was changed"
+            damage = _disorder(sequence, values[0], view[at:])
             return Replayed(sequence, damage=damage, cut_bytes=cut)
         image = image_of(values[IMAGE_FIRST:ORDERS_FIRST])
         orders = step(image, values[1])

@@ -1,13 +1,15 @@
 """What if another recipe had been in force: its interlocks and its verdict limits on a run that was recorded.
 
 The run's own controller steps through the record, so that tares, references and states are exactly those of the run;
-beside it a second set of interlocks looks at the same scans with the other recipe's limits. Up to the first reaction
-that only one of the two has, the answer is exact; after it the bench would have gone another way, and what stands in
-the record shows only what was measured, not what would have been.
+beside it a second set of interlocks looks at the same scans with the other recipe's limits. Up to the divergence, the
+first scan in which the other recipe's controller orders something else, the answer is exact; after it the bench would
+have gone another way, and what stands in the record shows only what was measured, not what would have been.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +22,8 @@ from controller.interlocks import INTERLOCKS, Watch
 from controller.program import Program
 from recipes import Bench, Recipe
 from station.record.check import Table
-from station.record.timing_proof import run_facts
+from station.record.timing_proof import MEASURING_STATES, run_facts
+from station.results.divergence import Divergence
 from station.results.evaluation import evaluate_trace, trace_of
 
 
@@ -37,10 +40,8 @@ class ShadowWatch(Watch):
     def __init__(self, program: Program, other: Program) -> None:
         super().__init__(program)
         self._shadow = Watch(other)
-        self._other_lock_limit = {
-            program.limits.lock_slip_rad: other.limits.lock_slip_rad,
-            program.limits.lock_proof_motion_rad: other.limits.lock_proof_motion_rad,
-        }
+        self._other_limits = other.limits
+        self._lock_proven = True
         self._looks = 0
         self._noted = 0
         self.raised: list[Raised] = []
@@ -49,7 +50,8 @@ class ShadowWatch(Watch):
         """Evaluate both; the run follows its own."""
         strongest = super().look(image, measured, state)
         own_limit_rad = measured.lock_motion_limit_rad
-        measured.lock_motion_limit_rad = self._other_lock_limit.get(own_limit_rad, own_limit_rad)
+        if isfinite(own_limit_rad):
+            measured.lock_motion_limit_rad = self._lock_limit_rad(state)
         self._shadow.look(image, measured, state)
         measured.lock_motion_limit_rad = own_limit_rad
         fresh = self._shadow.latched & ~self._noted
@@ -60,6 +62,15 @@ class ShadowWatch(Watch):
             self.raised.append(Raised(bit.bit_length() - 1, self._looks))
         self._looks += 1
         return strongest
+
+    def _lock_limit_rad(self, state: State) -> float:
+        """Return the other recipe's limit of the lock [rad]: that of its proof, until a load says that it is proven."""
+        if state == State.LOCK:
+            self._lock_proven = False
+        elif state in MEASURING_STATES:
+            self._lock_proven = True
+        limits = self._other_limits
+        return limits.lock_slip_rad if self._lock_proven else limits.lock_proof_motion_rad
 
 
 WATCHED = frozenset(row.fault for row in INTERLOCKS)
@@ -77,10 +88,11 @@ def recorded_interlocks(table: Table) -> list[Raised]:
     return sorted(found, key=lambda one: one.sequence)
 
 
-def interlock_changes(table: Table, shadow: ShadowWatch) -> list[dict[str, Any]]:
+def interlock_changes(table: Table, shadow: ShadowWatch, divergence: Divergence | None) -> list[dict[str, Any]]:
     """Return what the other recipe's interlocks would have done differently, in order of time.
 
-    `change` is "new" (only with the other recipe), "gone" (only as recorded) or "moved" (at another scan).
+    `change` is "new" (only with the other recipe), "gone" (only as recorded) or "moved" (at another scan). `exact` is
+    False for what comes after the divergence: the other recipe would never have seen that load.
     """
     recorded = dict(recorded_interlocks(table))
     other = dict(shadow.raised)
@@ -102,6 +114,7 @@ def interlock_changes(table: Table, shadow: ShadowWatch) -> list[dict[str, Any]]
                 "other_scan": None if then is None else int(table["scan"][then]),
                 "torque_out_nm": round(float(table["image"]["torque_out_nm"][at]), 3),
                 "diverges": fault.reaction >= Reaction.HOLD,
+                "exact": divergence is None or at <= divergence.sequence,
             },
         )
     return sorted(changes, key=lambda one: min(s for s in (one["recorded_scan"], one["other_scan"]) if s is not None))
@@ -124,20 +137,21 @@ def same_load(own: Program, other: Program) -> bool:
     return own.segments == other.segments and own.period_s == other.period_s
 
 
-def judge(table: Table, recipe: Recipe, bench: Bench, stored: dict[str, Any]) -> Result:
-    """Evaluate the recorded trace by another recipe's method and limits.
+def judge(table: Table, recipe: Recipe, bench: Bench, stored: dict[str, Any], objections: Sequence[str] = ()) -> Result:
+    """Evaluate the recorded trace by a recipe's method and limits.
 
     Args:
         table: all records of the run.
-        recipe: the other recipe.
+        recipe: the recipe.
         bench: the run's own bench.
         stored: `segments` of program.json, the run's `timing` block and its `id`.
+        objections: what speaks against the record as a whole.
 
     """
     timing = stored["timing"]
     facts = run_facts(table, timing, recipe.sampling)
     trace = trace_of(table, stored["segments"], bench, timing["period_ns"], stored["id"])
-    return evaluate_trace(trace, recipe, bench, [], facts)
+    return evaluate_trace(trace, recipe, bench, [*objections], facts)
 
 
 def _key(metric: dict[str, Any]) -> tuple[Any, ...]:

@@ -17,12 +17,12 @@ from durand_drive import DurandDrive
 from controller.image import NmtState
 from drivers.can_bus import CanLink, open_can
 from drivers.config import CanConfig, DriveConfig
+from drivers.drive_mapping import mapping_rows
 from drivers.drive_objects import (
     PROTECTIONS,
     Treatment,
     homing_rows,
     identity_rows,
-    mapping_rows,
     protection_rows,
     rating_rows,
     synchronisation_rows,

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from pymodbus.framer import FramerRTU
 
 from drivers.errors import ModbusError
-from drivers.modbus_line import ModbusLine, Outcome, Reply, Request
+from drivers.modbus_frames import Outcome, Reply, Request
+from drivers.modbus_line import ModbusLine
 
 UNIT = 1
 TIMEOUT, DRAIN = 5, 15
@@ -92,7 +93,7 @@ def rtu() -> Iterator[Rtu]:
 
 
 def read3(line: ModbusLine) -> Request:
-    return line.read_request(UNIT, "input", 0, 3)
+    return line.frames.read_request(UNIT, "input", 0, 3)
 
 
 def data(*values: int) -> Reply:
@@ -118,7 +119,7 @@ def test_one_request_in_flight(tcp: Tcp) -> None:
 
 
 def test_write_is_acknowledged_by_its_own_address_and_count_only(tcp: Tcp) -> None:
-    request = tcp.line.write_request(UNIT, 0x10, [1, 2500])
+    request = tcp.line.frames.write_request(UNIT, 0x10, [1, 2500])
     tcp.line.send(request, 0)
     assert tcp.asked() == bytes.fromhex("0001 0000 000b 01 10 0010 0002 04 0001 09c4")
     tcp.say(1, bytes.fromhex("01 10 0010 0002"))

@@ -57,4 +57,4 @@ def test_one_module_uses_it() -> None:
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             if any(name.split(".")[0] == "pymodbus" for name in names):
                 users.add(path.name)
-    assert users == {"modbus_line.py"}
+    assert users == {"modbus_frames.py"}

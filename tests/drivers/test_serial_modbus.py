@@ -12,7 +12,8 @@ from serial_cable import Pieces, SerialCable
 
 from drivers.errors import ModbusError
 from drivers.modbus_device import ModbusDevice
-from drivers.modbus_line import ModbusLine, Outcome
+from drivers.modbus_frames import Outcome
+from drivers.modbus_line import ModbusLine
 
 pytestmark = pytest.mark.wires
 

@@ -12,7 +12,7 @@ from canopen.sdo.exceptions import SdoAbortedError
 from controller.faults import FAULT_BY_ID
 from drivers.emcy import EMCY_TEXTS, explain_emcy
 from drivers.sdo import SDO_ABORTS, explain_abort
-from drivers.virtual import cia402_tables, pdo_service
+from drivers.virtual import cia402_tables, pdo_parameters, pdo_service
 from drivers.virtual.config import RegisterMap
 from drivers.virtual.fault_schedule import FaultSchedule
 from drivers.virtual.fault_vocabulary import (
@@ -202,7 +202,7 @@ def test_every_fault_of_the_controller_has_been_brought_about() -> None:
 
 def test_every_abort_that_canopen_knows_has_a_hint() -> None:
     assert set(SdoAbortedError.CODES) <= set(SDO_ABORTS)
-    ours = {value for name, value in vars(pdo_service).items() if name.startswith("ABORT_")}
+    ours = {value for name, value in vars(pdo_parameters).items() if name.startswith("ABORT_")}
     assert ours
     for code in ours:
         assert explain_abort(code) is SDO_ABORTS[code]

@@ -23,7 +23,8 @@ from drivers.can_bus import CanLink
 from drivers.can_drive import CanDrive
 from drivers.config import ModbusConfig
 from drivers.modbus_device import ModbusDevice
-from drivers.modbus_line import ModbusLine, Outcome
+from drivers.modbus_frames import Outcome
+from drivers.modbus_line import ModbusLine
 from recipes import RecipeError, check, parse_bench, parse_recipe
 from station.record.ring import MAILBOX_SLOTS, W_COMMANDS_WRITTEN, W_READ, W_SLOTS, create
 from station.record.ring_reader import RingReader
@@ -111,7 +112,7 @@ def modbus_reply(data: bytes) -> None:
     try:
         ours.setblocking(False)  # noqa: FBT003
         line.attach(ours)
-        assert line.send(line.read_request(config.unit_id, "input", 0, 14), 0)
+        assert line.send(line.frames.read_request(config.unit_id, "input", 0, 14), 0)
         asked = theirs.recv(64)
         theirs.send(asked[:2] + b"\0\0" + (len(data) + 1).to_bytes(2, "big") + asked[6:7] + data)
         reply = line.poll(0)

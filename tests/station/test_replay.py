@@ -59,6 +59,30 @@ def test_missing_records_are_named() -> None:
     assert "records 4 to 6 are missing" in found.damage
 
 
+def test_one_missing_record_is_one() -> None:
+    rows = recorded()
+    found = replay(b"".join(rows[:4] + rows[5:]), Sums())
+    assert found.damage == "record 4 is missing: the ring was full, or the file was changed"
+
+
+@pytest.mark.parametrize("order", [[0, 1, 3, 2, 4, 5], [0, 1, 5, 2, 3, 4], [0, 1, 5, 3, 4, 2], [0, 1, 5, 3, 4]])
+def test_records_out_of_order_are_not_called_missing(order: list[int]) -> None:
+    rows = recorded()
+    found = replay(b"".join(rows[number] for number in order), Sums())
+    assert (found.identical, found.same) == (2, False)
+    assert found.damage == (
+        f"record {order[2]} stands where record 2 belongs: they are not in their order, the file was changed"
+    )
+
+
+@pytest.mark.parametrize("again", [0, 5, SCANS - 1])
+def test_a_record_that_stands_there_twice_is_not_called_missing(again: int) -> None:
+    rows = recorded()
+    found = replay(b"".join([*rows, rows[again]]), Sums())
+    assert found.identical == SCANS
+    assert found.damage == (f"record {again} stands a second time, where record {SCANS} belongs: the file was changed")
+
+
 @pytest.mark.parametrize("at", [0, 5, SCANS - 1])
 def test_first_differing_scan_is_shown_field_by_field(at: int) -> None:
     class Changed(Sums):

@@ -67,7 +67,7 @@ def put_into(state: PowerState) -> Cia402Machine:
 
 
 def enable(drive: Cia402Machine, mode: Mode = Mode.CYCLIC_SYNC_TORQUE) -> None:
-    drive.write_mode(mode)
+    drive.motion.write_mode(mode)
     for word in (0x06, 0x07, 0x0F):
         drive.write_controlword(word, 0)
     assert drive.state is PowerState.OPERATION_ENABLED
@@ -108,7 +108,7 @@ def test_every_table_is_total() -> None:
 def test_the_motor_has_torque_only_while_energized() -> None:
     for state in REACHABLE:
         drive = put_into(state)
-        assert (drive.demand.loop is DriveLoop.OFF) == (state not in tables.ENERGIZED), state
+        assert (drive.motion.demand.loop is DriveLoop.OFF) == (state not in tables.ENERGIZED), state
 
 
 def test_a_fault_is_left_only_by_a_rising_edge() -> None:
@@ -129,12 +129,12 @@ def test_quick_stop_in_torque_mode_takes_the_torque_away_then_disables() -> None
     drive = machine()
     drive.objects.quick_stop_option = 2
     enable(drive)
-    drive.write_target_torque(800)
-    assert drive.demand.torque_permille == 800
+    drive.motion.write_target_torque(800)
+    assert drive.motion.demand.torque_permille == 800
     drive.step(10 * MS, LOADED)
     drive.write_controlword(0x02, 10 * MS)
     assert drive.state is PowerState.QUICK_STOP_ACTIVE
-    assert drive.demand == (DriveLoop.TORQUE, 0, 0.0)
+    assert drive.motion.demand == (DriveLoop.TORQUE, 0, 0.0)
     drive.step(50 * MS, LOADED._replace(torque_permille=200))
     assert drive.state is PowerState.QUICK_STOP_ACTIVE
     drive.write_controlword(0x0F, 60 * MS)
@@ -148,11 +148,11 @@ def test_quick_stop_in_velocity_mode_ramps_the_speed_down() -> None:
     drive.objects.quick_stop_option = 2
     drive.objects.quick_stop_counts_s2 = 1_000_000
     enable(drive, Mode.CYCLIC_SYNC_VELOCITY)
-    drive.write_target_velocity(100_000)
+    drive.motion.write_target_velocity(100_000)
     drive.step(0, STILL._replace(velocity_counts_s=100_000))
     drive.write_controlword(0x02, 0)
     drive.step(50 * MS, STILL._replace(velocity_counts_s=60_000))
-    assert drive.demand.velocity_counts_s == pytest.approx(50_000)
+    assert drive.motion.demand.velocity_counts_s == pytest.approx(50_000)
     drive.step(101 * MS, STILL)
     drive.step(102 * MS, STILL)
     assert drive.state is PowerState.SWITCH_ON_DISABLED
@@ -186,7 +186,7 @@ def test_a_lost_controller_is_met_by_the_abort_connection_option(
     drive.objects.abort_connection = option
     drive.step(0, LOADED)
     enable(drive)
-    drive.write_target_torque(800)
+    drive.motion.write_target_torque(800)
     if how == "heartbeat":
         drive.consume_heartbeats_of(126, 100)
         drive.heartbeat(126, 0)
@@ -198,7 +198,7 @@ def test_a_lost_controller_is_met_by_the_abort_connection_option(
     drive.step(101 * MS, LOADED)
     assert emcys == [(0x8130 if how == "heartbeat" else 0x8250, 0x11)]
     assert drive.state is state
-    assert drive.demand.loop is loop
+    assert drive.motion.demand.loop is loop
     drive.write_controlword(0x0F, 102 * MS)
     assert drive.state is state
     if option == 0:
@@ -240,7 +240,7 @@ def test_an_emergency_stop_cuts_the_torque_and_keeps_it_off() -> None:
     drive = machine(LOADED)
     enable(drive)
     drive.set_safe_torque_off(active=True, now_ns=0)
-    assert drive.demand.loop is DriveLoop.OFF
+    assert drive.motion.demand.loop is DriveLoop.OFF
     assert not drive.statusword & tables.VOLTAGE_ENABLED
     for word in (0x06, 0x07, 0x0F):
         drive.write_controlword(word, MS)
@@ -269,21 +269,21 @@ def test_homing_is_refused_while_the_motor_moves() -> None:
 
 def test_an_unknown_mode_leaves_the_display() -> None:
     drive = machine()
-    drive.write_mode(10)
-    drive.write_mode(3)
-    assert drive.mode_display is Mode.CYCLIC_SYNC_TORQUE
+    drive.motion.write_mode(10)
+    drive.motion.write_mode(3)
+    assert drive.motion.mode_display is Mode.CYCLIC_SYNC_TORQUE
 
 
 def test_halt_takes_the_torque_away_and_gives_it_back() -> None:
     drive = machine()
     enable(drive)
-    drive.write_target_torque(500)
+    drive.motion.write_target_torque(500)
     drive.write_controlword(0x010F, MS)
     assert drive.state is PowerState.OPERATION_ENABLED
-    assert drive.demand.torque_permille == 0
+    assert drive.motion.demand.torque_permille == 0
     assert not drive.statusword & tables.FOLLOWS_COMMAND
     drive.write_controlword(0x000F, 2 * MS)
-    assert drive.demand.torque_permille == 500
+    assert drive.motion.demand.torque_permille == 500
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ def test_a_position_at_the_end_of_its_32_bits_goes_on_as_any_other(bench_config:
     def turned_rad(begin_counts: int) -> float:
         scans = Scans(bench_config)
         machine = scans.bench.axis.machine
-        machine._home_counts = machine._motor.position_counts - begin_counts
+        machine.motion.home_counts = machine.motor.position_counts - begin_counts
         begin = scans.run(3, orders(DriveCommand.DISABLE_VOLTAGE))
         return scans.ramp(1.0).drive_angle_rad - begin.drive_angle_rad
 

@@ -157,7 +157,8 @@ def elsewhere(
     """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset.
 
     Raises:
-        StationError, RecipeError, AnalysisError: also for an exported run without a trace, or of another unit model.
+        StationError, RecipeError, AnalysisError: also for an exported run that has no complete trace, or measured
+            another unit model.
 
     """
     recipe_file = recipe_path(recipe_name)
@@ -172,6 +173,7 @@ def elsewhere(
     objections = [] if bench is None else objections_to_bench(recipe, bench, day)
     facts = None
     if origin is not None:
+        origin.check_complete()
         origin.check_recipe(recipe, recipe_file)
         objections, facts = [*origin.objections, *objections], origin.facts(recipe.sampling)
     found = analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts, figures=figures, draws=draws)

@@ -75,6 +75,7 @@ def _of_file(path: Path) -> Source:
     origin = origin_of(path, trace)
     if origin is None:
         return Source(str(path), trace)
+    origin.check_complete()
     if origin.objections:
         raise StationError(f"{path}: {origin.objections[0]}; nothing is computed from it")
     return Source(str(path), trace, "" if origin.changed else str(origin.run["serial"]), origin.virtual)

@@ -84,10 +84,7 @@ class Origin:
     @property
     def objections(self) -> list[str]:
         """Return why nothing is decided on this file, whatever its trace shows."""
-        found = [f"it was exported from an altered record: {one}" for one in self.run.get("altered") or ()]
-        if self.run["state"] != "complete":
-            found.append(f"it was exported from run {self.run['id']}, which ended as {self.run['state']}")
-        return found
+        return [f"it was exported from an altered record: {one}" for one in self.run.get("altered") or ()]
 
     @property
     def virtual(self) -> bool:
@@ -101,6 +98,15 @@ class Origin:
     def is_own(self, kind: str, sha256: str) -> bool:
         """Whether a file (`recipe` or `bench`) is the one that the run was measured by."""
         return bool(self.run[kind]["sha256"] == sha256)
+
+    def check_complete(self) -> None:
+        """Refuse the export of a run that did not come to its end."""
+        run, state = self.run["id"], self.run["state"]
+        if state != "complete":
+            raise StationError(
+                f"{self.file}: exported from run {run}, which ended as {state}: it has no complete trace to evaluate. "
+                f"See 'lostmotion show {run}'",
+            )
 
     def check_recipe(self, recipe: Recipe, recipe_file: Path) -> None:
         """Refuse a recipe for another model of unit."""

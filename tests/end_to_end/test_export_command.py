@@ -92,7 +92,6 @@ def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, t
 
     for changes, reason in (
         ({"altered": ["timing.json: other bytes"]}, "exported from an altered record: timing.json"),
-        ({"state": "fault"}, "which ended as fault"),
         ({"recorded": said["run"]["recorded"] | {"missed": 30000}, "verdict": "NOT DECIDABLE"}, "missed_periods"),
         ({"verdict": "FAIL"}, "the run's own verdict is FAIL, evaluated anew it is PASS"),
     ):
@@ -103,6 +102,7 @@ def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, t
         ({"unit": "RV-6E"}, "which measured a RV-6E"),
         ({"trace": None, "recorded": {"missed": "many"}}, "is damaged"),
         ({"started": 7}, "is damaged"),
+        ({"state": "fault"}, "which ended as fault: it has no complete trace to evaluate"),
         ({"recorded": said["run"]["recorded"] | {"missed": "0"}}, "is damaged"),
     ):
         ran = analyzed(**changes)
@@ -124,8 +124,12 @@ def test_a_model_of_an_exported_run_is_that_of_the_unit_as_long_as_the_trace_is(
     beside = tmp_path / "quick.csv.json"
     beside.write_text(beside.read_text(encoding="utf-8").replace('"trace": "', '"trace": "0'), encoding="utf-8")
     assert trace_source(str(path), None, tmp_path).serial == ""
-    beside.write_text(beside.read_text(encoding="utf-8").replace('"complete"', '"stopped"'), encoding="utf-8")
-    with pytest.raises(StationError, match="which ended as stopped; nothing is computed from it"):
+    said = json.loads(beside.read_text(encoding="utf-8"))
+    beside.write_text(json.dumps({"run": said["run"] | {"altered": ["run.json: other"]}}), encoding="utf-8")
+    with pytest.raises(StationError, match=r"altered record: run\.json: other; nothing is computed from it"):
+        trace_source(str(path), None, tmp_path)
+    beside.write_text(json.dumps({"run": said["run"] | {"state": "stopped"}}), encoding="utf-8")
+    with pytest.raises(StationError, match="which ended as stopped: it has no complete trace"):
         trace_source(str(path), None, tmp_path)
 
 

@@ -36,7 +36,8 @@ def write_durable(path: Path, content: bytes) -> None:
         beside.replace(path)
         sync_folder(path.parent)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # where nothing can be written, nothing can be taken away either
+            beside.unlink(missing_ok=True)
         raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk, then run again") from error
 
 

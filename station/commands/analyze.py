@@ -291,7 +291,11 @@ def reevaluate(
         "run": run.id,
         "serial": manifest["serial"],
         "recipe": _head(recipe, recipe_file),
-        **{key: manifest[key] for key in ("attempt", "bench", "unit", "clock") if key in manifest},
+        **{
+            key: manifest[key]
+            for key in ("attempt", "bench", "unit", "scenario", "operator", "clock")
+            if key in manifest
+        },
         "state": manifest["state"],
         "preset": preset,
         **plain,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 from pathlib import Path
@@ -10,21 +11,42 @@ from typing import Any
 from station.commands.show import stored_result
 from station.errors import RecordError, StationError
 from station.record.check import check_bytes, table_of
-from station.record.run_record import RunRecord
-from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
+from station.record.run_record import MANIFEST, RunRecord
+from station.record.seal import EXIT_ALTERED, INDEX, alteration_lines, alterations
 from station.record.store import Store
-from station.results.export import FORMATS, columns_of
+from station.results.export import FORMATS, Column, columns_of, sidecar
 from station.results.export_origin import for_analysis
 from station.run.recovery import recover
 
-COPIED = ("id", "serial", "attempt", "state", "started", "ended", "clock", "period_ns", "recipe", "bench", "software")
+OF_A_RUN = (MANIFEST, "samples.json")
+"""Files that a run's folder has from its start."""
+
+COPIED = (
+    "id",
+    "serial",
+    "attempt",
+    "state",
+    "started",
+    "ended",
+    "clock",
+    "period_ns",
+    "recipe",
+    "bench",
+    "software",
+    "scenario",
+    "operator",
+)
 
 
 def described(run: RunRecord) -> dict[str, Any]:
-    """Return what a file must say of its run to stand alone: identity, recipe, bench, software, verdict, metrics."""
+    """Return what a file must say of its run to stand alone: identity, recipe, bench, software, verdict, metrics.
+
+    A unit that was not real, and a scenario whose faults were injected, are part of its identity.
+    """
     manifest, result = run.manifest(), stored_result(run)
     head = {key: manifest[key] for key in COPIED if manifest.get(key) is not None}
     unit = {"unit": manifest["unit"]["model"]}
+    unit |= {"virtual_unit": manifest["unit"]["virtual"]} if manifest["unit"].get("virtual") else {}
     # Of an altered record the result decides nothing, and the file says so wherever it goes.
     kept = ("verdict", "reasons", "metrics", "timing", "altered")
     return head | unit | {key: result[key] for key in kept if key in result}
@@ -46,6 +68,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     path = Path(f"{run.id}.{file_format}") if out is None else out
     if path.is_dir():
         path = path / f"{run.id}.{file_format}"
+    _refuse_records(path)
     try:
         content = run.samples.read_bytes()
     except OSError as error:
@@ -60,14 +83,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     table = table_of(content)
     measured, beside = for_analysis(run, table)
     columns = columns_of(table, int(run.manifest()["period_ns"]), measured)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        FORMATS[file_format](part, columns, described(run) | beside)
-        for written in (part, *part.parent.glob(f"{part.name}.*")):
-            written.replace(written.with_name(written.name.replace(part.name, path.name, 1)))
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise StationError(f"{path}: cannot be written: {error.strerror}. Choose another --out") from error
+    _write(path, file_format, columns, described(run) | beside)
     found = {"run": run.id, "file": str(path), "format": file_format, "scans": read_back.records}
     found |= {"columns": len(columns), "bytes": path.stat().st_size, "altered": list(altered)}
     if as_json:
@@ -76,3 +92,35 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
         told = f"{path}: {read_back.records} scans, {len(columns)} columns, {found['bytes']} bytes"
         sys.stdout.write("\n".join([*alteration_lines(altered), told]) + "\n")
     return EXIT_ALTERED if altered else 0
+
+
+def _refuse_records(path: Path) -> None:
+    """Refuse a file that would lie in a run's folder, or in place of the index: no record is ever written over."""
+    there = path.resolve()
+    run = next((folder for folder in there.parents if all((folder / name).is_file() for name in OF_A_RUN)), None)
+    if run is not None:
+        raise StationError(f"--out {path}: lies in the folder of run {run.name}, which stays as it is. Choose another")
+    if there.name == INDEX:
+        raise StationError(f"--out {path}: {INDEX} is what vouches for the runs beside it. Choose another name")
+
+
+def _write(path: Path, file_format: str, columns: list[Column], run: dict[str, Any]) -> None:
+    """Write the file, and what stands beside it, completely or not at all; nothing is left of what failed.
+
+    Raises:
+        StationError: the folder is not there or read-only, or the disk is full.
+
+    """
+    part = path.with_name(f".{path.name}.part")
+    finals = {part: path, sidecar(part): sidecar(path)}
+    try:
+        FORMATS[file_format](part, columns, run)
+        for written, final in finals.items():
+            if written.exists():
+                written.replace(final)
+    except OSError as error:
+        raise StationError(f"{path}: cannot be written: {error.strerror or error}. Choose another --out") from error
+    finally:
+        for written in finals:
+            with contextlib.suppress(OSError):  # where nothing can be written, nothing can be taken away either
+                written.unlink(missing_ok=True)

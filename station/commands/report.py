@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 import webbrowser
 from pathlib import Path
 
@@ -35,17 +36,14 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
     recover_all(store)
     run = store.find(name)
     folder = run.folder if out is None else out
+    _refuse_unwritable(folder)
     try:
-        html, pdf = illustrate(run, _shown(run))
+        html, pdf = illustrate(run, _shown(run), keep=out is None)
     except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
         what = " ".join(str(error).split())
         raise RecordError(f"{run.id}: no report: its record is damaged: {what}. See 'lostmotion show'") from error
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for file, content in ((HTML, html), (PDF, pdf)):
-            write_durable(folder / file, content)
-    except OSError as error:
-        raise StationError(f"{folder}: cannot be written: {error.strerror}. Choose another --out") from error
+    for file, content in ((HTML, html), (PDF, pdf)):
+        write_durable(folder / file, content)
     paths = {"html": str(folder / HTML), "pdf": str(folder / PDF)}
     if as_json:
         sys.stdout.write(json.dumps({"run": run.id, **paths}, ensure_ascii=False) + "\n")
@@ -54,6 +52,16 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
     if open_it:
         webbrowser.open((folder / HTML).resolve().as_uri())
     return 0
+
+
+def _refuse_unwritable(folder: Path) -> None:
+    """Refuse a folder that takes no file, before anything is made for it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise StationError(f"{folder}: cannot be written: {error.strerror}. Choose another --out") from error
 
 
 def _shown(run: RunRecord) -> Shown:

@@ -114,6 +114,8 @@ def _without_result(run: RunRecord, manifest: dict[str, Any], state: str) -> dic
         "run": run.id,
         "serial": manifest["serial"],
         "recipe": {key: manifest["recipe"][key] for key in ("name", "revision", "sha256")},
+        "scenario": manifest.get("scenario"),
+        "operator": manifest.get("operator"),
         "state": state,
         "verdict": "NOT DECIDABLE",
         "reasons": [reasons.get(state, f"the run ended as {state} without a result"), *([trouble] if trouble else [])],

@@ -73,6 +73,7 @@ class StoredValue:
     value: float
     virtual: bool
     operator: str = ""
+    faults: bool = False
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,8 @@ class StoredValues:
         """Return what a reader must know of the runs behind the figures."""
         virtual = sum(one.virtual for one in self.values)
         notes = [f"VIRTUAL: {virtual} of {len(self.values)} runs are of the virtual bench"] if virtual else []
+        faults = sum(one.faults for one in self.values)
+        notes += [f"FAULTS INJECTED: in {faults} of {len(self.values)} runs"] if faults else []
         for what in ("revision", "torque"):
             counts = _counts(self.kinds, what)
             notes += [f"MIXED: {_listing(counts, what)}"] if len(counts) > 1 else []
@@ -108,6 +111,7 @@ class StoredValues:
             "runs": [one.run.id for one in self.values],
             "left_out": dict(self.left_out),
             "virtual_runs": sum(one.virtual for one in self.values),
+            "runs_with_faults": sum(one.faults for one in self.values),
         }
 
 
@@ -173,7 +177,8 @@ def _read(
         started = datetime.fromisoformat(manifest["started"])
         bench = str((result.get("bench") or {}).get("name", ""))
         who, virtual = str(manifest.get("operator") or ""), bool(virtual_badges(result))
-        return StoredValue(run, manifest["serial"], started, bench, value, virtual, who), metric
+        faults = bool(manifest.get("scenario"))
+        return StoredValue(run, manifest["serial"], started, bench, value, virtual, who, faults), metric
     except (RecordError, KeyError, TypeError, ValueError, AttributeError):
         left_out["damaged"] += 1
         return None

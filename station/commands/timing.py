@@ -105,9 +105,7 @@ def explain(report: dict[str, Any]) -> list[str]:
             "a virtual machine or a container's limit does. No setting in here helps against that.",
         )
     if late["p999"] > 0.5 * period_us:
-        told.append(
-            "The machine wakes the scan too late for this period now and then: see what stands in the way below."
-        )
+        told.append("The machine wakes the scan too late for this period now and then: see what stands in the way.")
     if used > 0.5:
         told.append("More than half of the period is work: choose a longer period, or a faster processor.")
     if report["embedded"] and report["missed"]:
@@ -165,6 +163,9 @@ def lines(report: dict[str, Any]) -> list[str]:
     out += ["", "longest scans"]
     for one in report["longest_scans"][:LONG_SHOWN]:
         out.append(f"  scan {one['scan']}: {_parts(one)}, {one['lateness_us']:.0f} µs late")
+    out += ["", "latest scans"]
+    for one in report["latest_scans"][:LONG_SHOWN]:
+        out.append(f"  scan {one['scan']}: {one['lateness_us']:.0f} µs late, {_parts(one)}")
     out += ["", *footing(report)]
     realtime = report["realtime"]
     out += ["", "asked of the machine"]

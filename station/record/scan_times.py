@@ -1,12 +1,14 @@
-"""What a scan's time went into: counters that are allocated before the scan, and the longest scans by name.
+"""What a scan's time went into: counters that are allocated before the scan, longest and latest scans by name.
 
 Four marks per scan give four parts: read, step, write, record. Each part, the lateness and the work have a histogram
-of fixed size; the longest scans and the gaps are kept with their numbers, so that a missed period can be explained.
+of fixed size; the longest scans, the latest ones and the gaps are kept with their numbers, so that a missed period and
+the worst lateness can be explained.
 All of it costs less than 2 µs per scan (`benchmarks` prints the figure).
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 PARTS = ("read", "step", "write", "record")
@@ -117,8 +119,11 @@ class ScanTimes:
         self._work = self.counts["work"].add
         self._longest: list[LongScan] = [LongScan(0, 0, 0, 0, 0, 0)] * LONGEST_KEPT
         self._shortest_kept_ns = 0
+        self._latest: list[LongScan] = [LongScan(0, 0, 0, 0, 0, 0)] * LONGEST_KEPT
+        self._least_late_kept_ns = 0
         self._gaps: list[tuple[int, int, LongScan]] = []
-        self._waking_ns = self._read_ns = self._step_ns = self._write_ns = self._record_ns = 0
+        self._waking_ns = 0
+        self._marks = (0, 0, 0, 0, 0)
         self.missed = 0
         self.gaps = 0
 
@@ -135,8 +140,7 @@ class ScanTimes:
         record_ns = recorded - written
         if missed:
             self._gap(scan, missed)
-        self._waking_ns, self._read_ns, self._step_ns = lateness_ns, read_ns, step_ns
-        self._write_ns, self._record_ns = write_ns, record_ns
+        self._waking_ns, self._marks = lateness_ns, marks
         self._lateness(lateness_ns)
         self._read(read_ns)
         self._step(step_ns)
@@ -145,6 +149,14 @@ class ScanTimes:
         self._work(written - woken)
         if recorded - woken > self._shortest_kept_ns:
             self._keep(LongScan(scan, lateness_ns, read_ns, step_ns, write_ns, record_ns))
+        if lateness_ns > self._least_late_kept_ns:
+            self._keep_late(LongScan(scan, lateness_ns, read_ns, step_ns, write_ns, record_ns))
+
+    def _keep_late(self, late: LongScan) -> None:
+        """Put a scan among the latest, in place of the least late of them: long work is not what made it late."""
+        times = [one.lateness_ns for one in self._latest]
+        self._latest[times.index(self._least_late_kept_ns)] = late
+        self._least_late_kept_ns = min(one.lateness_ns for one in self._latest)
 
     def _keep(self, long: LongScan) -> None:
         """Put a scan among the longest, in place of the shortest of them."""
@@ -157,8 +169,8 @@ class ScanTimes:
         self.missed += missed
         self.gaps += 1
         if len(self._gaps) < GAPS_KEPT:
-            parts = (self._waking_ns, self._read_ns, self._step_ns, self._write_ns, self._record_ns)
-            self._gaps.append((scan, missed, LongScan(scan - missed - 1, *parts)))
+            parts = (after - before for before, after in pairwise(self._marks))
+            self._gaps.append((scan, missed, LongScan(scan - missed - 1, self._waking_ns, *parts)))
 
     def gap_list(self) -> list[dict[str, Any]]:
         """Return the first gaps: scan that followed, periods missed, and the scan before with its cause."""
@@ -169,12 +181,18 @@ class ScanTimes:
         kept = [one for one in self._longest if sum(one[2:])]
         return sorted(kept, key=lambda one: -sum(one[2:]))
 
+    def latest(self) -> list[LongScan]:
+        """Return the scans that began latest after their deadline, latest first."""
+        kept = [one for one in self._latest if one.lateness_ns]
+        return sorted(kept, key=lambda one: -one.lateness_ns)
+
     def to_dict(self) -> dict[str, Any]:
-        """Return it for the timing proof: percentiles of every part, histograms, gaps and longest scans."""
+        """Return it for the timing proof: percentiles of every part, histograms, gaps, longest and latest scans."""
         return {
             "parts_us": {name: self.counts[name].to_dict() for name in PARTS},
             "histograms_us": {name: self.counts[name].edges_us() for name in ("lateness", "work")},
             "gaps": self.gap_list(),
             "gaps_in_all": self.gaps,
             "longest_scans": [one.to_dict() for one in self.longest()],
+            "latest_scans": [one.to_dict() for one in self.latest()],
         }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from analysis import Result, SegmentInfo, segment_name
@@ -16,6 +16,7 @@ from analysis.method import Method
 from station.errors import RecordError
 from station.record.run_record import RunRecord
 from station.reports.result_text import metric_name, minus, number, uncertainty_text, unit_text
+from station.reports.timing_tables import TimingTables, timing_proof, timing_tables
 
 LOOP_CSV = "loop.csv"
 LEAST_SHARE = 0.005
@@ -54,6 +55,7 @@ class Content:
     calibrations: tuple[Row, ...] = ()
     checksums: tuple[Row, ...] = ()
     loop: bytes = b""
+    timing: TimingTables = field(default_factory=TimingTables)
 
 
 LINE_HEADS = ("quadrant", "C [N·m]", "m", "u(C)", "u(m)", "correlation", "s [N·m]", "points", "flagged")
@@ -77,6 +79,7 @@ def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | Non
             (name, str(found["bytes"]), str(found["sha256"])) for name, found in (manifest.get("files") or {}).items()
         ),
         loop=b"" if analysis is None else loop_csv(analysis),
+        timing=timing_tables(timing_proof(record)),
     )
 
 

@@ -1,10 +1,11 @@
-"""What is said first of a result: how the run ended, the verdict, and that nothing real was measured."""
+"""What is said first of a result: how the run ended, the verdict, that nothing real was measured, faults injected."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 BENCH_FAULT = "BENCH FAULT"
+FAULTS_INJECTED = "FAULTS INJECTED"
 ENDED_WELL = ("complete", "analyzed")
 NOTES = ("warn", "hold")
 """Reactions of alarms that end no run: notes to whoever looks after the bench."""
@@ -68,14 +69,19 @@ def remaining_reasons(result: dict[str, Any]) -> list[str]:
     return [reason.removeprefix(said) if said else reason for reason in result["reasons"]]
 
 
+def badges(result: dict[str, Any]) -> tuple[str, ...]:
+    """Return what stands beside the verdict so that nobody overlooks it: not real, or with faults injected."""
+    return (*virtual_badges(result), *((FAULTS_INJECTED,) if result.get("scenario") else ()))
+
+
 def virtual_badges(result: dict[str, Any]) -> tuple[str, ...]:
     """Return what says that no real unit was measured; empty for a real bench in real time."""
     bench, unit = result.get("bench") or {}, result.get("unit") or {}
     timing = result.get("timing") or {}
     in_virtual_time = "virtual" in (result.get("clock"), timing.get("clock"))
-    badges = []
+    found = []
     if in_virtual_time and bench.get("embedded") is False:
-        badges.append(f"SIMULATED BENCH {bench['name']}")
+        found.append(f"SIMULATED BENCH {bench['name']}")
     elif in_virtual_time or unit.get("virtual"):
-        badges.append("VIRTUAL BENCH")
-    return (*badges, "VIRTUAL TIME") if in_virtual_time else tuple(badges)
+        found.append("VIRTUAL BENCH")
+    return (*found, "VIRTUAL TIME") if in_virtual_time else tuple(found)

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 
 from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
-from station.reports.headline import ending_text, headline, remaining_reasons, virtual_badges
+from station.reports.headline import badges, ending_text, headline, remaining_reasons
 from station.reports.result_text import (
     limits_text,
     metric_name,
@@ -20,6 +20,7 @@ from station.reports.result_text import (
     unit_text,
 )
 from station.reports.result_view import all_rows, timing_line
+from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS
 
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
@@ -163,12 +164,19 @@ def report_html(
             timing_line=timing_line(result["timing"]) if result["timing"].get("scans") else "",
             head=headline(result),
             conditions=conditions or {},
-            badges=virtual_badges(result),
+            badges=badges(result),
             ending=ending_text(result),
             reasons=remaining_reasons(result),
             content=content,
             data={name: base64.b64encode(part).decode() for name, part in data.items()},
-            heads={"lines": LINE_HEADS, "budget": BUDGET_HEADS, "gates": GATE_HEADS},
+            heads={
+                "lines": LINE_HEADS,
+                "budget": BUDGET_HEADS,
+                "gates": GATE_HEADS,
+                "percentiles": PERCENTILE_HEADS,
+                "missed": MISSED_HEADS,
+                "scans": SCAN_HEADS,
+            },
         )
     )
     return page.encode()

@@ -15,7 +15,7 @@ from station.record.check import read_table
 from station.record.history import conditions_of, history_of
 from station.record.run_record import RunRecord
 from station.reports.content import content_of
-from station.reports.headline import first_cause, headline, virtual_badges
+from station.reports.headline import badges, first_cause, headline
 from station.reports.html_page import report_html
 from station.reports.loop_plot import loop_figure, png
 from station.reports.residual_plot import residual_figure
@@ -38,8 +38,8 @@ class Shown:
     analysis: Result | None
 
 
-def illustrate(record: RunRecord, shown: Shown) -> tuple[bytes, bytes]:
-    """Return the report as HTML and as PDF; the pictures in them are also written to the run's folder.
+def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[bytes, bytes]:
+    """Return the report as HTML and as PDF; with `keep` the first pictures are also written to the run's folder.
 
     Raises:
         RecordError: a file of the record cannot be read, or a picture not be written.
@@ -49,7 +49,7 @@ def illustrate(record: RunRecord, shown: Shown) -> tuple[bytes, bytes]:
 
     pictures = pictures_of(record, shown)
     for name in ("loop.png", "time.png"):
-        if name in pictures:
+        if keep and name in pictures:
             record.write_bytes(name, pictures[name])
     try:
         text = (record.folder / "events.jsonl").read_text(encoding="utf-8")
@@ -96,7 +96,7 @@ def pictures_of(record: RunRecord, shown: Shown) -> dict[str, bytes]:
 def picture_title(result: dict[str, Any]) -> str:
     """Return what stands above a picture: what it came to, in lines that fit its width, then whose it is."""
     said = textwrap.fill(headline(result).text, TITLE_LETTERS)
-    return "\n".join((said, "   ".join((result["serial"], result["recipe"]["name"], *virtual_badges(result)))))
+    return "\n".join((said, "   ".join((result["serial"], result["recipe"]["name"], *badges(result)))))
 
 
 def write_reports(record: RunRecord, shown: Shown) -> None:

@@ -12,7 +12,7 @@ from reportlab.lib.units import mm
 from reportlab.platypus import CondPageBreak, HRFlowable, KeepTogether, SimpleDocTemplate, Spacer, Table
 
 from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, Content
-from station.reports.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
+from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
 from station.reports.html_page import FIRST, completed, explained, guarded_text, metric_groups, rule_text, side_text
 from station.reports.pdf_layout import (
     BADGE_COLOUR,
@@ -31,6 +31,7 @@ from station.reports.pdf_layout import (
 )
 from station.reports.result_text import limits_text, number, spread_text, unit_text
 from station.reports.result_view import timing_line
+from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS, TimingTables
 
 LEAST_BELOW_HEADING = 35 * mm
 """A heading with less room than this below it goes to the next page."""
@@ -59,7 +60,7 @@ def report_pdf(
         *(_section("Stiffness", picture(pictures["stiffness.png"])) if "stiffness.png" in pictures else ()),
         *_budgets(content),
         *_evaluation(result, content, pictures),
-        *_timing(result, run, pictures),
+        *_timing(result, run, content, pictures),
         *_provenance(result, run, content, conditions),
     ]
     stream = io.BytesIO()
@@ -80,8 +81,8 @@ def report_pdf(
     def footer(canvas: Any, page: Any) -> None:
         canvas.setFont(BODY, 7)
         canvas.setFillColor(SOFT)
-        badges = "".join(f"   {badge}" for badge in virtual_badges(result))
-        canvas.drawString(MARGIN_PT, 9 * mm, f"{result['run']}   {said[:70]}{badges}")
+        beside = "".join(f"   {badge}" for badge in badges(result))
+        canvas.drawString(MARGIN_PT, 9 * mm, f"{result['run']}   {said[:70]}{beside}")
         canvas.drawRightString(A4[0] - MARGIN_PT, 9 * mm, f"page {page.page}")
 
     document.build(story, onFirstPage=footer, onLaterPages=footer)
@@ -110,7 +111,7 @@ def _top(result: dict[str, Any], run: dict[str, Any]) -> list[Any]:
             f"revision {run['bench'].get('revision')}; run {ending_text(result)}",
             "soft",
         ),
-        *(paragraph(badge, "text", bold=True, colour=BADGE_COLOUR) for badge in virtual_badges(result)),
+        *(paragraph(badge, "text", bold=True, colour=BADGE_COLOUR) for badge in badges(result)),
     ]
     wide = 0.3 if len(head.text) <= 14 else 0.5
     table = Table([[box, what]], colWidths=[WIDTH_PT * wide, WIDTH_PT * (1 - wide)])
@@ -219,13 +220,14 @@ def _evaluation(result: dict[str, Any], content: Content, pictures: dict[str, by
     return [*_heading("How it was evaluated"), *parts] if parts else []
 
 
-def _timing(result: dict[str, Any], run: dict[str, Any], pictures: dict[str, bytes]) -> list[Any]:
+def _timing(result: dict[str, Any], run: dict[str, Any], content: Content, pictures: dict[str, bytes]) -> list[Any]:
     timing = result["timing"]
     if not timing.get("scans"):
         return []
     parts = [paragraph(f"{timing_line(timing)}.", "text")]
     if "timing.png" in pictures:
         parts += [Spacer(1, 4), picture(pictures["timing.png"])]
+    parts += _timing_tables(content.timing)
     if run.get("clock") == "real":
         realtime = timing.get("realtime") or {}
         rows = [
@@ -234,6 +236,31 @@ def _timing(result: dict[str, Any], run: dict[str, Any], pictures: dict[str, byt
         ]
         parts += [grid(("", ""), rows, (30, 130))] if rows else []
     return _section("Timing", *parts)
+
+
+def _timing_tables(found: TimingTables) -> list[Any]:
+    parts: list[Any] = []
+    if found.percentiles:
+        table = _numbers(PERCENTILE_HEADS, found.percentiles, (40, 30, 30, 30, 30), {0})
+        parts.append(KeepTogether([paragraph("Percentiles", "subhead"), table]))
+    if found.missed:
+        table = _numbers(MISSED_HEADS, found.missed, (19, 18, 14, 37, 15, 14, 14, 14, 14), {3})
+        more = [paragraph(found.more, "soft")] if found.more else []
+        parts.append(
+            KeepTogether([paragraph("Missed periods, and the scan before them, in µs", "subhead"), table, *more])
+        )
+    if found.scans:
+        table = _numbers(SCAN_HEADS, found.scans, (17, 16, 18, 37, 15, 14, 14, 14, 14), {0, 3})
+        parts.append(KeepTogether([paragraph("Longest and latest scans, in µs", "subhead"), table]))
+    if found.causes:
+        parts += [Spacer(1, 4), grid(("", ""), found.causes, (30, 130))]
+    return parts
+
+
+def _numbers(heads: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequence[float], words: set[int]) -> Any:
+    """Return a table of numbers, which stand at the right of their columns; `words` are the columns of text."""
+    shown = [[cell if place in words else paragraph(cell, "right") for place, cell in enumerate(row)] for row in rows]
+    return grid(heads, shown, widths, right=set(range(len(heads))) - words)
 
 
 def provenance_rows(result: dict[str, Any], run: dict[str, Any], conditions: dict[str, str]) -> list[tuple[str, str]]:
@@ -246,6 +273,7 @@ def provenance_rows(result: dict[str, Any], run: dict[str, Any], conditions: dic
         ("bench", f"{bench['name']} revision {bench.get('revision')}, SHA-256 {bench['sha256']}"),
         *([("operator", str(run["operator"]))] if run.get("operator") else []),
         *([("virtual unit", str(unit["virtual"]))] if unit.get("virtual") else []),
+        *([("faults injected", str(run["scenario"]))] if run.get("scenario") else []),
         ("clock", f"{run['clock']} time"),
         ("software", f"{software['name']} {software['version']}, Python {software['python']}, {software['platform']}"),
         *conditions.items(),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -59,6 +59,7 @@ def styles() -> dict[str, Any]:
         "text": text,
         "small": small,
         "soft": ParagraphStyle("soft", parent=small, textColor=SOFT),
+        "soft_right": ParagraphStyle("soft_right", parent=small, textColor=SOFT, alignment=TA_RIGHT),
         "right": ParagraphStyle("right", parent=small, alignment=TA_RIGHT),
         "mono": ParagraphStyle("mono", parent=small, fontName=MONO, fontSize=6.2),
         "code": ParagraphStyle("code", parent=small, fontName=MONO, fontSize=6.6, leading=8.6, backColor=WASH),
@@ -78,13 +79,20 @@ def paragraph(text: str, style: str = "small", *, bold: bool = False, colour: An
 
 
 def grid(
-    heads: Sequence[str], rows: Sequence[Sequence[Any]], widths: Sequence[float], extra: Sequence[Any] = ()
+    heads: Sequence[str],
+    rows: Sequence[Sequence[Any]],
+    widths: Sequence[float],
+    extra: Sequence[Any] = (),
+    right: Container[int] = (),
 ) -> Any:
     """Return a table over the width of the page; cells are text or flowables, `widths` are shares of it.
 
+    The heads of the columns `right` stand at the right, as the numbers below them do.
+
     The heads stand again on every page that the table goes on to.
     """
-    shown = [[paragraph(head, "soft") for head in heads]] if any(heads) else []
+    places = [paragraph(head, "soft_right" if place in right else "soft") for place, head in enumerate(heads)]
+    shown = [places] if any(heads) else []
     shown += [[paragraph(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]
     total = sum(widths)
     table = Table(shown, colWidths=[WIDTH_PT * share / total for share in widths], repeatRows=1 if any(heads) else 0)

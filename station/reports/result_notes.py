@@ -15,6 +15,9 @@ CORRECTIONS = ("time alignment", "drift", "fixture")
 RECIPE_NOTE = "recipe "
 """How the note begins that a recipe's name and revision have meant something else before."""
 
+FAULTS_NOTE = "faults were injected"
+"""How the note begins that names the scenario of a run."""
+
 MOST_NOTES = 4
 
 
@@ -26,10 +29,16 @@ def note_lines(result: Mapping[str, Any]) -> list[str]:
     if not stages:
         notes = [note for note in notes if note.startswith(RECIPE_NOTE)]
     applied = [stage for stage in stages if stage.get("applied")]
-    notes = loose_limits(result) + notes
+    notes = fault_notes(result) + loose_limits(result) + [note for note in notes if not note.startswith(FAULTS_NOTE)]
     notes += [str(stage["text"]) for stage in applied if stage.get("stage", stage.get("name")) in CORRECTIONS]
     left = len(notes) - MOST_NOTES
     return notes if left <= 0 else [*notes[:MOST_NOTES], f"and {left} more, in the report"]
+
+
+def fault_notes(result: Mapping[str, Any]) -> list[str]:
+    """Return one note that names the scenario by which faults were injected; none where none were."""
+    said = [str(note) for note in result.get("notes") or () if str(note).startswith(FAULTS_NOTE)]
+    return said or ([f"{FAULTS_NOTE}: {result['scenario']}"] if result.get("scenario") else [])
 
 
 def loose_limits(result: Mapping[str, Any]) -> list[str]:

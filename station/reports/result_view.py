@@ -13,9 +13,11 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from station.reports.headline import ending_text, headline, is_note, remaining_reasons, virtual_badges
+from station.record.run_record import RunRecord
+from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
 from station.reports.result_notes import gate_lines, note_lines, summary_line
 from station.reports.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
+from station.reports.timing_tables import timing_details, timing_proof
 
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
 HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
@@ -124,6 +126,13 @@ def timing_line(timing: dict[str, Any]) -> str:
     )
 
 
+def proof_of(result: dict[str, Any]) -> dict[str, Any]:
+    """Return the whole proof of timing of a result: from its record, which has more of it than the result."""
+    record = result.get("record")
+    found = timing_proof(RunRecord(Path(record))) if record else {}
+    return found or dict(result["timing"])
+
+
 def result_console() -> Console:
     """Return a console on standard output; into a file or a pipe it writes lines of 110 characters."""
     return Console() if sys.stdout.isatty() else Console(width=110)
@@ -145,7 +154,8 @@ def show_result(console: Console, result: dict[str, Any], *, files: bool = True)
     for line in alarm_lines(result):
         console.print(line, highlight=False)
     if result.get("timing"):
-        console.print(timing_line(result["timing"]), style="dim", highlight=False)
+        for told in (timing_line(result["timing"]), *timing_details(proof_of(result))):
+            console.print(told, style="dim", highlight=False)
     if files and result.get("record"):
         console.print(f"record  {result['record']}", style="dim", highlight=False, soft_wrap=True)
     console.print(verdict_panel(result))
@@ -199,7 +209,7 @@ def verdict_panel(result: dict[str, Any]) -> Panel:
     style = HEADLINE_STYLES[head.style]
     recipe = result["recipe"]
     body = Text.assemble(Text(f" {head.text} ", style=style))
-    for badge in virtual_badges(result):
+    for badge in badges(result):
         body.append("  ").append(f" {badge} ", style=BADGE_STYLE)
     if head.verdict:
         body.append("\n").append(head.verdict, style=f"bold {VERDICT_STYLES[head.verdict].split()[-1]}")

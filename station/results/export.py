@@ -23,6 +23,7 @@ from recipes import Bench
 from station.record.check import Table
 from station.record.scan_record import HEADER_FIELDS
 from station.results.evaluation import AS_RECORDED, ZEROES, evaluated, measured_channels, segment_table
+from station.results.value_names import CODED, Coded, Names
 
 IMAGE_PREFIX = "image_"
 ORDER_PREFIX = "order_"
@@ -33,13 +34,19 @@ RUN_KEY = "lostmotion"
 
 
 class Column(NamedTuple):
-    """One column: name, group of the record it comes from, unit ('' for numbers and bits), meaning, values."""
+    """One column: name, group of the record it comes from, unit ('' for numbers and bits), meaning, values, names."""
 
     name: str
     group: str
     unit: str
     meaning: str
     values: npt.NDArray[Any]
+    coded: Coded = Coded()
+
+    def names(self) -> dict[str, dict[str, str]]:
+        """Return what the numbers stand for as JSON has it: `values` or `bits`, number and name; empty for others."""
+        both = {"values": self.coded.values, "bits": self.coded.bits}
+        return {kind: {str(number): name for number, name in of.items()} for kind, of in both.items() if of}
 
 
 def columns_of(table: Table, period_ns: int, measured: Sequence[Column] = ()) -> list[Column]:
@@ -55,8 +62,8 @@ def columns_of(table: Table, period_ns: int, measured: Sequence[Column] = ()) ->
         for field in fields:
             # A reader of traces must not take a torque before tare for the torque.
             before = IMAGE_PREFIX if group == "image" and field.name in CHANNELS else prefix
-            values = np.ascontiguousarray(part[field.name])
-            found.append(Column(before + field.name, group, field.unit, field.meaning, values))
+            values, coded = np.ascontiguousarray(part[field.name]), CODED.get((group, field.name), Coded())
+            found.append(Column(before + field.name, group, field.unit, field.meaning, values, coded))
     return found
 
 
@@ -80,7 +87,7 @@ def trace_columns(table: Table, segments: list[dict[str, Any]], bench: Bench) ->
 
 
 def write_parquet(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:
-    """Write Parquet: unit, meaning and group in each field's metadata, the run as JSON in the schema's."""
+    """Write Parquet: unit, meaning, group and names in each field's metadata, the run as JSON in the schema's."""
     import pyarrow as pa  # noqa: PLC0415 - each format loads its own library, and only when it is asked for
     import pyarrow.parquet as pq  # noqa: PLC0415
 
@@ -90,7 +97,7 @@ def write_parquet(path: Path, columns: list[Column], run: Mapping[str, Any]) -> 
             one.name,
             array.type,
             nullable=False,
-            metadata={"unit": one.unit, "meaning": one.meaning, "group": one.group},
+            metadata={"unit": one.unit, "meaning": one.meaning, "group": one.group} | _names_as_text(one),
         )
         for one, array in zip(columns, arrays, strict=True)
     ]
@@ -99,7 +106,7 @@ def write_parquet(path: Path, columns: list[Column], run: Mapping[str, Any]) -> 
 
 
 def write_csv(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:
-    """Write CSV with one header row; units, meanings and the run go to a JSON file beside it.
+    """Write CSV with one header row; units, meanings, names and the run go to a JSON file beside it.
 
     Numbers are written so that they read back exactly. `lostmotion analyze` reads the file as it is.
     """
@@ -109,7 +116,10 @@ def write_csv(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None
     table = pa.Table.from_arrays([pa.array(one.values) for one in columns], names=[one.name for one in columns])
     options = pa_csv.WriteOptions(quoting_style="none", quoting_header="none")
     pa_csv.write_csv(table, path, options)
-    described = [{"name": one.name, "group": one.group, "unit": one.unit, "meaning": one.meaning} for one in columns]
+    described = [
+        {"name": one.name, "group": one.group, "unit": one.unit, "meaning": one.meaning} | one.names()
+        for one in columns
+    ]
     beside = sidecar(path)
     beside.write_text(
         json.dumps({"run": run, "columns": described}, ensure_ascii=False, indent=1) + "\n",
@@ -123,7 +133,11 @@ def sidecar(path: Path) -> Path:
 
 
 def write_mat(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:
-    """Write MATLAB 5 .mat: structs `data`, `unit` and `meaning` with a field per column, and `run` as JSON text."""
+    """Write MATLAB 5 .mat: structs `data`, `unit` and `meaning` with a field per column, and `run` as JSON text.
+
+    `values` and `bits` have a field per column whose numbers have names: `number`, a vector, and `name`, a cell array,
+    as `categorical(data.order_state, values.order_state.number, values.order_state.name)` wants them.
+    """
     from scipy.io import savemat  # noqa: PLC0415
 
     content = {
@@ -131,24 +145,51 @@ def write_mat(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None
         "data": {one.name: one.values if _is_text(one) else one.values.reshape(-1, 1) for one in columns},
         "unit": {one.name: one.unit for one in columns},
         "meaning": {one.name: one.meaning for one in columns},
+        "values": {one.name: _vectors(one.coded.values) for one in columns if one.coded.values},
+        "bits": {one.name: _vectors(one.coded.bits) for one in columns if one.coded.bits},
         "run": json.dumps(run, ensure_ascii=False),
     }
     # Struct fields may have 63 characters, variables only 31.
     savemat(path, content, long_field_names=True, do_compression=True)
 
 
+def _names_as_text(column: Column) -> dict[str, str]:
+    return {kind: json.dumps(names) for kind, names in column.names().items()}
+
+
+def _vectors(names: Names) -> dict[str, Any]:
+    return {"number": np.array(list(names), dtype=float), "name": np.array(list(names.values()), dtype=object)}
+
+
+def time_step_s(columns: list[Column]) -> float | None:
+    """Return the time from row to row [s]; None where periods were missed, so that there is no single one."""
+    time_s = columns[0].values
+    scans = next(one.values for one in columns if one.name == "scan").astype(np.int64)
+    if len(scans) < 2 or np.any(np.diff(scans) != 1):
+        return None
+    return round(float(time_s[-1] - time_s[0]) / (len(scans) - 1), 12)
+
+
 def write_tdms(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:
-    """Write TDMS: groups trace, record, image and orders; unit and meaning as properties."""
+    """Write TDMS: groups trace, record, image and orders; unit, meaning and names as properties.
+
+    Where no period was missed every channel is a waveform with its time step; otherwise `t_s` alone has the time.
+    """
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter  # noqa: PLC0415
 
     properties = {key: value for key, value in run.items() if isinstance(value, str | int | float)}
     root = RootObject(properties={**properties, RUN_KEY: json.dumps(run, ensure_ascii=False)})
+    step_s = time_step_s(columns)
+    waveform: dict[str, Any] = {}
+    if step_s is not None:
+        start_s = float(columns[0].values[0])
+        waveform = {"wf_increment": step_s, "wf_start_offset": start_s, "wf_samples": len(columns[0].values)}
     channels = [
         ChannelObject(
             one.group,
             one.name,
             one.values.tolist() if _is_text(one) else one.values,
-            {"unit_string": one.unit, "description": one.meaning},
+            {"unit_string": one.unit, "description": one.meaning} | _names_as_text(one) | waveform,
         )
         for one in columns
     ]

@@ -38,18 +38,16 @@ TOLD = ("serial", "attempt", "started", "state", "verdict", "unit", "clock", "sc
 def for_analysis(run: RunRecord, table: Table) -> tuple[Sequence[Column], dict[str, Any]]:
     """Return the columns of a run's trace, and what is to be said of the run beside them.
 
-    Said are `trace`, the fingerprint of the trace; `recorded`, what was counted while it was recorded; `virtual_unit`.
-    What the run lacks is left out; columns are missing where bench or program cannot be read any more.
+    Said are `trace`, the fingerprint of the trace, and `recorded`, what was counted while it was recorded, where the
+    run has both; columns are missing where bench or program cannot be read any more.
     """
-    manifest = run.manifest()
-    virtual = manifest["unit"].get("virtual")
-    said: dict[str, Any] = {"virtual_unit": virtual} if virtual else {}
+    said: dict[str, Any] = {}
     columns: Sequence[Column] = ()
     with suppress(*UNREADABLE):
         bench = load_bench(run.folder / "bench.yaml")
         segments = run.read_json("program.json")["segments"]
         columns = trace_columns(table, segments, bench)
-        trace = trace_of(table, segments, bench, int(manifest["period_ns"]), run.id)
+        trace = trace_of(table, segments, bench, int(run.manifest()["period_ns"]), run.id)
         said |= {"trace": fingerprint_of(trace), "recorded": counts_of(table, run.read_json("timing.json"))}
     return columns, said
 

@@ -113,6 +113,8 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "recipe": {key: run["recipe"][key] for key in ("name", "revision", "sha256")},
         "bench": run["bench"],
         "unit": run["unit"],
+        "scenario": run.get("scenario"),
+        "operator": run.get("operator"),
         "clock": run["clock"],
         "state": state,
         "verdict": judged["verdict"],

@@ -109,7 +109,8 @@ def measure(job: Job, asked: Asked) -> dict[str, Any]:
     spin_ns = spec["spin_ns"] if report["realtime"]["spin_tail"] else 0
     head = {"period_ns": period_ns, "spin_ns": spin_ns, "bench": job.bench.bench.name, "embedded": embedded}
     head["bitrate"] = job.bench.can.bitrate
-    return head | report | {"machine": [finding._asdict() for finding in look()], "asked": asdict(asked)}
+    found = look(granted=report["realtime"])
+    return head | report | {"machine": [finding._asdict() for finding in found], "asked": asdict(asked)}
 
 
 def _virtual_bench(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import resource
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from station.scan.realtime import FIFO_PRIORITY
+from station.scan.realtime import CAP_IPC_LOCK, CAP_SYS_NICE, FIFO_PRIORITY, has_capability
+
+PRIVILEGE = "privilege"
+MEND_PRIVILEGE = (
+    f"in /etc/security/limits.d: '@bench - rtprio {FIFO_PRIORITY}' and '@bench - memlock unlimited'; for a container: "
+    "--cap-add SYS_NICE --cap-add IPC_LOCK"
+)
 
 
 class Finding(NamedTuple):
@@ -78,16 +83,28 @@ def throttling(root: Path) -> Finding:
     return Finding("throttling", free or int(runtime) >= 900_000, found, "sysctl kernel.sched_rt_runtime_us=950000")
 
 
-def privilege(_root: Path) -> Finding:
-    """Whether this user may have a realtime priority and locked memory."""
-    if os.geteuid() == 0:
-        return Finding("privilege", in_order=True, found="root: realtime priority and locked memory allowed", mend="")
+def privilege(root: Path) -> Finding:
+    """Whether this process may have a realtime priority and locked memory: by its capabilities, or by its limits.
+
+    Being root says nothing: a container takes both capabilities from root too.
+    """
+    status = root / "proc/self/status"
     priority = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
-    enough = priority >= FIFO_PRIORITY and locked == resource.RLIM_INFINITY
-    found = f"rtprio limit {priority}, memlock limit {'unlimited' if locked == resource.RLIM_INFINITY else locked}"
-    mend = f"in /etc/security/limits.d: '@bench - rtprio {FIFO_PRIORITY}' and '@bench - memlock unlimited'"
-    return Finding("privilege", enough, found, mend)
+    may_hurry = has_capability(CAP_SYS_NICE, status) or priority >= FIFO_PRIORITY
+    may_lock = has_capability(CAP_IPC_LOCK, status) or locked == resource.RLIM_INFINITY
+    wrong = [] if may_hurry else [f"no realtime priority (rtprio limit {priority}, no CAP_SYS_NICE)"]
+    wrong += [] if may_lock else [f"no locked memory (memlock limit {locked} bytes, no CAP_IPC_LOCK)"]
+    found = ", ".join(wrong) or "realtime priority and locked memory allowed"
+    return Finding(PRIVILEGE, not wrong, found, MEND_PRIVILEGE)
+
+
+def _as_answered(found: Finding, granted: Mapping[str, object]) -> Finding:
+    """Return a finding on privilege, not in order when the machine has refused what the scan process asked for."""
+    details = granted.get("details")
+    reasons = details if isinstance(details, Mapping) else {}
+    refused = [f"{name} refused: {reasons.get(name, '')}" for name in ("fifo", "mlock") if not granted.get(name)]
+    return found._replace(in_order=False, found=", ".join(refused)) if found.in_order and refused else found
 
 
 CHECKS: tuple[Callable[[Path], Finding], ...] = (
@@ -101,9 +118,12 @@ CHECKS: tuple[Callable[[Path], Finding], ...] = (
 )
 
 
-def against(root: Path = Path("/")) -> list[dict[str, object]]:
-    """Return what stands in the way, as plain data; empty on a machine that has nothing against real time."""
-    return [finding._asdict() for finding in look(root) if not finding.in_order]
+def against(granted: Mapping[str, object], root: Path = Path("/")) -> list[dict[str, object]]:
+    """Return what stands in the way, as plain data; empty on a machine that has nothing against real time.
+
+    `granted`: what the machine answered, as `realtime.as_json` has it.
+    """
+    return [finding._asdict() for finding in look(root, granted) if not finding.in_order]
 
 
 def resident_kb(status: Path = Path("/proc/self/status")) -> int:
@@ -112,6 +132,9 @@ def resident_kb(status: Path = Path("/proc/self/status")) -> int:
     return int(rows[0][1]) if rows else 0
 
 
-def look(root: Path = Path("/")) -> list[Finding]:
-    """Look at everything; `root` is for tests."""
-    return [check(root) for check in CHECKS]
+def look(root: Path = Path("/"), granted: Mapping[str, object] | None = None) -> list[Finding]:
+    """Look at everything; `granted` is what the machine answered where it was asked, `root` is for tests."""
+    found = [check(root) for check in CHECKS]
+    if granted is None:
+        return found
+    return [_as_answered(one, granted) if one.name == PRIVILEGE else one for one in found]

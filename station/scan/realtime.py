@@ -28,6 +28,20 @@ ISOLATED_CORES = Path("/sys/devices/system/cpu/isolated")
 MCL_CURRENT, MCL_FUTURE = 1, 2
 
 
+CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23
+"""Bits of Linux capabilities; a container takes them from root as well."""
+
+
+def has_capability(bit: int, status: Path = Path("/proc/self/status")) -> bool:
+    """Whether this process has a Linux capability in force, by its bit."""
+    try:
+        rows = status.read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return False
+    masks = [row.split()[1] for row in rows if row.startswith("CapEff:")]
+    return bool(masks) and bool(int(masks[0], 16) >> bit & 1)
+
+
 class Grant(NamedTuple):
     """Answer of the machine to one request."""
 
@@ -41,15 +55,14 @@ def request_fifo(priority: int = FIFO_PRIORITY) -> Grant:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (PermissionError, OSError, AttributeError) as error:
-        return Grant(
-            "fifo", granted=False, detail=f"{error}; needs root, CAP_SYS_NICE or an rtprio limit of {priority}"
-        )
+        return Grant("fifo", granted=False, detail=f"{error}; needs CAP_SYS_NICE or an rtprio limit of {priority}")
     return Grant("fifo", granted=True, detail=f"SCHED_FIFO priority {priority}")
 
 
 def request_mlock() -> Grant:
     """Ask that no page of this process is ever paged out."""
-    unlimited = os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    unlimited = has_capability(CAP_IPC_LOCK) or limit == resource.RLIM_INFINITY
     # With a limit in force, MCL_FUTURE would turn a later allocation into a MemoryError in the middle of a run.
     flags = MCL_CURRENT | MCL_FUTURE if unlimited else MCL_CURRENT
     libc = ctypes.CDLL(None, use_errno=True)

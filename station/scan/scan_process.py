@@ -70,7 +70,8 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         grants = realtime.request_all()
         spin_ns, spinning = realtime.spin_tail(spec["spin_ns"], grants)
         schedule = RealTimeSchedule(period_ns, spin_ns=spin_ns)
-        told = realtime.as_json((*grants, spinning)) | {"machine": machine.against()}
+        told = realtime.as_json((*grants, spinning))
+        told |= {"machine": machine.against(told)}
         armed = {"realtime": told, "verified": verified}
         _tell(spec, {"state": "running", "pid": os.getpid(), "birth": process_birth(os.getpid()), **armed})
         ring.set_state(ScanState.RUNNING)

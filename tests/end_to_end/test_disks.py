@@ -124,6 +124,23 @@ def test_a_read_only_disk_is_refused_before_anything_moves(disk):
     assert list(disk.iterdir()) == []
 
 
+def test_a_run_on_a_read_only_disk_is_reported_and_exported_elsewhere(disk, golden_run, tmp_path):
+    record = golden_run.copy(disk / "runs")
+    for name in ("report.html", "report.pdf"):
+        (record / name).unlink(missing_ok=True)
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)  # noqa: S607
+    before = sorted(path.name for path in record.iterdir())
+    for words in (("report",), ("export", "--out", str(disk)), ("export", "--format", "csv", "--out", str(disk))):
+        refused = here(words[0], "last", "--data", str(record.parent), *words[1:])
+        assert refused.exit_code == 2, refused
+        assert "Read-only file system. Choose another --out" in refused.err
+    assert here("report", "last", "--data", str(record.parent), "--out", str(tmp_path / "out")).exit_code == 0
+    assert (tmp_path / "out" / "report.html").is_file()
+    out = tmp_path / "out.parquet"
+    assert here("export", "last", "--data", str(record.parent), "--out", str(out)).exit_code == 0
+    assert sorted(path.name for path in record.iterdir()) == before
+
+
 SLOW_LIBRARY = """
 #include <sys/syscall.h>
 #include <string.h>

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 
 import pyarrow.parquet as pq
@@ -11,6 +12,7 @@ from station.commands.loop_source import trace_source
 from station.errors import StationError
 from station.record.check import read_table
 from station.record.scan_record import RECORD_BYTES
+from station.results.export import FORMATS, sidecar
 
 
 def test_export_in_each_format_and_of_a_damaged_run(lostmotion, stored, tmp_path):
@@ -143,11 +145,50 @@ def test_an_export_of_a_run_whose_bench_cannot_be_read_says_no_trace(lostmotion,
     assert "without its trace" in refused.err
 
 
-@pytest.mark.parametrize("out", ["/proc/no/such/folder.parquet"])
-def test_a_place_that_cannot_be_written_is_told(lostmotion, stored, out):
-    told = lostmotion("export", str(stored), "--out", out)
+@pytest.mark.parametrize("out", ["/proc/no/such/folder.parquet", "{file}/x.parquet", "{file}/x.csv"])
+def test_a_place_that_cannot_be_written_is_told(lostmotion, stored, tmp_path, out):
+    """Below a file nothing can be taken away either, as on a read-only disk."""
+    (tmp_path / "file").touch()
+    place = out.format(file=tmp_path / "file")
+    told = lostmotion("export", str(stored), "--format", place.rpartition(".")[2], "--out", place)
     assert told.exit_code == 2
     assert "cannot be written" in told.err
+    assert "Choose another --out" in told.err
+
+
+@pytest.mark.parametrize("name", ["samples.bin", "profiles/new.csv", "../index.jsonl"])
+def test_no_record_is_written_over(lostmotion, stored, name):
+    place = stored / name
+    before = place.read_bytes() if place.exists() else None
+    for out in (place, stored / ".." / stored.name / name):
+        refused = lostmotion("export", str(stored), "--format", "csv", "--out", str(out))
+        assert refused.exit_code == 2
+        assert "Choose another" in refused.err
+    assert (place.read_bytes() if place.exists() else None) == before
+    assert "altered" not in lostmotion("show", str(stored), "--json").json
+
+
+def test_nothing_is_left_of_an_export_that_filled_the_disk(lostmotion, stored, tmp_path, monkeypatch):
+    """The disk is full when the file beside the CSV is written, which is the smaller one and comes last."""
+
+    def full(path, _columns, _run):
+        path.write_bytes(b"x")
+        sidecar(path).write_bytes(b"{")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setitem(FORMATS, "csv", full)
+    (tmp_path / "out").mkdir()
+    refused = lostmotion("export", str(stored), "--format", "csv", "--out", str(tmp_path / "out" / "a.csv"))
+    assert refused.exit_code == 2
+    assert "No space left on device. Choose another --out" in refused.err
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_name_with_brackets_is_a_name(lostmotion, stored, tmp_path):
+    out = tmp_path / "run [a].csv"
+    assert lostmotion("export", str(stored), "--format", "csv", "--out", str(out)).exit_code == 0
+    assert sorted(path.name for path in tmp_path.glob("run*csv*")) == ["run [a].csv", "run [a].csv.json"]
+    assert not list(tmp_path.glob(".*.part*"))
 
 
 def test_an_altered_record_is_exported_as_one_that_decides_nothing(lostmotion, stored, tmp_path):

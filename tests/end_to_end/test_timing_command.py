@@ -36,6 +36,7 @@ def test_every_period_is_counted_or_missed_and_the_figures_are_explained(lostmot
     assert memory["after"] - memory["before"] < SLACK_KB
     assert sum(gap["missed"] for gap in found["gaps"]) == found["missed"] or found["gaps_in_all"] > len(found["gaps"])
     assert found["counters"], "the bench was not talked to"
+    assert found["latest_scans"][0]["lateness_us"] == found["lateness_us"]["max"], "the worst scan has a name"
     assert found["explanation"] == explain(found)
     text = "\n".join(lines(found))
     for word in (

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from patient import patient_bench, short_recipe
 
@@ -142,3 +144,27 @@ def test_a_scenario_acts_in_a_run_as_it_does_in_its_own_command(lostmotion):
     assert ran.exit_code == 4
     assert ran.json["state"] == "fault"
     assert [alarm["id"] for alarm in ran.json["alarms"] if alarm["first"]] == ["drive_heartbeat_lost"]
+
+
+def test_injected_faults_are_told_wherever_the_run_is_looked_at(lostmotion, tmp_path):
+    scenario = tmp_path / "late sample.yaml"
+    scenario.write_text(
+        "scenario: {name: late sample}\nfaults:\n  - {target: modbus.amplifier, verb: slow, value: 14, "
+        "when: {state: ramp_neg, after_scans: 50}, for_ms: 50}\n",
+        encoding="utf-8",
+    )
+    ran = lostmotion("run", str(short_recipe(tmp_path)), "--bench", str(patient_bench(tmp_path)), "--virtual-time",
+                     "--json", "--serial", "G1", "--operator", "A. Tester", "--scenario", str(scenario))  # fmt: skip
+    assert (ran.json["scenario"], ran.json["operator"]) == (str(scenario), "A. Tester")
+    assert lostmotion("show", "G1", "--json").json["scenario"] == str(scenario)
+    assert lostmotion("analyze", str(ran.record), "--json").json["scenario"] == str(scenario)
+    for words in (("show", "G1"), ("analyze", str(ran.record))):
+        assert "FAULTS INJECTED" in lostmotion(*words).out
+    out = tmp_path / "g1.parquet"
+    assert lostmotion("export", str(ran.record), "--out", str(out)).exit_code == 0
+    run = json.loads(pq.read_schema(out).metadata[b"lostmotion"])
+    assert (run["scenario"], run["operator"], run["virtual_unit"]) == (str(scenario), "A. Tester", "P1")
+    lostmotion("report", str(ran.record), "--out", str(tmp_path / "report"))
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    assert '<span class="badge">FAULTS INJECTED</span>' in page
+    assert f"<dt>faults injected</dt><dd>{scenario}</dd>" in page

@@ -35,11 +35,13 @@ def store_run(
     operator: str | None = None,
     revision: int = 1,
     converted: bool | None = None,
+    scenario: str | None = None,
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from."""
     manifest: dict[str, Any] = {"bench": {"name": "b", "sha256": ""}, "unit": {"model": "RV", "virtual": None}}
     manifest |= {"recipe": {"name": recipe, "revision": revision, "sha256": ""}, "clock": "real", "verdict": None}
     manifest |= {} if operator is None else {"operator": operator}
+    manifest |= {} if scenario is None else {"scenario": scenario}
     run = Store(data).create(serial, manifest, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
     run.samples.touch()
     sha = {part: fingerprint(run.folder / f"{part}.yaml")["sha256"] for part in ("recipe", "bench")}

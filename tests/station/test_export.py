@@ -17,6 +17,7 @@ from station_samples import IMAGE, ORDERS
 
 from analysis import SegmentInfo, read_trace
 from analysis.trace import CHANNELS
+from controller.faults import FAULTS
 from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, State
 from recipes import find_bench, load_bench
 from station.record.check import Table, table_of
@@ -24,6 +25,7 @@ from station.record.scan_record import HEADER_FIELDS, pack
 from station.results.evaluation import trace_of
 from station.results.export import FORMATS, Column, columns_of, sidecar, trace_columns
 from station.results.export_origin import fingerprint_of
+from station.results.value_names import CODED
 
 RUN = {"id": "20260101T000000.000Z-S1", "serial": "S1 ±°", "attempt": 2, "recipe": {"name": "r", "revision": 3}}
 SCANS = 50
@@ -38,20 +40,21 @@ SEGMENTS = [
 ]
 
 
-def table() -> Table:
+def table(*, missed: bool = True) -> Table:
     """Records with a new sample in two of three scans; the first are of the lock's proof, the last of unloading."""
-    return table_of(b"".join(_packed(n) for n in range(SCANS)))
+    return table_of(b"".join(_packed(n, n // 7 * missed) for n in range(SCANS)))
 
 
-def _packed(n: int) -> bytes:
+def _packed(n: int, missed: int) -> bytes:
     image = IMAGE._replace(torque_in_nm=AWKWARD[n % 5], command=n % 5, sample_counter=n - n // 3)
     state = State.LOCK if n < 4 else State.UNLOAD if n > 45 else State.RAMP_NEG
     orders = ORDERS._replace(state=state, segment=0 if n < 2 else 99 if n < 4 else 1 + n // 10 % 2)
-    return pack((n, n + n // 7, -5 * n, n), image, orders)
+    return pack((n, n + missed, -5 * n, n), image, orders)
 
 
-def columns() -> list[Column]:
-    return columns_of(table(), 1_000_000, trace_columns(table(), SEGMENTS, BENCH))
+def columns(*, missed: bool = True) -> list[Column]:
+    found = table(missed=missed)
+    return columns_of(found, 1_000_000, trace_columns(found, SEGMENTS, BENCH))
 
 
 Read = tuple[dict[str, np.ndarray], dict[str, str], dict[str, str], dict[str, Any]]
@@ -122,6 +125,75 @@ def test_round_trip_is_exact(name: str, tmp_path: Path) -> None:
     assert (
         np.signbit(values["image_torque_in_nm"]).tolist() == np.signbit([AWKWARD[n % 5] for n in range(SCANS)]).tolist()
     )
+
+
+def kinds_of(name: str, path: Path) -> dict[str, dict[str, dict[str, str]]]:
+    """Read back what the numbers of each column stand for: column, `values` or `bits`, number and name."""
+    if name == "csv":
+        found = json.loads(sidecar(path).read_text(encoding="utf-8"))["columns"]
+        return {one["name"]: {kind: one[kind] for kind in KINDS if kind in one} for one in found}
+    if name == "parquet":
+        schema = pq.read_schema(path)
+        return {
+            field.name: {
+                kind: json.loads(field.metadata[kind.encode()]) for kind in KINDS if kind.encode() in field.metadata
+            }
+            for field in schema
+        }
+    if name == "tdms":
+        channels = [channel for group in TdmsFile.read(path).groups() for channel in group.channels()]
+        return {
+            one.name: {kind: json.loads(one.properties[kind]) for kind in KINDS if kind in one.properties}
+            for one in channels
+        }
+    read = loadmat(path, simplify_cells=True)
+    named: dict[str, dict[str, dict[str, str]]] = {column: {} for column in read["data"]}
+    for kind in KINDS:
+        for column, both in read[kind].items():
+            numbers = [f"{number:.0f}" for number in both["number"]]
+            named[column][kind] = dict(zip(numbers, both["name"], strict=True))
+    return named
+
+
+KINDS = ("values", "bits")
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS))
+def test_numbers_that_stand_for_something_have_their_names_in_every_format(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"run.{name}"
+    FORMATS[name](path, columns(), RUN)
+    found = kinds_of(name, path)
+    assert found["order_state"]["values"]["0"] == "idle"
+    assert found["order_state"]["values"]["11"] == "fault"
+    assert found["drive_state"]["values"]["5"] == "operation_enabled"
+    assert found["drive_nmt_state"]["values"]["127"] == "pre_operational"
+    assert found["order_fault"]["values"]["0"] == "none"
+    for fault in FAULTS:
+        assert found["order_fault"]["values"][str(fault.number)] == fault.id
+        assert found["order_alarms"]["bits"][str(fault.number)] == fault.id
+    assert found["sample_status"]["bits"] == {"0": "torque_in_saturated", "1": "torque_out_saturated", "2": "not_ready"}
+    assert found["links_lost"]["bits"]["3"] == "remote_io"
+    assert found["drive_statusword"]["bits"]["6"] == "switch_on_disabled"
+    assert found["torque_in_nm"] == {}
+
+
+def test_every_field_that_is_written_in_an_enumeration_has_names() -> None:
+    words = ("Command", "DriveState", "NmtState", "SampleStatus", "Link bits", "DriveCommand", "State ", "Reaction")
+    coded = {(one.group, one.name.removeprefix("order_")) for one in columns() if one.names()}
+    assert coded == set(CODED)
+    for group, fields in (("image", IMAGE_FIELDS), ("orders", ORDERS_FIELDS)):
+        told = {(group, field.name) for field in fields if field.meaning.startswith(words)}
+        assert told <= coded
+
+
+def test_a_tdms_channel_is_a_waveform_where_no_period_was_missed(tmp_path: Path) -> None:
+    path = tmp_path / "run.tdms"
+    FORMATS["tdms"](path, columns(missed=False), RUN)
+    channel = TdmsFile.read(path)["trace"]["torque_in_nm"]
+    assert channel.properties["wf_increment"] == 0.001
+    assert channel.time_track() == pytest.approx(np.arange(SCANS) * 0.001)
+    FORMATS["tdms"](path, columns(), RUN)
+    assert "wf_increment" not in TdmsFile.read(path)["trace"]["torque_in_nm"].properties
 
 
 def test_no_field_of_the_record_is_left_out_and_no_two_share_a_name() -> None:

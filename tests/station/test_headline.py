@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from station.record.left_state import left_action, left_text
-from station.reports.headline import headline, remaining_reasons, virtual_badges
+from station.reports.headline import badges, headline, remaining_reasons, virtual_badges
 from station.reports.result_view import show_result, way_back_command
 
 ALARM = {
@@ -54,7 +54,7 @@ def printed(found: dict[str, Any]) -> str:
 
 
 @pytest.mark.parametrize(
-    ("changes", "badges"),
+    ("changes", "said"),
     [
         ({}, ("VIRTUAL BENCH",)),
         ({"clock": "virtual"}, ("VIRTUAL BENCH", "VIRTUAL TIME")),
@@ -66,10 +66,20 @@ def printed(found: dict[str, Any]) -> str:
         ({"bench": None, "unit": None, "clock": None, "timing": None}, ()),
     ],
 )
-def test_what_is_not_real_says_so(changes: dict[str, Any], badges: tuple[str, ...]) -> None:
-    assert virtual_badges(result(**changes)) == badges
-    assert all(badge in printed(result(**changes)) for badge in badges)
-    assert ("VIRTUAL" in printed(result(**changes))) == bool(badges)
+def test_what_is_not_real_says_so(changes: dict[str, Any], said: tuple[str, ...]) -> None:
+    assert virtual_badges(result(**changes)) == badges(result(**changes)) == said
+    assert all(badge in printed(result(**changes)) for badge in said)
+    assert ("VIRTUAL" in printed(result(**changes))) == bool(said)
+
+
+def test_injected_faults_are_told_beside_the_verdict_and_by_name() -> None:
+    text = printed(result(scenario="scenarios/slow-amplifier.yaml"))
+    assert "VIRTUAL BENCH    FAULTS INJECTED" in text
+    assert "note   faults were injected: scenarios/slow-amplifier.yaml" in text
+    assert badges(result(unit={"virtual": None}, scenario="line.yaml")) == ("FAULTS INJECTED",)
+    named = printed(result(scenario="x.yaml", notes=["faults were injected: slow amplifier"], stages=[{}]))
+    assert named.count("faults were injected") == 1
+    assert "FAULTS" not in printed(result(scenario=None)).upper()
 
 
 def test_a_fault_is_the_headline_and_the_verdict_stands_below() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import resource
 from pathlib import Path
 
 import pytest
 
-from station.scan.machine import CHECKS, look
+from station.scan.machine import CHECKS, against, look, privilege
 from station.scan.realtime import request_affinity
 
 GOOD = {
@@ -53,6 +55,41 @@ def test_each_obstacle_is_found_with_a_way_to_mend_it(tmp_path: Path, name: str)
 
 def test_a_machine_without_these_files_is_looked_at_too(tmp_path: Path) -> None:
     assert len(look(tmp_path)) == len(CHECKS)
+
+
+LIMITS = {resource.RLIMIT_RTPRIO: 0, resource.RLIMIT_MEMLOCK: 8 << 20}
+BOTH, NEITHER = "CapEff:\t0000000000804000\n", "Name:\tx\nCapEff:\t0000003fff7fbfff\n"
+"""Capability masks with SYS_NICE and IPC_LOCK alone, and with everything but these two, as in a container."""
+
+
+@pytest.fixture
+def limited(monkeypatch: pytest.MonkeyPatch) -> dict[int, int]:
+    """Limits of this process as a plain user's, for a test to change."""
+    limits = dict(LIMITS)
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (limits[which], limits[which]))
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    return limits
+
+
+def test_root_without_the_capabilities_has_no_privilege(tmp_path: Path, limited: dict[int, int]) -> None:
+    found = privilege(machine(tmp_path, {"proc/self/status": NEITHER}))
+    assert not found.in_order
+    assert "rtprio limit 0, no CAP_SYS_NICE" in found.found
+    assert "no CAP_IPC_LOCK" in found.found
+    assert "--cap-add SYS_NICE" in found.mend
+    assert privilege(machine(tmp_path, {"proc/self/status": BOTH})).in_order
+    limited |= {resource.RLIMIT_RTPRIO: 80, resource.RLIMIT_MEMLOCK: resource.RLIM_INFINITY}
+    assert privilege(machine(tmp_path, {"proc/self/status": NEITHER})).in_order
+    assert privilege(tmp_path / "no proc").in_order
+
+
+@pytest.mark.usefixtures("limited")
+def test_what_was_refused_all_the_same_stands_in_the_way(tmp_path: Path) -> None:
+    good = machine(tmp_path, GOOD | {"proc/self/status": BOTH})
+    given: dict[str, object] = {"fifo": True, "mlock": True, "details": {"fifo": "not permitted", "mlock": "all"}}
+    assert against(given, good) == []
+    (one,) = against(given | {"fifo": False}, good)
+    assert (one["name"], one["found"]) == ("privilege", "fifo refused: not permitted")
 
 
 def test_no_isolated_core_is_a_refusal_with_its_reason(tmp_path: Path) -> None:

@@ -37,6 +37,12 @@ def new_run(store: Store, serial: str = "SN1") -> RunRecord:
     return store.create(serial, MANIFEST, {"recipe.yaml": b"text", "profiles/drive.yaml": b"profile"})
 
 
+def test_a_place_that_takes_and_gives_nothing_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordError, match="cannot be written: Not a directory"):
+        write_durable(tmp_path / "file" / "loop.png", b"")
+
+
 def test_a_new_run_holds_what_was_known_before_it_started(tmp_path: Path) -> None:
     run = new_run(Store(tmp_path))
     assert (run.folder / "recipe.yaml").read_bytes() == b"text"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from unittest import mock
 
 import numpy as np
 from hypothesis import given
@@ -52,6 +53,31 @@ def test_the_longest_scans_are_kept_and_no_others() -> None:
     kept = times.longest()
     assert [one.read_ns for one in kept] == [1000 * us for us in range(219, 219 - LONGEST_KEPT, -1)]
     assert {one.longest_part for one in kept} == {"read"}
+
+
+def test_the_latest_scans_are_kept_though_their_work_was_short() -> None:
+    times = ScanTimes()
+    for number in range(200):
+        late = number == 100
+        scan(times, number, lateness_us=1019 if late else (number * 37) % 200, read=5 if late else 90)
+    kept = times.latest()
+    assert (kept[0].scan, kept[0].cause, kept[0].lateness_ns) == (100, "waking", 1_019_000)
+    assert [one.lateness_ns for one in kept[1:]] == [1000 * us for us in range(199, 199 - LONGEST_KEPT + 1, -1)]
+    assert max(one.lateness_ns for one in times.longest()) < 1_000_000
+    told = times.to_dict()
+    assert told["latest_scans"][0]["scan"] == 100
+    assert told["latest_scans"][0]["lateness_us"] == times.counts["lateness"].to_dict()["max"]
+
+
+def test_few_scans_are_looked_at_closely() -> None:
+    """Keeping a scan by name is for the few: when all others are as usual it costs nothing."""
+    times = ScanTimes()
+    looked = mock.Mock(wraps=times._keep)
+    late = mock.Mock(wraps=times._keep_late)
+    times._keep, times._keep_late = looked, late  # type: ignore[method-assign]
+    for number in range(5000):
+        scan(times, number)
+    assert (looked.call_count, late.call_count) == (LONGEST_KEPT, LONGEST_KEPT)
 
 
 def test_counting_costs_less_than_the_budget_of_the_scan() -> None:

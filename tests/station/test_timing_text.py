@@ -33,7 +33,7 @@ def test_missed_periods_name_their_share_and_cause() -> None:
 def test_too_much_work_and_late_waking_are_said() -> None:
     told = " ".join(explain(report(0, work_us=700.0, late_us=400.0)))
     assert "longer period" in told
-    assert "too late for this period" in told
+    assert "too late for this period now and then: see what stands in the way." in told
 
 
 @pytest.mark.parametrize(

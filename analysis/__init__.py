@@ -21,7 +21,7 @@ from analysis.segment_fit import MeanCurve
 from analysis.stages import STAGES, Figure, StageRecord
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
-from analysis.trace_files import read_trace, segment_name
+from analysis.trace_files import UNUSED, read_trace, segment_name
 from analysis.uncertainty.budget import COVERAGE_FACTOR
 from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
 from analysis.verdict import Verdict
@@ -32,6 +32,7 @@ __all__ = [
     "METRICS",
     "METRIC_UNITS",
     "STAGES",
+    "UNUSED",
     "AnalysisError",
     "AngleFigures",
     "Branch",

@@ -1,16 +1,18 @@
 """Traces measured elsewhere: CSV, Parquet and NI TDMS files with known column names.
 
 Columns: t_s, torque_in_nm, torque_out_nm, angle_in_rad or angle_in_arcmin, angle_out_rad or angle_out_arcmin,
-temperature_c, segment. The unit is read from the name. Other columns are left alone, but for those that are nearly
-one of these: what is dropped there would be missed by the evaluation. `segment` (or `branch`) names what each row
-is: "forward" or "return" (the cycle counts up whenever forward or return comes again), or
-"role direction cycle" as `segment_name` writes it, for example "measure -1 2". Whole numbers say only that the load
-profile is not known, and turning points are then found on the curve.
+temperature_c, drive_torque_nm, segment. The unit is read from the name. Other columns are left alone, but for those
+that are nearly one of these: what is dropped there would be missed by the evaluation. `segment` (or `branch`) names
+what each row is: "forward" or "return" (the cycle counts up whenever forward or return comes again), or
+"role direction cycle" as `segment_name` writes it, for example "measure -1 2", or "unused": a row that is no sample of
+the loop, and is left out. Whole numbers say only that the load profile is not known, and turning points are then found
+on the curve.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,7 @@ import pyarrow.parquet as pa_parquet
 from analysis.errors import AnalysisError
 from analysis.file_kinds import not_a_table, printable
 from analysis.trace import ROLES, SegmentInfo, Trace, first_bad_row
-from analysis.units import RAD_PER_ARCMIN, FloatArray, IntArray
+from analysis.units import RAD_PER_ARCMIN, BoolArray, FloatArray, IntArray
 
 COLUMNS: dict[str, tuple[str, float]] = {
     "t_s": ("t_s", 1.0),
@@ -35,6 +37,7 @@ COLUMNS: dict[str, tuple[str, float]] = {
     "angle_out_rad": ("angle_out_rad", 1.0),
     "angle_out_arcmin": ("angle_out_rad", RAD_PER_ARCMIN),
     "temperature_c": ("temperature_c", 1.0),
+    "drive_torque_nm": ("drive_torque_nm", 1.0),
 }
 """Column of a file: channel of the trace and factor to its unit."""
 
@@ -43,6 +46,9 @@ SEGMENT_COLUMNS = ("segment", "branch")
 
 BRANCH_NAMES = {"forward": 1, "return": -1}
 """Branch names of published loops, and the direction of torque."""
+
+UNUSED = "unused"
+"""Name of a segment whose rows are left out: the bench did something else then, or had no new sample."""
 
 QUANTITIES = ("angle", "torque", "temperature", "temp", "time", "t", "segment", "branch")
 """First words of a column's name that say it is meant as one of ours, whatever unit or shaft comes after."""
@@ -58,8 +64,8 @@ def read_trace(path: Path | str) -> Trace:
     """Read a CSV, Parquet or TDMS file (told apart by content) to a trace.
 
     Raises AnalysisError for anything that is wrong with the file: not there, empty, not a table, no known column, two
-    columns for one channel, a value that is no number (with row and column), a segment name that is not known. Rows
-    count from 1 after the header.
+    columns for one channel, a value that is no number (with row and column), a segment name that is not known, no row
+    that is used. Rows count from 1 after the header.
     """
     file = Path(path)
     table = _read_table(file)
@@ -84,12 +90,17 @@ def read_trace(path: Path | str) -> Trace:
         raise AnalysisError(f"{file}: the header is followed by no rows; record a loop")
     segment: IntArray | None = None
     segments: dict[int, SegmentInfo] = {}
+    used: BoolArray = np.ones(table.num_rows, dtype=np.bool_)
     for name in SEGMENT_COLUMNS:
         if name in names:
-            segment, segments = _segments(table.column(names.index(name)), file, name)
+            used, segment, segments = _segments(table.column(names.index(name)), file, name)
             break
-    arrays = {channel: values for channel, (_, values) in channels.items()}
-    return Trace(**arrays, segment=segment, segments=segments, source=str(file))
+    arrays: dict[str, Any] = {channel: values for channel, (_, values) in channels.items()}
+    whole = Trace(**arrays, source=str(file))  # all rows are checked, so that a bad one is named by its number
+    if used.all():
+        return replace(whole, segment=segment, segments=segments)
+    kept: dict[str, Any] = {channel: values[used] for channel, values in arrays.items()}
+    return Trace(**kept, segment=segment, segments=segments, source=str(file))
 
 
 def _refuse_near_misses(names: list[str], file: Path) -> None:
@@ -190,8 +201,8 @@ def _first_not_a_number(column: Any) -> tuple[int, str]:
     return 1, f"{column.type}, which holds no numbers"
 
 
-def _segments(column: Any, file: Path, name: str) -> tuple[IntArray | None, dict[int, SegmentInfo]]:
-    """Segment ids and their table from a column of names; no table for whole numbers."""
+def _segments(column: Any, file: Path, name: str) -> tuple[BoolArray, IntArray | None, dict[int, SegmentInfo]]:
+    """Which rows are used, their segment ids, and the table of these; neither ids nor table for whole numbers."""
     try:
         if pa.types.is_dictionary(column.type):
             column = column.cast(column.type.value_type)
@@ -207,9 +218,15 @@ def _segments(column: Any, file: Path, name: str) -> tuple[IntArray | None, dict
     if np.isnan(indices.astype(np.float64)).any():
         row = first_bad_row(np.isnan(indices.astype(np.float64)))
         raise AnalysisError(f"{file}: row {row}, column {name}: found nothing; needed is a segment name or a number")
-    if all(_is_whole(text) for text in texts):
-        return None, {}
-    starts = np.concatenate(([0], np.flatnonzero(np.diff(indices)) + 1)) if indices.size else np.empty(0, np.int64)
+    left_out = [code for code, text in enumerate(texts) if text == UNUSED]
+    used = ~np.isin(indices, left_out)
+    if not used.any():
+        raise AnalysisError(f"{file}: column {name}: every row is {UNUSED}; needed are rows of a loop: measure one")
+    if all(_is_whole(text) for text in texts if text != UNUSED):
+        return used, None, {}
+    rows = np.flatnonzero(used)
+    indices = indices[rows]
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(indices)) + 1))
     table: dict[int, SegmentInfo] = {}
     counts = dict.fromkeys(BRANCH_NAMES, 0)
     for number, start in enumerate(starts.tolist()):
@@ -218,9 +235,9 @@ def _segments(column: Any, file: Path, name: str) -> tuple[IntArray | None, dict
             counts[text] += 1
             table[number] = SegmentInfo("measure", BRANCH_NAMES[text], counts[text])
         else:
-            table[number] = _parse(text, f"{file}: row {start + 1}, column {name}")
+            table[number] = _parse(text, f"{file}: row {rows[start] + 1}, column {name}")
     lengths = np.diff(np.append(starts, indices.size))
-    return np.repeat(np.arange(starts.size, dtype=np.int64), lengths), table
+    return used, np.repeat(np.arange(starts.size, dtype=np.int64), lengths), table
 
 
 def _parse(text: str, where: str) -> SegmentInfo:
@@ -230,7 +247,7 @@ def _parse(text: str, where: str) -> SegmentInfo:
         if direction in (-1, 0, 1):
             return SegmentInfo(role, direction, cycle)
     raise AnalysisError(
-        f"{where}: found '{text}'; allowed are {', '.join(BRANCH_NAMES)}, whole numbers, or a role "
+        f"{where}: found '{text}'; allowed are {', '.join(BRANCH_NAMES)}, {UNUSED}, whole numbers, or a role "
         f"({', '.join(ROLES)}) with direction (-1, 0, 1) and cycle, as in 'measure -1 2'"
     )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -55,26 +55,54 @@ class Risks:
 
 
 def normal_process(mean: float, sd: float) -> Process:
-    """Return a normal process; AnalysisError unless the standard deviation is above zero."""
+    """Return a normal process; AnalysisError unless the standard deviation is above zero and the tails are numbers."""
     if not (math.isfinite(mean) and math.isfinite(sd) and sd > 0.0):
         raise AnalysisError(f"process: mean {mean:g}, standard deviation {sd:g}; needed is a spread above zero")
-    return Process(stats.norm(mean, sd), f"normal, mean {mean:g}, standard deviation {sd:g}")
+    return _with_tails(Process(stats.norm(mean, sd), f"normal, mean {mean:g}, standard deviation {sd:g}"))
 
 
 def gamma_process(shape: float, scale: float) -> Process:
     """Return a process of values above zero with a tail, a gamma distribution; AnalysisError unless both are > 0."""
     if not (shape > 0.0 and scale > 0.0 and math.isfinite(shape * scale)):
         raise AnalysisError(f"process: gamma with shape {shape:g} and scale {scale:g}; needed are numbers above zero")
-    return Process(stats.gamma(shape, scale=scale), f"gamma, shape {shape:g}, scale {scale:g}")
+    return _with_tails(Process(stats.gamma(shape, scale=scale), f"gamma, shape {shape:g}, scale {scale:g}"))
+
+
+def _with_tails(process: Process) -> Process:
+    """Return a process whose tails and their distance are numbers; AnalysisError for one that reaches beyond them."""
+    with np.errstate(all="ignore"):
+        low, high = _tails(process)
+        wide = high - low
+    if not (math.isfinite(low) and math.isfinite(high) and math.isfinite(wide)):
+        raise AnalysisError(
+            f"process: {process.text}: it reaches beyond the largest number; give it in the unit of the limits"
+        )
+    return process
+
+
+def _tails(process: Process) -> tuple[float, float]:
+    return float(process.distribution.ppf(TAIL)), float(process.distribution.isf(TAIL))
 
 
 def risks(process: Process, low: float | None, high: float | None, u: float, guard: float = 0.0) -> Risks:
     """Return the risks of accepting within the limits moved in by `guard`; a negative one moves them out.
 
     u: standard uncertainty. Raises AnalysisError without a limit, for limits in the wrong order or with nothing left
-    between them, and for u that is not above zero.
+    between them, for u that is not above zero, for a guard band that is no finite number, and for shares that cannot
+    be computed.
     """
     _check(low, high, u, guard)
+    with np.errstate(all="ignore"):
+        found = _risks(process, low, high, u, guard)
+    if not all(math.isfinite(share) for share in astuple(found)):
+        raise AnalysisError(
+            f"decision: the risks of the process ({process.text}) with u = {u:g} and a guard band of {guard:g} cannot "
+            "be computed; give all of them in the unit of the limits"
+        )
+    return found
+
+
+def _risks(process: Process, low: float | None, high: float | None, u: float, guard: float) -> Risks:
     accept = _between(low, high, -guard, u)
     not_fail = _between(low, high, abs(guard), u)
     true_low, true_high = -math.inf if low is None else low, math.inf if high is None else high
@@ -122,8 +150,10 @@ def guard_for(process: Process, low: float | None, high: float | None, u: float,
 def _check(low: float | None, high: float | None, u: float, guard: float) -> None:
     if low is None and high is None:
         raise AnalysisError("decision: no limit; give the lower one, the upper one or both")
-    if not (math.isfinite(u) and u > 0.0):
-        raise AnalysisError(f"decision: u: found {u:g}; needed is a standard uncertainty above zero")
+    if not (math.isfinite(2.0 * u) and u > 0.0):
+        raise AnalysisError(f"decision: u: found {u:g}; needed is a standard uncertainty above zero, and finite")
+    if not math.isfinite(guard):
+        raise AnalysisError(f"decision: guard band: found {guard:g}; needed is a finite number")
     if low is not None and high is not None and not low + guard < high - guard:
         raise AnalysisError(
             f"decision: limits {low:g} and {high:g} with a guard band of {guard:g}: nothing is left between; "
@@ -147,8 +177,8 @@ def _integral(
     process: Process, chance: Callable[[FloatArray], FloatArray], start: float, end: float, cuts: list[float]
 ) -> float:
     """Integral of density times chance, in pieces between cuts at which either bends."""
-    low = max(start, float(process.distribution.ppf(TAIL)))
-    high = min(end, float(process.distribution.isf(TAIL)))
+    first_value, last_value = _tails(process)
+    low, high = max(start, first_value), min(end, last_value)
     total = 0.0
     for first, last in pairwise(sorted({low, high, *(min(max(cut, low), high) for cut in cuts)})):
         if last > first and high > low:

@@ -17,6 +17,9 @@ TraceArgument = Annotated[str, typer.Argument(metavar="TRACE", help="Stored run,
 FileArgument = Annotated[
     Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Without it, the stored runs are taken.")
 ]
+TableArgument = Annotated[
+    Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Without it, the published table is taken.")
+]
 
 DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]

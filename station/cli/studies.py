@@ -21,6 +21,7 @@ from station.cli.options import (
     RecipeFilter,
     SerialFilter,
     SideOption,
+    TableArgument,
 )
 
 study_app = typer.Typer(
@@ -108,7 +109,7 @@ def frequency(
 
 @study_app.command("eccentricity")
 def eccentricity(
-    file: FileArgument = None,
+    file: TableArgument = None,
     exponent: Annotated[
         float | None, typer.Option("--exponent", metavar="P", help="Exponent of K = k·a^P. Default: 2.")
     ] = None,
@@ -118,7 +119,7 @@ def eccentricity(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Stiffness over the eccentricity of the cycloidal disc. Without FILE: the published table.
+    """Stiffness over the eccentricity of the cycloidal disc.
 
     FILE has the columns eccentricity_mm, torque_nm and deflection_rad.
     """

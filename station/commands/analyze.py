@@ -27,6 +27,7 @@ from station.results.evaluation import (
     method_of,
     wanted_of,
 )
+from station.results.export_origin import Origin, origin_of
 from station.results.run_analysis import evaluate_run
 from station.results.trace_origin import check_recipe_fits, objections_to_bench
 from station.run.conclusion import NOT_DECIDABLE
@@ -113,8 +114,11 @@ def reevaluation_heading(result: dict[str, Any]) -> str:
 
 
 def _head(recipe: Recipe, recipe_file: Path) -> dict[str, Any]:
-    sha256 = hashlib.sha256(recipe_file.read_bytes()).hexdigest()
-    return {"name": recipe.recipe.name, "revision": recipe.recipe.revision, "sha256": sha256}
+    return {"name": recipe.recipe.name, "revision": recipe.recipe.revision, "sha256": _sha256(recipe_file)}
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def known_preset(name: str) -> None:
@@ -150,20 +154,33 @@ def _judged_without_bench(plain: dict[str, Any], bench: Bench | None) -> dict[st
 def elsewhere(
     path: Path, recipe_name: str, bench_name: str | None, preset: str | None, *, draws: int = 0
 ) -> dict[str, Any]:
-    """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset."""
+    """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset.
+
+    Raises:
+        StationError, RecipeError, AnalysisError: also for an exported run that has no complete trace, or measured
+            another unit model.
+
+    """
     recipe_file = recipe_path(recipe_name)
     recipe = _deciding_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
     method, wanted = method_without_run(recipe, bench), wanted_of(recipe, preset)
     figures = None if bench is None else figures_for(recipe, bench)
-    # A file does not say when it was measured: what is out of date today may have been so then.
-    today = WALL_CLOCK.now().date()
-    objections = [] if bench is None else objections_to_bench(recipe, bench, today)
-    found = analyse(read_trace(path), method, wanted, decision_of(recipe), objections, figures=figures, draws=draws)
+    trace = read_trace(path)
+    origin = origin_of(path, trace)
+    # Most files do not say when they were measured: what is out of date today may have been so then.
+    day = WALL_CLOCK.now().date() if origin is None else origin.day
+    objections = [] if bench is None else objections_to_bench(recipe, bench, day)
+    facts = None
+    if origin is not None:
+        origin.check_complete()
+        origin.check_recipe(recipe, recipe_file)
+        objections, facts = [*origin.objections, *objections], origin.facts(recipe.sampling)
+    found = analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts, figures=figures, draws=draws)
     plain = _judged_without_bench(_judged_by_preset(found.to_dict(), recipe, preset), bench)
     if bench is None:
         plain = _with_unknown_lag(plain, found)
-    return {
+    result = {
         "run": None,
         "serial": None,
         "recipe": _head(recipe, recipe_file),
@@ -174,6 +191,43 @@ def elsewhere(
         "alarms": [],
         "record": str(path),
     }
+    return result if origin is None else _with_origin(result, origin, bench_name)
+
+
+def _with_origin(result: dict[str, Any], origin: Origin, bench_name: str | None) -> dict[str, Any]:
+    """Return the result of an exported file with the run that it comes from, whose verdict it must repeat.
+
+    It need not where recipe, bench, preset or the trace itself are others: that is a new evaluation.
+    """
+    other_bench = bench_name is None or not origin.is_own("bench", _sha256(find_bench(bench_name)))
+    other = result["preset"] is not None or not origin.is_own("recipe", result["recipe"]["sha256"])
+    reevaluated = origin.changed or other_bench or other
+    original = origin.run["verdict"]
+    judged: dict[str, Any] = {}
+    if not reevaluated and not origin.objections and result["verdict"] != original:
+        judged = _unlike_the_run(result, original, origin.run)
+    bench = None
+    if other_bench and bench_name is not None:
+        named = load_bench(find_bench(bench_name)).bench
+        bench = f"{named.name} rev {named.revision}"
+    return {
+        **result,
+        **judged,
+        "serial": None if origin.changed else origin.run["serial"],
+        **origin.badges(),
+        "notes": [origin.text(), *result["notes"]],
+        "reevaluated": reevaluated,
+        "reevaluated_bench": bench,
+        "original_verdict": original,
+        "origin": origin.to_dict(),
+    }
+
+
+def _unlike_the_run(plain: dict[str, Any], original: str, run: dict[str, Any]) -> dict[str, Any]:
+    """Return verdict and reasons of an evaluation by the run's own recipe and bench that gives another verdict."""
+    software = f"it was made by lostmotion {run['software']['version']}. Compare the versions, then measure again"
+    said = f"the run's own verdict is {original}, evaluated anew it is {plain['verdict']}: {software}"
+    return {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
 
 
 def _with_unknown_lag(plain: dict[str, Any], found: Result) -> dict[str, Any]:
@@ -232,8 +286,7 @@ def reevaluate(
     plain = _with_warnings(_judged_by_preset(found.to_dict(), recipe, preset), recipe, recipe_file)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:
-        said = f"the run's own verdict is {original}, evaluated anew it is {plain['verdict']}: {_software(manifest)}"
-        plain |= {"verdict": NOT_DECIDABLE, "reasons": [said, *found.reasons]}
+        plain |= _unlike_the_run(plain | {"reasons": list(found.reasons)}, original, manifest)
     return {
         "run": run.id,
         "serial": manifest["serial"],
@@ -253,7 +306,3 @@ def reevaluate(
         "alarms": run.read_json(RESULT)["alarms"],
         "record": str(run.folder),
     }
-
-
-def _software(manifest: dict[str, Any]) -> str:
-    return f"it was made by lostmotion {manifest['software']['version']}. Compare the versions, then measure again"

@@ -15,6 +15,7 @@ from station.record.run_record import MANIFEST, RunRecord
 from station.record.seal import EXIT_ALTERED, INDEX, alteration_lines, alterations
 from station.record.store import Store
 from station.results.export import FORMATS, Column, columns_of, sidecar
+from station.results.export_origin import for_analysis
 from station.run.recovery import recover
 
 OF_A_RUN = (MANIFEST, "samples.json")
@@ -79,8 +80,10 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
         raise RecordError(f"{run.id}: {damage[0]}; a damaged record is not exported")
     if not read_back.records:
         raise StationError(f"{run.id}: the run has no records: nothing was measured")
-    columns = columns_of(table_of(content), int(run.manifest()["period_ns"]))
-    _write(path, file_format, columns, described(run))
+    table = table_of(content)
+    measured, beside = for_analysis(run, table)
+    columns = columns_of(table, int(run.manifest()["period_ns"]), measured)
+    _write(path, file_format, columns, described(run) | beside)
     found = {"run": run.id, "file": str(path), "format": file_format, "scans": read_back.records}
     found |= {"columns": len(columns), "bytes": path.stat().st_size, "altered": list(altered)}
     if as_json:

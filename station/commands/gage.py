@@ -98,10 +98,11 @@ def _listed(file: Path, ask: Ask | None, data: Path) -> tuple[GageDesign, Stored
             f"{file}: found columns {', '.join(table.columns)}; needed are operator, part and value, or operator, part "
             "and run with --metric ID"
         )
-    stored = stored_values(data, ask)
+    names = table.texts("run")
+    stored = stored_values(data, ask, names)
     by_run = {one.run.id: one for one in stored.values}
     rows = []
-    for row, name in enumerate(table.texts("run"), start=1):
+    for row, name in enumerate(names, start=1):
         if name not in by_run:
             raise StationError(
                 f"{file}: row {row}, column run: found '{name:.60}'; no such run with a value of {ask.metric} in {data}"

@@ -19,6 +19,7 @@ from station.errors import StationError
 from station.record.run_record import RunRecord
 from station.record.store import Store
 from station.results.evaluation import decision_of, method_of, wanted_of
+from station.results.export_origin import origin_of
 from station.results.run_analysis import complete_run
 
 
@@ -51,12 +52,12 @@ def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = 
         if recipe is not None or bench is not None:
             raise StationError("--recipe and --bench are for files; a stored run has its own. Leave them out")
         return _of_run(Store(data).find(name))
-    trace = read_trace(path)
+    source = _of_file(path)
     if recipe is None:
-        return Source(str(path), trace)
+        return source
     stand = None if bench is None else load_bench(find_bench(bench))
     method = method_without_run(load_recipe(recipe_path(recipe)), stand)
-    return Source(str(path), trace, method=method, figures=None if stand is None else figures_of(stand))
+    return replace(source, method=method, figures=None if stand is None else figures_of(stand))
 
 
 def loop_source(name: str, recipe: str | None, bench: str | None, data: Path) -> Source:
@@ -66,6 +67,18 @@ def loop_source(name: str, recipe: str | None, bench: str | None, data: Path) ->
         return source
     asked = load_recipe(recipe_path(recipe))
     return replace(source, result=analyse(source.trace, source.method, wanted_of(asked), decision_of(asked)))
+
+
+def _of_file(path: Path) -> Source:
+    """Return the trace of a file, with whose it is where the file was exported from a run."""
+    trace = read_trace(path)
+    origin = origin_of(path, trace)
+    if origin is None:
+        return Source(str(path), trace)
+    origin.check_complete()
+    if origin.objections:
+        raise StationError(f"{path}: {origin.objections[0]}; nothing is computed from it")
+    return Source(str(path), trace, "" if origin.changed else str(origin.run["serial"]), origin.virtual)
 
 
 def _of_run(run: RunRecord) -> Source:

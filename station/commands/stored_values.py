@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from station.errors import RecordError, StationError
 from station.record.run_record import RESULT, RunRecord
@@ -20,6 +21,17 @@ ATTEMPTS = ("first", "last", "all")
 
 SAME = ("unit", "definition", "branch", "estimator", "band", "torque_nm")
 """What must be the same of a metric in every run, or the numbers are not of one kind."""
+
+
+MEASURED, CONVERTED = "output torque as measured", "output torque converted from the input's"
+
+
+class Kind(NamedTuple):
+    """What a run was measured by: recipe, its revision, where the output torque comes from ('' where no stage says)."""
+
+    recipe: str
+    revision: int
+    torque: str
 
 
 @dataclass(frozen=True)
@@ -75,6 +87,7 @@ class StoredValues:
     limits: dict[str, float | None]
     values: list[StoredValue]
     left_out: Counter[str] = field(default_factory=Counter)
+    kinds: Counter[Kind] = field(default_factory=Counter)
 
     def notes(self) -> list[str]:
         """Return what a reader must know of the runs behind the figures."""
@@ -82,6 +95,9 @@ class StoredValues:
         notes = [f"VIRTUAL: {virtual} of {len(self.values)} runs are of the virtual bench"] if virtual else []
         faults = sum(one.faults for one in self.values)
         notes += [f"FAULTS INJECTED: in {faults} of {len(self.values)} runs"] if faults else []
+        for what in ("revision", "torque"):
+            counts = _counts(self.kinds, what)
+            notes += [f"MIXED: {_listing(counts, what)}"] if len(counts) > 1 else []
         return notes + [f"left out: {count} {reason}" for reason, count in self.left_out.items()]
 
     def head(self) -> dict[str, Any]:
@@ -99,12 +115,15 @@ class StoredValues:
         }
 
 
-def stored_values(data: Path, ask: Ask) -> StoredValues:
+def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> StoredValues:
     """Collect one metric over the complete, unaltered runs of a data folder.
+
+    only: ids of the runs that are asked for; None: all.
 
     Raises:
         StationError: no such folder, no value at all (with what was left out), a metric that stands in a run more than
-            once, or runs whose definitions of the metric differ.
+            once, runs whose definitions of the metric differ, or, while no recipe is asked for, runs of several
+            recipes or with the output torque from different sensors.
 
     """
     if not data.is_dir():
@@ -115,8 +134,9 @@ def stored_values(data: Path, ask: Ask) -> StoredValues:
     recover_all(store)
     left_out: Counter[str] = Counter()
     rows: list[tuple[StoredValue, dict[str, Any]]] = []
+    kinds: dict[str, Kind] = {}
     for run in store.runs():
-        found = _read(run, ask, left_out)
+        found = _read(run, ask, left_out, kinds) if only is None or run.id in only else None
         if found is not None:
             rows.append(found)
     rows = _attempts(rows, ask.attempts, left_out)
@@ -124,14 +144,23 @@ def stored_values(data: Path, ask: Ask) -> StoredValues:
         what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "it holds no runs"
         raise StationError(f"{data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
     metric = _same(rows)
+    pooled = Counter(kinds[value.run.id] for value, _ in rows)
+    if ask.recipe is None:
+        _check_one_kind(ask.metric, pooled)
     side = ask.side or str(metric["side"])
     name = ask.metric if side == "both" else f"{ask.metric} side {side.replace('-', '−')}"
     values = [value for value, _ in rows]
-    return StoredValues(ask, metric["unit"], name, metric["definition"], rows[-1][1]["limits"], values, left_out)
+    limits = rows[-1][1]["limits"]
+    return StoredValues(ask, metric["unit"], name, metric["definition"], limits, values, left_out, pooled)
 
 
-def _read(run: RunRecord, ask: Ask, left_out: Counter[str]) -> tuple[StoredValue, dict[str, Any]] | None:
-    """Return a run's value and its metric; None counts why it was left out (not for runs that were not asked for)."""
+def _read(
+    run: RunRecord, ask: Ask, left_out: Counter[str], kinds: dict[str, Kind]
+) -> tuple[StoredValue, dict[str, Any]] | None:
+    """Return a run's value and its metric, and note its kind by its id.
+
+    None counts why it was left out (not for runs that were not asked for).
+    """
     try:
         manifest = run.manifest()
         asked = ask.recipe in (None, manifest["recipe"]["name"]) and ask.serial in (None, manifest["serial"])
@@ -144,6 +173,7 @@ def _read(run: RunRecord, ask: Ask, left_out: Counter[str]) -> tuple[StoredValue
             missing = f"without {ask.metric}" if metric is None else "whose value could not be evaluated"
             left_out[reason or missing] += 1
             return None
+        kinds[run.id] = _kind(manifest, result)
         started = datetime.fromisoformat(manifest["started"])
         bench = str((result.get("bench") or {}).get("name", ""))
         who, virtual = str(manifest.get("operator") or ""), bool(virtual_badges(result))
@@ -152,6 +182,41 @@ def _read(run: RunRecord, ask: Ask, left_out: Counter[str]) -> tuple[StoredValue
     except (RecordError, KeyError, TypeError, ValueError, AttributeError):
         left_out["damaged"] += 1
         return None
+
+
+def _kind(manifest: dict[str, Any], result: dict[str, Any]) -> Kind:
+    torque = next((stage for stage in result.get("stages") or () if stage.get("stage") == "output torque"), None)
+    source = "" if torque is None else CONVERTED if torque["applied"] else MEASURED
+    return Kind(str(manifest["recipe"]["name"]), int(manifest["recipe"]["revision"]), source)
+
+
+def _counts(kinds: Counter[Kind], what: str) -> Counter[Any]:
+    """Count the runs by one field of their kind; those where nothing is known of it are not counted."""
+    found: Counter[Any] = Counter()
+    for kind, count in kinds.items():
+        if getattr(kind, what) != "":
+            found[getattr(kind, what)] += count
+    return found
+
+
+def _listing(counts: Counter[Any], what: str) -> str:
+    named = "" if what == "torque" else f"{what} "
+    return ", ".join(f"{count} {'run' if count == 1 else 'runs'} of {named}{key}" for key, count in counts.items())
+
+
+def _check_one_kind(metric: str, kinds: Counter[Kind]) -> None:
+    """Refuse runs whose spread is that of the recipes or of the torque sensors, and not of what was measured."""
+    recipes, torques = _counts(kinds, "recipe"), _counts(kinds, "torque")
+    if len(recipes) > 1:
+        raise StationError(
+            f"{metric}: found {_listing(recipes, 'recipe')}; only runs of one recipe are comparable. Choose it with "
+            "--recipe NAME"
+        )
+    if len(torques) > 1:
+        raise StationError(
+            f"{metric}: found {_listing(torques, 'torque')}; their errors are different ones. Keep them in data "
+            f"folders of their own, or take them together all the same with --recipe {next(iter(recipes))}"
+        )
 
 
 def _usable(run: RunRecord, manifest: dict[str, Any]) -> tuple[str, dict[str, Any] | None]:

@@ -61,13 +61,24 @@ def run_facts(table: Table, timing: dict[str, Any], sampling: Sampling) -> RunFa
         sampling: what the recipe allows.
 
     """
+    return facts_of_counts(counts_of(table, timing), timing["period_ns"], sampling)
+
+
+def counts_of(table: Table, timing: dict[str, Any]) -> dict[str, int]:
+    """Return what was counted while recording, whatever a recipe allows of it; arguments as in `run_facts`."""
     flags = measuring(table)["image"]["sample_status"]
-    counts = {name: int(np.count_nonzero(flags & bit)) for bit, name in COUNTED.items()}
+    return {
+        "periods": timing["scans"] + timing["missed"],
+        "missed": timing["missed"],
+        "oldest_sample_scans": timing["oldest_sample_scans"],
+        **{name: int(np.count_nonzero(flags & bit)) for bit, name in COUNTED.items()},
+    }
+
+
+def facts_of_counts(counts: dict[str, int], period_ns: int, sampling: Sampling) -> RunFacts:
+    """Return counts of a recording with what the recipe allows; TypeError for counts that are none."""
     return RunFacts(
-        periods=timing["scans"] + timing["missed"],
-        missed=timing["missed"],
-        missed_allowed=sampling.missed_periods_fraction,
-        oldest_sample_scans=timing["oldest_sample_scans"],
-        sample_age_allowed_scans=round(sampling.sample_age_s * 1e9 / timing["period_ns"]),
         **counts,
+        missed_allowed=sampling.missed_periods_fraction,
+        sample_age_allowed_scans=round(sampling.sample_age_s * 1e9 / period_ns),
     )

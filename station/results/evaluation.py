@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from analysis import (
     Decision,
@@ -30,6 +31,18 @@ from station.errors import StationError
 from station.record.check import Table
 
 LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
+
+
+ZEROES = {
+    "torque_in_nm": "torque_in_tare_nm",
+    "torque_out_nm": "torque_out_tare_nm",
+    "angle_in_rad": "angle_in_zero_rad",
+    "angle_out_rad": "angle_out_zero_rad",
+}
+"""Channel of a trace, which is a field of the image as well, and the order that is subtracted from it."""
+
+AS_RECORDED = {"temperature_c": "housing_temp_c", "drive_torque_nm": "drive_torque_nm"}
+"""Channel of a trace, and the field of the image that it is."""
 
 
 def method_of(recipe: Recipe, bench: Bench) -> Method:
@@ -138,31 +151,31 @@ def trace_of(table: Table, segments: list[dict[str, Any]], bench: Bench, period_
         source: name for messages.
 
     """
-    image, orders = table["image"], table["orders"]
-    counter = image["sample_counter"]
-    fresh = np.ones(len(table), dtype=np.bool_)
-    fresh[1:] = counter[1:] != counter[:-1]
-    kept = table[fresh & np.isin(orders["state"], LOADED)]
+    kept = table[evaluated(table)]
     if not len(kept):
         raise StationError(f"{source}: the run ended before anything was measured")
-    image, orders = kept["image"], kept["orders"]
-    there = channels(bench)
-    zeroes = {
-        "torque_in_nm": "torque_in_tare_nm",
-        "torque_out_nm": "torque_out_tare_nm",
-        "angle_in_rad": "angle_in_zero_rad",
-        "angle_out_rad": "angle_out_zero_rad",
-    }
-    measured = {name: image[name] - orders[zero] for name, zero in zeroes.items() if name in there}
     return Trace(
         t_s=kept["scan"] * (period_ns * 1e-9),
-        **measured,
-        temperature_c=image["housing_temp_c"].copy(),
-        drive_torque_nm=image["drive_torque_nm"].copy(),
-        segment=orders["segment"].astype(np.int64),
+        **measured_channels(kept, bench),
+        segment=kept["orders"]["segment"].astype(np.int64),
         segments=segment_table(segments),
         source=source,
     )
+
+
+def evaluated(table: Table) -> npt.NDArray[np.bool_]:
+    """Return which records of a run are samples of its trace: new ones, under the recipe's torque."""
+    counter = table["image"]["sample_counter"]
+    fresh = np.ones(len(table), dtype=np.bool_)
+    fresh[1:] = counter[1:] != counter[:-1]
+    return fresh & np.isin(table["orders"]["state"], LOADED)
+
+
+def measured_channels(table: Table, bench: Bench) -> dict[str, npt.NDArray[np.float64]]:
+    """Return the channels of a trace that the bench has, for every record: torques tared, angles from their zero."""
+    image, orders, there = table["image"], table["orders"], channels(bench)
+    measured = {name: image[name] - orders[zero] for name, zero in ZEROES.items() if name in there}
+    return measured | {name: image[field].copy() for name, field in AS_RECORDED.items()}
 
 
 def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:

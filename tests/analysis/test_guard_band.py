@@ -1,7 +1,11 @@
 """Risks of a decision rule: the worked example of JCGM 106, limits of what is possible, and the guard band wanted."""
 
+import math
+
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from analysis import AnalysisError, Decision, Verdict
 from analysis.uncertainty.guard_band import gamma_process, guard_for, normal_process, risks
@@ -48,6 +52,35 @@ def test_shares_are_those_of_drawn_parts(guard: float) -> None:
     for value in (9.05, 9.3, 10.95, 11.2):
         verdict = judge(value, 0.2, (9.0, 11.0), rule)[0]
         assert (verdict is Verdict.PASS) == (9.0 + max(guard, 0.0) <= value <= 11.0 - max(guard, 0.0))
+
+
+def test_figures_beyond_the_numbers_are_refused_and_never_a_share_that_is_none() -> None:
+    for mean, sd in ((1e308, 1e308), (-1e308, 1e308), (0.0, 1e307 * 17)):
+        with pytest.raises(AnalysisError, match="reaches beyond the largest number"):
+            normal_process(mean, sd)
+    with pytest.raises(AnalysisError, match="process: gamma"):
+        gamma_process(1.0, 1e308)
+    fair = normal_process(1.0, 1.0)
+    for guard in (math.nan, math.inf, -math.inf):
+        with pytest.raises(AnalysisError, match="guard band: found"):
+            risks(fair, None, 2.0, 1.0, guard)
+    with pytest.raises(AnalysisError, match="u: found"):
+        risks(fair, None, 2.0, 1e308)
+
+
+@given(*[st.floats(allow_nan=True)] * 2, st.floats(min_value=0.0), st.floats(allow_nan=True))
+@example(1e308, 1e308, 1.0, 0.0)
+@example(0.0, 1.0, 5e-324, 0.0)
+@example(1.0, 1.0, 1.0, 1.7e308)
+@settings(max_examples=60, deadline=None)
+@pytest.mark.filterwarnings("error")
+def test_risks_are_numbers_or_refused(mean: float, sd: float, u: float, guard: float) -> None:
+    try:
+        found = risks(normal_process(mean, sd), None, 2.0, u, guard)
+    except AnalysisError:
+        return
+    for name in ("outside", "false_accept", "false_reject", "false_fail", "undecided"):
+        assert math.isfinite(getattr(found, name)), name
 
 
 def test_a_sharp_measurement_makes_no_mistakes() -> None:

@@ -69,6 +69,20 @@ def test_segments_survive_a_file(tmp_path: Path) -> None:
     assert [trace.segments[key] for key in range(3)] == infos
 
 
+def test_rows_that_are_no_samples_of_the_loop_are_left_out(tmp_path: Path) -> None:
+    rows = ["0,9,unused", "1,1,measure +1 1", "2,9,unused", "3,2,measure +1 1", "4,3,measure -1 1", "5,9,unused"]
+    trace = read_trace(written(tmp_path, "\n".join(["t_s,drive_torque_nm,segment", *rows, ""])))
+    assert trace.t_s == pytest.approx(np.array([1, 3, 4]))
+    assert trace.drive_torque_nm == pytest.approx(np.array([1, 2, 3]))
+    assert trace.segment is not None
+    assert trace.segment.tolist() == [0, 0, 1]
+    assert trace.segments == {0: SegmentInfo("measure", 1, 1), 1: SegmentInfo("measure", -1, 1)}
+    numbered = read_trace(written(tmp_path, "t_s,segment\n0,unused\n1,1\n2,2\n"))
+    assert (numbered.samples, numbered.segment) == (2, None)
+    loops = "segment,torque_out_nm\nforward,1\nunused,5\nforward,2\nreturn,3\n"
+    assert [info.cycle for info in read_trace(written(tmp_path, loops)).segments.values()] == [1, 1]
+
+
 def test_returning_branches_count_the_cycles(tmp_path: Path) -> None:
     trace = read_trace(written(tmp_path, "branch,torque_out_nm\nforward,1\nreturn,2\nforward,3\nreturn,4\n"))
     assert [info.cycle for info in trace.segments.values()] == [1, 1, 2, 2]
@@ -108,6 +122,9 @@ def test_parquet(tmp_path: Path) -> None:
         ("angle_in_rad,angle_in_arcmin\n1,2\n", "angle_in_rad and angle_in_arcmin both are angle_in_rad"),
         ("branch,torque_out_nm\nforward,1\nbackwards,1\n", "row 2, column branch: found 'backwards'"),
         ("segment,torque_out_nm\nmeasure 2 1,1\n", "found 'measure 2 1'; allowed are forward, return"),
+        ("segment,t_s\nunused,1\nmeasure -1 1,2\nramp,3\n", "row 3, column segment: found 'ramp'"),
+        ("segment,t_s\nmeasure -1 1,1\nunused,2\nmeasure -1 1,1\n", "row 3, column t_s: found 1.0 after 2.0"),
+        ("segment,t_s\nunused,1\nunused,2\n", "every row is unused"),
         (b"t_s,torque_out_nm\n0,\xff\xfe\n", "cannot be read|row 1, column torque_out_nm"),
         ("t_s;torque_out_nm\n0;1.5\n", "found semicolons between the columns: write commas"),
         ("t_s\ttorque_out_nm\n0\t1.5\n", "found tabs between the columns"),

@@ -8,6 +8,8 @@ import json
 import pyarrow.parquet as pq
 import pytest
 
+from station.commands.loop_source import trace_source
+from station.errors import StationError
 from station.record.check import read_table
 from station.record.scan_record import RECORD_BYTES
 from station.results.export import FORMATS, sidecar
@@ -36,6 +38,111 @@ def test_export_in_each_format_and_of_a_damaged_run(lostmotion, stored, tmp_path
     assert damaged.exit_code == 2
     assert "CRC" in damaged.err
     assert not (tmp_path / "no.parquet").exists()
+
+
+SAME = ("verdict", "reasons", "decision", "metrics", "gates", "stages")
+"""What `analyze` must give of an exported run as the run has it, to the last digit."""
+
+
+@pytest.mark.parametrize("file_format", ["csv", "parquet", "tdms"])
+def test_an_exported_run_is_evaluated_as_the_run_is(lostmotion, quick_run, tmp_path, file_format):
+    record, path = quick_run.record, tmp_path / f"quick.{file_format}"
+    assert lostmotion("export", str(record), "--format", file_format, "--out", str(path)).exit_code == 0
+    how = ("--recipe", str(record / "recipe.yaml"), "--bench", str(record / "bench.yaml"))
+    ran = lostmotion("analyze", str(path), *how, "--json")
+    own = json.loads((record / "result.json").read_text(encoding="utf-8"))
+    assert ran.exit_code == 0
+    assert {key: ran.json[key] for key in SAME} == {key: own[key] for key in SAME}
+    assert (ran.json["run"], ran.json["state"], ran.json["serial"]) == (None, "analyzed", "SN 1")
+    origin = ran.json["origin"]
+    assert (origin["run"], origin["verdict"], origin["changed"]) == (record.name, "PASS", False)
+    assert (ran.json["reevaluated"], ran.json["original_verdict"]) == (False, "PASS")
+    shown = lostmotion("analyze", str(path), *how).out
+    assert "VIRTUAL TIME" in shown
+    assert f"exported from run {record.name} of unit SN 1" in " ".join(shown.split())
+
+
+def quick_csv(lostmotion, quick_run, folder):
+    path = folder / "quick.csv"
+    lostmotion("export", str(quick_run.record), "--format", "csv", "--out", str(path))
+    return path
+
+
+def test_an_exported_trace_that_was_changed_is_not_told_as_that_of_the_run(lostmotion, quick_run, tmp_path):
+    path = quick_csv(lostmotion, quick_run, tmp_path)
+    head, *rows = path.read_text(encoding="utf-8").splitlines()
+    place = head.split(",").index("angle_in_rad")
+    bent = [row.split(",") for row in rows]
+    for cells in bent:
+        cells[place] = repr(1.001 * float(cells[place]))
+    path.write_text("\n".join([head, *map(",".join, bent), ""]), encoding="utf-8")
+    ran = lostmotion("analyze", str(path), "--recipe", "rv-40e-121-quick", "--bench", "virtual", "--json")
+    assert (ran.json["origin"]["changed"], ran.json["reevaluated"], ran.json["serial"]) == (True, True, None)
+    assert "CHANGED SINCE" in ran.json["notes"][0]
+    assert "RE-EVALUATED" in lostmotion("analyze", str(path), "--recipe", "rv-40e-121-quick", "--bench", "virtual").out
+
+
+def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, tmp_path):
+    path = quick_csv(lostmotion, quick_run, tmp_path)
+    beside = tmp_path / "quick.csv.json"
+    said = json.loads(beside.read_text(encoding="utf-8"))
+    how = ("--recipe", "rv-40e-121-quick", "--bench", "virtual", "--json")
+
+    def analyzed(**changes):
+        beside.write_text(json.dumps(said | {"run": said["run"] | changes}), encoding="utf-8")
+        return lostmotion("analyze", str(path), *how)
+
+    for changes, reason in (
+        ({"altered": ["timing.json: other bytes"]}, "exported from an altered record: timing.json"),
+        ({"recorded": said["run"]["recorded"] | {"missed": 30000}, "verdict": "NOT DECIDABLE"}, "missed_periods"),
+        ({"verdict": "FAIL"}, "the run's own verdict is FAIL, evaluated anew it is PASS"),
+    ):
+        ran = analyzed(**changes)
+        assert (ran.exit_code, ran.json["verdict"]) == (3, "NOT DECIDABLE"), changes
+        assert reason in ran.json["reasons"][0]
+    for changes, words in (
+        ({"unit": "RV-6E"}, "which measured a RV-6E"),
+        ({"trace": None, "recorded": {"missed": "many"}}, "is damaged"),
+        ({"started": 7}, "is damaged"),
+        ({"state": "fault"}, "which ended as fault: it has no complete trace to evaluate"),
+        ({"recorded": said["run"]["recorded"] | {"missed": "0"}}, "is damaged"),
+    ):
+        ran = analyzed(**changes)
+        assert ran.exit_code == 2, changes
+        assert words in ran.err
+    older = {key: value for key, value in said["run"].items() if key != "trace"}
+    beside.write_text(json.dumps({"run": older}), encoding="utf-8")
+    assert "Export the run again" in lostmotion("analyze", str(path), *how).err
+    beside.unlink()
+    alone = lostmotion("analyze", str(path), *how).json
+    assert (alone["serial"], alone["verdict"], "origin" in alone) == (None, "PASS", False)
+    assert alone["metrics"] == json.loads((quick_run.record / "result.json").read_text(encoding="utf-8"))["metrics"]
+
+
+def test_a_model_of_an_exported_run_is_that_of_the_unit_as_long_as_the_trace_is(lostmotion, quick_run, tmp_path):
+    path = quick_csv(lostmotion, quick_run, tmp_path)
+    found = trace_source(str(path), None, tmp_path)
+    assert (found.serial, found.virtual) == ("SN 1", True)
+    beside = tmp_path / "quick.csv.json"
+    beside.write_text(beside.read_text(encoding="utf-8").replace('"trace": "', '"trace": "0'), encoding="utf-8")
+    assert trace_source(str(path), None, tmp_path).serial == ""
+    said = json.loads(beside.read_text(encoding="utf-8"))
+    beside.write_text(json.dumps({"run": said["run"] | {"altered": ["run.json: other"]}}), encoding="utf-8")
+    with pytest.raises(StationError, match=r"altered record: run\.json: other; nothing is computed from it"):
+        trace_source(str(path), None, tmp_path)
+    beside.write_text(json.dumps({"run": said["run"] | {"state": "stopped"}}), encoding="utf-8")
+    with pytest.raises(StationError, match="which ended as stopped: it has no complete trace"):
+        trace_source(str(path), None, tmp_path)
+
+
+def test_an_export_of_a_run_whose_bench_cannot_be_read_says_no_trace(lostmotion, stored, tmp_path):
+    (stored / "bench.yaml").write_text("bench: [", encoding="utf-8")
+    path = tmp_path / "blind.parquet"
+    assert lostmotion("export", str(stored), "--out", str(path)).exit_code == 3
+    assert "segment" not in pq.read_schema(path).names
+    refused = lostmotion("analyze", str(path), "--recipe", "rv-40e-121-quick", "--bench", "virtual")
+    assert refused.exit_code == 2
+    assert "without its trace" in refused.err
 
 
 @pytest.mark.parametrize("out", ["/proc/no/such/folder.parquet", "{file}/x.parquet", "{file}/x.csv"])

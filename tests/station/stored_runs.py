@@ -33,11 +33,13 @@ def store_run(
     state: str = "complete",
     recipe: str = "inverse",
     operator: str | None = None,
+    revision: int = 1,
+    converted: bool | None = None,
     scenario: str | None = None,
 ) -> RunRecord:
-    """Store one concluded run; `day` moves its start."""
+    """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from."""
     manifest: dict[str, Any] = {"bench": {"name": "b", "sha256": ""}, "unit": {"model": "RV", "virtual": None}}
-    manifest |= {"recipe": {"name": recipe, "revision": 1, "sha256": ""}, "clock": "real", "verdict": None}
+    manifest |= {"recipe": {"name": recipe, "revision": revision, "sha256": ""}, "clock": "real", "verdict": None}
     manifest |= {} if operator is None else {"operator": operator}
     manifest |= {} if scenario is None else {"scenario": scenario}
     run = Store(data).create(serial, manifest, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
@@ -47,6 +49,7 @@ def store_run(
     shown = [dict(one) | ({"verdict": None} if verdict != "PASS" else {}) for one in metrics]
     result = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
     result |= {"reasons": list(reasons), "bench": {"name": "b"}, "unit": {"virtual": None}, "clock": "real"}
+    result |= {} if converted is None else {"stages": [{"stage": "output torque", "applied": converted}]}
     run.write_json("result.json", result)
     run.update(
         recipe=manifest["recipe"] | {"sha256": sha["recipe"]},

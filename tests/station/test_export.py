@@ -15,12 +15,16 @@ from nptdms import TdmsFile
 from scipy.io import loadmat
 from station_samples import IMAGE, ORDERS
 
-from analysis import read_trace
+from analysis import SegmentInfo, read_trace
+from analysis.trace import CHANNELS
 from controller.faults import FAULTS
-from controller.image import IMAGE_FIELDS, ORDERS_FIELDS
-from station.record.check import table_of
+from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, State
+from recipes import find_bench, load_bench
+from station.record.check import Table, table_of
 from station.record.scan_record import HEADER_FIELDS, pack
-from station.results.export import FORMATS, Column, columns_of, sidecar
+from station.results.evaluation import trace_of
+from station.results.export import FORMATS, Column, columns_of, sidecar, trace_columns
+from station.results.export_origin import fingerprint_of
 from station.results.value_names import CODED
 
 RUN = {"id": "20260101T000000.000Z-S1", "serial": "S1 ±°", "attempt": 2, "recipe": {"name": "r", "revision": 3}}
@@ -28,12 +32,29 @@ SCANS = 50
 AWKWARD = (0.1, -0.0, 1e-300, 1 / 3, 123456789.123456789)
 
 
+BENCH = load_bench(find_bench("virtual"))
+SEGMENTS = [
+    {"index": 0, "role": "none", "direction": 0, "cycle": 0},
+    {"index": 1, "role": "calibrate", "direction": 1, "cycle": 0},
+    {"index": 2, "role": "measure", "direction": -1, "cycle": 3},
+]
+
+
+def table(*, missed: bool = True) -> Table:
+    """Records with a new sample in two of three scans; the first are of the lock's proof, the last of unloading."""
+    return table_of(b"".join(_packed(n, n // 7 * missed) for n in range(SCANS)))
+
+
+def _packed(n: int, missed: int) -> bytes:
+    image = IMAGE._replace(torque_in_nm=AWKWARD[n % 5], command=n % 5, sample_counter=n - n // 3)
+    state = State.LOCK if n < 4 else State.UNLOAD if n > 45 else State.RAMP_NEG
+    orders = ORDERS._replace(state=state, segment=0 if n < 2 else 99 if n < 4 else 1 + n // 10 % 2)
+    return pack((n, n + missed, -5 * n, n), image, orders)
+
+
 def columns(*, missed: bool = True) -> list[Column]:
-    records = b"".join(
-        pack((n, n + n // 7 * missed, -5 * n, n), IMAGE._replace(torque_in_nm=AWKWARD[n % 5], command=n % 5), ORDERS)
-        for n in range(SCANS)
-    )
-    return columns_of(table_of(records), 1_000_000)
+    found = table(missed=missed)
+    return columns_of(found, 1_000_000, trace_columns(found, SEGMENTS, BENCH))
 
 
 Read = tuple[dict[str, np.ndarray], dict[str, str], dict[str, str], dict[str, Any]]
@@ -51,7 +72,8 @@ def read_parquet(path: Path) -> Read:
 def read_csv(path: Path) -> Read:
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    values = {name: np.array([float(row[index]) for row in rows]) for index, name in enumerate(header)}
+    texts = {name: [row[index] for row in rows] for index, name in enumerate(header)}
+    values = {name: np.array(found if name == "segment" else list(map(float, found))) for name, found in texts.items()}
     beside = json.loads(sidecar(path).read_text(encoding="utf-8"))
     units = {one["name"]: one["unit"] for one in beside["columns"]}
     return values, units, {one["name"]: one["meaning"] for one in beside["columns"]}, beside["run"]
@@ -61,7 +83,9 @@ def read_mat(path: Path) -> Read:
     found = loadmat(path, simplify_cells=True)
     text = {name: {key: str(value) if len(value) else "" for key, value in found[name].items()} for name in
             ("unit", "meaning")}  # fmt: skip
-    return found["data"], text["unit"], text["meaning"], json.loads(found["run"])
+    # A matrix of characters has rows of one length.
+    values = {name: np.char.rstrip(one) if one.dtype.kind == "U" else one for name, one in found["data"].items()}
+    return values, text["unit"], text["meaning"], json.loads(found["run"])
 
 
 def read_tdms(path: Path) -> Read:
@@ -98,7 +122,9 @@ def test_round_trip_is_exact(name: str, tmp_path: Path) -> None:
         assert np.array_equal(np.asarray(values[one.name], dtype=one.values.dtype), one.values), one.name
         assert units[one.name] == one.unit
         assert meanings[one.name] == one.meaning
-    assert np.signbit(values["torque_in_nm"]).tolist() == np.signbit([AWKWARD[n % 5] for n in range(SCANS)]).tolist()
+    assert (
+        np.signbit(values["image_torque_in_nm"]).tolist() == np.signbit([AWKWARD[n % 5] for n in range(SCANS)]).tolist()
+    )
 
 
 def kinds_of(name: str, path: Path) -> dict[str, dict[str, dict[str, str]]]:
@@ -163,22 +189,43 @@ def test_every_field_that_is_written_in_an_enumeration_has_names() -> None:
 def test_a_tdms_channel_is_a_waveform_where_no_period_was_missed(tmp_path: Path) -> None:
     path = tmp_path / "run.tdms"
     FORMATS["tdms"](path, columns(missed=False), RUN)
-    channel = TdmsFile.read(path)["image"]["torque_in_nm"]
+    channel = TdmsFile.read(path)["trace"]["torque_in_nm"]
     assert channel.properties["wf_increment"] == 0.001
     assert channel.time_track() == pytest.approx(np.arange(SCANS) * 0.001)
     FORMATS["tdms"](path, columns(), RUN)
-    assert "wf_increment" not in TdmsFile.read(path)["image"]["torque_in_nm"].properties
+    assert "wf_increment" not in TdmsFile.read(path)["trace"]["torque_in_nm"].properties
 
 
 def test_no_field_of_the_record_is_left_out_and_no_two_share_a_name() -> None:
-    names = [one.name for one in columns()]
+    names = [one.name for one in columns_of(table(), 1_000_000)]
+    assert len({one.name for one in columns()}) == len(columns())
     assert len(names) == len(set(names)) == 1 + len(HEADER_FIELDS) + len(IMAGE_FIELDS) + len(ORDERS_FIELDS)
 
 
-@pytest.mark.parametrize("name", ["csv", "parquet"])
-def test_the_analysis_reads_the_file_as_a_trace(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["csv", "parquet", "tdms"])
+def test_the_analysis_reads_the_file_as_the_trace_of_the_run(name: str, tmp_path: Path) -> None:
     path = tmp_path / f"run.{name}"
     FORMATS[name](path, columns(), RUN)
-    trace = read_trace(path)
+    trace, own = read_trace(path), trace_of(table(), SEGMENTS, BENCH, 1_000_000, "run")
+    for channel in CHANNELS:
+        found, measured = getattr(trace, channel), getattr(own, channel)
+        assert (found is None) == (measured is None), channel
+        assert found is None or found.tolist() == measured.tolist(), channel
     assert trace.torque_in_nm is not None
-    assert trace.torque_in_nm.tolist() == [AWKWARD[n % 5] for n in range(SCANS)]
+    assert trace.segment is not None
+    assert own.segment is not None
+    assert 0 < trace.samples < SCANS - 8
+    rows = [n for n in range(4, 46) if n % 3 or n == 0]
+    assert trace.torque_in_nm.tolist() == [AWKWARD[n % 5] - ORDERS.torque_in_tare_nm for n in rows]
+    infos = [trace.segments[key] for key in trace.segment.tolist()]
+    assert infos == [own.segments[key] for key in own.segment.tolist()]
+    assert set(infos) == {SegmentInfo("calibrate", 1, 0), SegmentInfo("measure", -1, 3)}
+    assert fingerprint_of(trace) == fingerprint_of(own)
+
+
+def test_a_channel_that_the_bench_does_not_have_is_no_channel_of_the_trace(tmp_path: Path) -> None:
+    without = BENCH.model_copy(update={"sensors": BENCH.sensors.model_copy(update={"torque_out": None})})
+    FORMATS["csv"](tmp_path / "run.csv", columns_of(table(), 1_000_000, trace_columns(table(), SEGMENTS, without)), RUN)
+    trace = read_trace(tmp_path / "run.csv")
+    assert trace.torque_out_nm is None
+    assert trace.torque_in_nm is not None

@@ -62,7 +62,7 @@ def test_runs_that_do_not_count_are_left_out_and_counted(runs: Path) -> None:
     assert with_faults.head()["runs_with_faults"] == 1
     altered = found.values[0].run
     (altered.folder / "recipe.yaml").write_bytes(b"changed\n")
-    assert stored_values(runs, ASK).left_out["altered"] == 1
+    assert stored_values(runs, Ask("lost_motion", recipe="inverse")).left_out["altered"] == 1
 
 
 def test_each_unit_counts_once_when_asked_for(runs: Path) -> None:
@@ -76,6 +76,47 @@ def test_runs_that_mean_something_else_are_refused(runs: Path) -> None:
     store_run(runs, "U9", [metric(0.4, band=0.04)])
     with pytest.raises(StationError, match=r"mean different things by lost_motion: band is 0.03 and 0.04"):
         stored_values(runs, ASK)
+
+
+def test_runs_of_several_recipes_are_pooled_only_when_one_is_named(
+    runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command in (
+        lambda asked: line.capability_of(asked, (None, None), 1, 0.95, as_json=False),
+        lambda asked: line.units_of(asked, 0.95, as_json=False),
+    ):
+        with pytest.raises(StationError, match=r"6 runs of recipe inverse, 1 run of recipe other; .* --recipe NAME"):
+            command(Asked(None, "value", runs, ASK))
+        assert command(Asked(None, "value", runs, Ask("lost_motion", recipe="inverse"))) == 0
+        assert "MIXED" not in capsys.readouterr().out
+
+
+def test_runs_with_the_torque_of_different_sensors_are_pooled_only_when_the_recipe_is_named(tmp_path: Path) -> None:
+    for number, converted in enumerate((False, False, True, None)):
+        revision = 2 if converted else 1
+        store_run(tmp_path, f"U{number}", [metric(0.4)], day=number, converted=converted, revision=revision)
+    said = r"2 runs of output torque as measured, 1 run of output torque converted .* --recipe inverse"
+    with pytest.raises(StationError, match=said):
+        stored_values(tmp_path, ASK)
+    pooled = stored_values(tmp_path, Ask("lost_motion", recipe="inverse"))
+    assert len(pooled.values) == 4
+    assert [note for note in pooled.notes() if note.startswith("MIXED")] == [
+        "MIXED: 3 runs of revision 1, 1 run of revision 2",
+        "MIXED: 2 runs of output torque as measured, 1 run of output torque converted from the input's",
+    ]
+
+
+def test_a_list_of_runs_may_stand_beside_runs_of_other_recipes(tmp_path: Path) -> None:
+    data, rows = tmp_path / "runs", []
+    for part in range(3):
+        for who, trial in (("A", 0), ("A", 1), ("B", 2), ("B", 3)):
+            run = store_run(data, f"P{part}", [metric(0.4 + 0.1 * part + 0.001 * trial)], day=part + 0.1 * trial)
+            rows.append(f"{who},P{part},{run.id}")
+    store_run(data, "P0", [metric(9.0)], recipe="other")
+    listed = csv(tmp_path, "\n".join(["operator,part,run", *rows]))
+    assert command_gage.gage(listed, ASK, data, "day", (None, 0.95), as_json=True) == 0
+    with pytest.raises(StationError, match="1 run of recipe other"):
+        command_gage.gage(None, ASK, data, "day", (None, 0.95), as_json=True)
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,12 @@ def test_a_slope_over_temperature_is_found(tmp_path: Path, capsys: pytest.Captur
     assert "The metric depends on temperature" in capsys.readouterr().out
 
 
+def test_the_help_says_what_is_taken_without_a_file() -> None:
+    for name, taken in (("eccentricity", "the published table"), ("temperature", "the stored runs")):
+        shown = CliRunner().invoke(app, ["study", name, "--help"]).stdout
+        assert f"Without it, {taken}" in " ".join(shown.split())
+
+
 def test_the_published_eccentricities(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command_studies.eccentricity(None, None, [1.2], free=False, as_json=True)
     found = printed(capsys)

@@ -130,10 +130,11 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
 
 def _create(data: Path, run: RunRecord, job: Job, left: dict[str, float]) -> RunRecord:
     of = run.manifest()
-    keep = ("recipe", "software", "unit", "scenario", "clock", "period_ns")
+    keep = ("recipe", "software", "unit", "clock", "period_ns")
     bench = job.bench.bench
     manifest = {
         **{key: of[key] for key in keep},
+        "scenario": None,  # that of the run before is not injected again
         "bench": {
             "name": bench.name,
             "revision": bench.revision,

@@ -1,0 +1,73 @@
+"""Wrong bench files: what is out of range, missing or contradicts itself is refused in words."""
+
+from __future__ import annotations
+
+import pytest
+from refusal_support import problems
+
+from recipes import RecipeError, load_bench, parse_bench, shipped_benches
+
+BENCH = shipped_benches()["virtual"].read_text(encoding="utf-8")
+
+CURVE = """  curve:
+    {id: a, made: 2026-01-01, due: 2027-01-01, angles: loaded,
+     points: [{torque: -480 N·m, deflection: -0.5 arcmin}, {torque: 480 N·m, deflection: 0.5 arcmin}]}
+"""
+
+BENCH_CASES = {
+    "rtu without a port": ("transport: tcp", "transport: rtu", "rtu without a serial port"),
+    "one node for two": ("node_id: 126 ", "node_id: 5 ", "5 for both"),
+    "time-out below heartbeat": ("timeout: 100 ms ", "timeout: 30 ms ", "at least twice controller_heartbeat, 40 ms"),
+    "bits": ("20 bit", "20.5 bit", "Write a whole number of it."),
+    "unknown sensor": ("torque_out:", "torque_uot:", "Did you mean 'torque_out'?"),
+    "torque sensor without error": ("accuracy: 0.1 %", "accuracy: 0 %", "allowed: a fraction such as '0.1 %', above 0"),
+    "torque sensor of any error": ("accuracy: 0.1 %", "accuracy: 100 %", "above 0 and up to 10 %. This is too large"),
+    "no hysteresis": ("noise: 0.02 %", "noise: 0.02 %, reversibility: 0 %", "reversibility: found '0 %'"),
+    "nothing left by the tare": ("noise: 0.02 %", "noise: 0.02 %, tared_zero: 0 %", "tared_zero: found '0 %'"),
+    "all noise": ("noise: 0.02 %", "noise: 100 %", "noise: found '100 %'"),
+    "encoder without error": ("noise: 0 arcsec", "noise: 0 arcsec, accuracy: 0 arcsec", "accuracy: found '0 arcsec'"),
+    "encoder of perfect lines": ("noise: 0 arcsec", "noise: 0 arcsec, interpolation: 0 arcsec", "interpolation: found"),
+    "fixture without error": (
+        "10000 N·m/arcmin ",
+        "10000 N·m/arcmin\n  accuracy: 0 % ",
+        "fixture.accuracy: found '0 %'",
+    ),
+    "curve of another fixture": (
+        "calibrations: []",
+        CURVE + "calibrations: []",
+        "a curve of 960 N·m/arcmin beside a stiffness of 10000 N·m/arcmin; allowed: a curve of 5000 N·m/arcmin to",
+    ),
+    "bitrate": ("bitrate: 1000000", "bitrate: 1000", "found 1000"),
+    "date": (
+        "calibrations: []",
+        "calibrations: [{id: a, model: b, made: 2026-02-30, due: soon, load_positive: {slope: 1, offset: 0 N·m}}]",
+        "a date such as 2025-03-31",
+    ),
+    "device path": ("profile: virtual-drive", "profile: virtual drive", "a short name of letters"),
+}
+
+
+@pytest.mark.parametrize("name", BENCH_CASES)
+def test_wrong_bench_files(name):
+    old, new, words = BENCH_CASES[name]
+    assert old in BENCH
+    assert words in "\n".join(problems(BENCH.replace(old, new, 1), parse_bench))
+
+
+def test_a_mistyped_shipped_name():
+    with pytest.raises(RecipeError, match="Did you mean 'virtual-static'"):
+        load_bench("virtual-statik")
+
+
+def test_devices_on_one_serial_line_talk_alike() -> None:
+    rtu = BENCH
+    for port, settings in (("1503", "parity: even"), ("1504", "parity: none")):
+        rtu = rtu.replace(
+            f"transport: tcp\n  host: 127.0.0.1\n  port: {port}\n",
+            f"transport: rtu\n  serial_port: /dev/ttyUSB0\n  {settings}\n",
+        )
+    (problem,) = problems(rtu, parse_bench)
+    assert "115200 baud, parity none, 1 stop bit on /dev/ttyUSB0, where brake has 115200 baud, parity even" in problem
+    assert "remote_io" in problem
+    alike = parse_bench(rtu.replace("parity: none", "parity: even").encode(), "b.yaml")
+    assert alike.remote_io.parity == "even"

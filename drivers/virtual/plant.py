@@ -23,9 +23,9 @@ from drivers.virtual.plant_kernel import (
     S,
     Seen,
     advance_kernel,
-    measure_kernel,
 )
-from drivers.virtual.plant_parameters import CHANNELS, elastic_table, parameters, sensor_table
+from drivers.virtual.plant_parameters import elastic_table, parameters
+from drivers.virtual.plant_sensors import CHANNELS, measure_kernel, sensor_table
 from drivers.virtual.units import find_unit
 
 NOISE_ROWS = 4096

@@ -13,7 +13,7 @@ cache is renewed only when the file of the compiled function changes.
 from __future__ import annotations
 
 from enum import IntEnum
-from math import exp, floor, pi
+from math import exp, pi
 
 import numpy as np
 import numpy.typing as npt
@@ -124,20 +124,6 @@ class S(IntEnum):
     SAMPLE_ANGLE_DRIVEN_RAD = 25
     SAMPLE_ANGLE_LOCKED_RAD = 26
     DRIFT_ARCMIN = 27
-
-
-class CH(IntEnum):
-    """Columns of the sensor table, one row per channel."""
-
-    SOURCE = 0  # element of the state
-    GAIN = 1
-    ZERO = 2
-    NOISE = 3  # rms
-    QUANTUM = 4
-    LIMIT = 5  # saturates here; 0 never
-    FAULT_OFFSET = 6
-    STUCK = 7
-    STUCK_AT = 8
 
 
 DT = STEP_NS * 1e-9
@@ -350,25 +336,4 @@ def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: 
     return motor, th, w, limited, state[S.SAMPLE_COUNTER]
 
 
-def _measure(state: FloatArray, channels: FloatArray, noise: FloatArray, row: int, out: FloatArray) -> None:
-    """Write the four channels of the latched sample, and the saturation bits of the two torques, into `out`."""
-    status = 0.0
-    for channel in range(4):
-        value = state[int(channels[channel, CH.SOURCE])] * channels[channel, CH.GAIN]
-        value += channels[channel, CH.ZERO] + channels[channel, CH.NOISE] * noise[row, channel]
-        value += channels[channel, CH.FAULT_OFFSET]
-        limit = channels[channel, CH.LIMIT]
-        if limit > 0.0 and abs(value) >= limit:
-            value = limit if value > 0.0 else -limit
-            status += 1.0 + channel
-        quantum = channels[channel, CH.QUANTUM]
-        if quantum > 0.0:
-            value = floor(value / quantum + 0.5) * quantum
-        if channels[channel, CH.STUCK] != 0.0:
-            value = channels[channel, CH.STUCK_AT]
-        out[channel] = value
-    out[4] = status
-
-
 advance_kernel = njit(cache=True)(_advance)
-measure_kernel = njit(cache=True)(_measure)

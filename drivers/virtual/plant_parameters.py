@@ -1,4 +1,4 @@
-"""The numbers of the plant: constants of one bench with one unit in it, its elastic table, and its table of sensors."""
+"""The numbers of the plant: constants of one bench with one unit in it, and its elastic table."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ from math import pi
 
 import numpy as np
 
-from drivers.virtual.config import AngleSensor, BenchConfig, TorqueSensor
-from drivers.virtual.plant_kernel import ARCMIN_RAD, FloatArray, P, S
+from drivers.virtual.config import BenchConfig
+from drivers.virtual.plant_kernel import ARCMIN_RAD, FloatArray, P
 from drivers.virtual.units import Unit
-
-CHANNELS = ("torque_in", "torque_out", "angle_in", "angle_out")
-"""Rows of the table of sensors."""
 
 TABLE_HALF_ARCMIN = 30.0
 TABLE_STEP_ARCMIN = 0.0025
@@ -24,8 +21,6 @@ GEARBOX_FRICTION_NM = 1.0  # of the servo's gearbox, where it has one, at the lo
 GEARBOX_BRISTLE_ARCMIN = 0.005
 BRISTLE_DAMPING_RATIO = 0.06
 GEARBOX_VISCOUS_NMS_RAD = 1.0
-ADC_BITS = 20
-SATURATION = 1.1  # of full scale
 MIN_LAG_S = 1e-6
 
 
@@ -152,33 +147,3 @@ def _velocity_loop(motor_inertia_kgm2: float, bandwidth_rad_s: float) -> dict[P,
         P.VELOCITY_I_NM_RAD: 3.0 * motor_inertia_kgm2 * bandwidth_rad_s**2,
         P.VELOCITY_II_NM_RADS: motor_inertia_kgm2 * bandwidth_rad_s**3,
     }
-
-
-def sensor_table(config: BenchConfig) -> FloatArray:
-    """Return one row per channel: source, gain, offset, noise, quantum, limit, error offset, stuck flag and value."""
-    generator = np.random.Generator(np.random.PCG64([config.seed, 0x5E45]))
-    sensors = (config.torque_in, config.torque_out, config.angle_in, config.angle_out)
-    driven, locked = (0, 1) if config.loading == "input" else (1, 0)
-    sources = {
-        driven: int(S.SAMPLE_TORQUE_DRIVEN_NM),
-        locked: int(S.SAMPLE_TORQUE_LOCKED_NM),
-        2 + driven: int(S.SAMPLE_ANGLE_DRIVEN_RAD),
-        2 + locked: int(S.SAMPLE_ANGLE_LOCKED_RAD),
-    }
-    rows = []
-    for channel, sensor in enumerate(sensors):
-        zero, gain = generator.uniform(-0.5, 0.5, 2)
-        match sensor:
-            case TorqueSensor():
-                zero_error = zero * sensor.accuracy_fraction * sensor.full_scale_nm
-                gain_error = 0.2 * gain * sensor.accuracy_fraction
-                noise = sensor.noise_fraction * sensor.full_scale_nm
-                quantum = 2.0 * SATURATION * sensor.full_scale_nm / 2**ADC_BITS
-                limit = SATURATION * sensor.full_scale_nm
-                rows.append([sources[channel], 1.0 + gain_error, zero_error, noise, quantum, limit, 0.0, 0.0, 0.0])
-            case AngleSensor():
-                quantum = 2.0 * pi / 2**sensor.resolution_bits
-                rows.append([sources[channel], 1.0, zero * pi, sensor.noise_rad, quantum, 0.0, 0.0, 0.0, 0.0])
-            case None:
-                rows.append([sources[channel], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    return np.array(rows)

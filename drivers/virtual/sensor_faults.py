@@ -6,8 +6,7 @@ from math import exp
 
 from drivers.virtual.fault_schedule import FaultSchedule
 from drivers.virtual.plant import Plant, Sample
-from drivers.virtual.plant_kernel import CH
-from drivers.virtual.plant_parameters import CHANNELS
+from drivers.virtual.plant_sensors import CH, CHANNELS
 from drivers.virtual.scenario import Fault
 
 NOT_A_NUMBER = float("nan")

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from drivers.virtual.config import BenchConfig
 from drivers.virtual.plant import Plant
-from drivers.virtual.plant_kernel import ARCMIN_RAD, CH, STEP_NS, DriveLoop, P, S
-from drivers.virtual.plant_parameters import CHANNELS, elastic_table, elastic_windup_arcmin
+from drivers.virtual.plant_kernel import ARCMIN_RAD, STEP_NS, DriveLoop, P, S
+from drivers.virtual.plant_parameters import elastic_table, elastic_windup_arcmin
+from drivers.virtual.plant_sensors import CH, CHANNELS
 from drivers.virtual.units import UNITS
 
 MS = 1_000_000

@@ -11,19 +11,21 @@ from analysis.fixture_curve import FixtureCurve, reducer_stiffness, series_stiff
 from analysis.gates import GATES, GateResult, gate_reasons, is_loose, judge_gates
 from analysis.measured import Evidence, RunFacts
 from analysis.method import Decision, Method, MetricWanted
+from analysis.metric_definition import Definition
 from analysis.metric_result import MetricResult, SideValue
-from analysis.metrics import METRIC_UNITS, METRICS, Definition
+from analysis.metrics import METRIC_UNITS, METRICS
 from analysis.pipeline import Curves, Result, analyse, measure
 from analysis.quadrant_fit import fit_quadrants
 from analysis.quadrants import Quadrants, TorqueLine
 from analysis.runs import commanded_runs
 from analysis.segment_fit import MeanCurve
+from analysis.segment_names import UNUSED, segment_name
 from analysis.stages import STAGES, Figure, StageRecord
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
-from analysis.trace_files import UNUSED, read_trace, segment_name
+from analysis.trace_files import read_trace
 from analysis.uncertainty.budget import COVERAGE_FACTOR
-from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
+from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation
 from analysis.verdict import Verdict
 
 __all__ = [
@@ -59,6 +61,7 @@ __all__ = [
     "TorqueFigures",
     "TorqueLine",
     "Trace",
+    "UnitDeviation",
     "Verdict",
     "analyse",
     "blank_curve",

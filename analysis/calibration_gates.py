@@ -6,12 +6,14 @@ Each returns a Reading, or the reason in words why the figure does not apply her
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import wraps
 
 import numpy as np
 
 from analysis.measured import Measured
 from analysis.quadrants import Quadrants
-from analysis.reading import Reading, of_measured
+from analysis.reading import Figure, Reading, of_measured
 from analysis.runs import Run
 from analysis.transition_fit import ZERO_BOUND
 from analysis.turning import converts
@@ -20,15 +22,26 @@ NOT_CONVERTED = "the torque at the output was not converted by a calibration in 
 NO_TRANSITION = "not needed: the calibration shows no transition after a reversal, and its lines alone convert"
 
 
-@of_measured
-def calibrated_turn(found: Measured) -> Reading | str:
+def of_own_calibration(figure: Callable[[Measured, Quadrants], Reading | str]) -> Figure:
+    """Make a gate's figure of one that reads the quadrants measured in this run: where they convert nothing, none."""
+
+    @of_measured
+    @wraps(figure)
+    def read(found: Measured) -> Reading | str:
+        quadrants, method = found.quadrants, found.method
+        if not converts(found.trace, method) or method.quadrants is not None or not isinstance(quadrants, Quadrants):
+            return NOT_CONVERTED
+        return figure(found, quadrants)
+
+    return read
+
+
+@of_own_calibration
+def calibrated_turn(found: Measured, quadrants: Quadrants) -> Reading | str:
     """How far the input torque at a turn of the cycles is from that at the same turn while calibrating, %.
 
     Transition and correction belong to the turn that they were measured after.
     """
-    quadrants = _of_this_run(found)
-    if isinstance(quadrants, str):
-        return quadrants
     if quadrants.transition_rad is None:
         return NO_TRANSITION
     turns: dict[tuple[str, int], list[float]] = {}
@@ -49,12 +62,9 @@ def calibrated_turn(found: Measured) -> Reading | str:
     return Reading(100.0 * worst, words)
 
 
-@of_measured
-def calibrated_gap(found: Measured) -> Reading | str:
+@of_own_calibration
+def calibrated_gap(found: Measured, _quadrants: Quadrants) -> Reading | str:
     """Largest torque between neighbouring samples of a calibrated branch, in order of torque, % of the reference."""
-    quadrants = _of_this_run(found)
-    if isinstance(quadrants, str):
-        return quadrants
     output = found.trace.channel("torque_out_nm", "the torque ratio")
     worst, words = 0.0, ""
     for run in (run for run in _runs(found) if run.role == "calibrate"):
@@ -67,28 +77,17 @@ def calibrated_gap(found: Measured) -> Reading | str:
     return Reading(100.0 * worst / found.method.reference_nm, words)
 
 
-@of_measured
-def calibrated_zero(found: Measured) -> Reading | str:
+@of_own_calibration
+def calibrated_zero(found: Measured, quadrants: Quadrants) -> Reading | str:
     """What the output sensor read at zero torque by the calibration, % of the largest reading that is sought."""
-    quadrants = _of_this_run(found)
-    if isinstance(quadrants, str):
-        return quadrants
-    output = found.trace.channel("torque_out_nm", "the torque ratio")
     if quadrants.transition_rad is None:
         return NO_TRANSITION
+    output = found.trace.channel("torque_out_nm", "the torque ratio")
     peak_nm = max(float(np.abs(run.take(output)).max()) for run in _runs(found) if run.role == "calibrate")
     share = abs(quadrants.zero_nm) / (ZERO_BOUND * peak_nm)
     return Reading(
         100.0 * share, f"the zero of the output torque was not found: its search ended at {quadrants.zero_nm:+.3g} N·m"
     )
-
-
-def _of_this_run(found: Measured) -> Quadrants | str:
-    """Return the quadrants that convert, where they were measured in this run."""
-    quadrants, method = found.quadrants, found.method
-    if not converts(found.trace, method) or method.quadrants is not None or not isinstance(quadrants, Quadrants):
-        return NOT_CONVERTED
-    return quadrants
 
 
 def _runs(found: Measured) -> list[Run]:

@@ -48,6 +48,14 @@ class Drift:
     corrected: bool
     record: StageRecord
 
+    @property
+    def u_left_arcmin_per_min(self) -> float:
+        """Standard uncertainty of the drift that is left: of the one taken out, or with the one that was not."""
+        if self.rate_arcmin_s is None or self.standard_error_arcmin_s is None:
+            return 0.0
+        left = 0.0 if self.corrected else self.rate_arcmin_s
+        return 60.0 * math.hypot(left, self.standard_error_arcmin_s)
+
 
 def correct_drift(pairs: Pairs, blocks: Sequence[Blocks], method: Method) -> tuple[Pairs, Drift]:
     """Estimate the drift and take it out where it is significant; return the samples and what was found.

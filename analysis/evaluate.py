@@ -15,10 +15,12 @@ from analysis.estimators import Ask
 from analysis.grades import GRADED, backlash_limits, grade_of, grade_uncertainty
 from analysis.loop import Loop
 from analysis.method import Decision, Method, MetricWanted
+from analysis.metric_definition import Definition
 from analysis.metric_result import MetricResult, SideValue
-from analysis.metrics import Definition, definition
+from analysis.metrics import definition
 from analysis.quadrants import Quadrants, TorqueLine
 from analysis.uncertainty.budget import NOISE, SCATTER, Budget, of_scatter
+from analysis.uncertainty.loop_uncertainty import CONVERSION
 from analysis.uncertainty.measurement import ONE_CYCLE, Measurement
 from analysis.verdict import Verdict, check_limits, judge
 
@@ -26,8 +28,25 @@ UNTIMED = (
     "delay and drift are not in its uncertainty, for the trace has no time; the guard band needs them: record the time "
     "(t_s)"
 )
-OF_CYCLES = (NOISE[0], SCATTER[0], "drift_unseen")
+OF_CYCLES = (NOISE[0], SCATTER[0], "drift", "drift_unseen")
 """Rows of a budget that more cycles make smaller."""
+
+
+class _Doubt(NamedTuple):
+    """What a value may pass by that is not of the unit, up to what it would be without, and what to do."""
+
+    only: str
+    remedy: str
+
+
+_GAP = _Doubt(
+    "if the gap of the loop is none of the unit's: with a slip at the turn undone",
+    "check lock, couplings and encoder, and measure again",
+)
+_CONVERSION = _Doubt(
+    "by the torque that was converted: by the torque measured at the output",
+    "the torque ratio is not that of this unit, so calibrate it, or write 'output_torque: reaction'",
+)
 
 
 class _Measured(NamedTuple):
@@ -42,13 +61,15 @@ class _Measured(NamedTuple):
 
 def evaluate(
     wanted: MetricWanted, loops: Sequence[Loop], quadrants: Quadrants | AnalysisError, method: Method,
-    decision: Decision, *, invalid: bool, measurement: Measurement | None = None, closed: Sequence[Loop] | None = None,
+    decision: Decision, *, invalid: bool, measurement: Measurement | None = None, closed: Sequence[Loop] = (),
+    by_output: Sequence[Loop] = (),
 ) -> MetricResult:  # fmt: skip
     """Evaluate one wanted metric over all cycles.
 
     quadrants: the measured torque ratio, or why there is none. invalid: the measurement is, so limits decide nothing.
     measurement: what is known of its errors; without it the uncertainty is the scatter of the cycles.
-    closed: the loops with their gap undone; what passes by the gap alone is not decided.
+    closed: the loops with their gap undone; what passes by the gap alone is not decided. by_output: where the torque is
+    converted, the loops by the torque at the output; nor is what passes by an error of the conversion alone.
     Raises AnalysisError only for a metric that does not exist or limits that make no sense.
     """
     row = definition(wanted)
@@ -71,11 +92,13 @@ def evaluate(
         judged = _judged_grade if row.graded else _judged
         one = judged(wanted, side, measured, decision, invalid=invalid)
         limited = wanted.min is not None or wanted.max is not None
-        if closed is not None and limited and not of_ratio and not invalid and one.verdict is Verdict.PASS:
-            # Of the values alone: U was in the first judgement, and the budget moves hardly with the gap.
-            values = _from_loops(row, ask, closed, None)
+        for doubt, others in ((_GAP, closed), (_CONVERSION, by_output if _misconverted(measured.budget) else ())):
+            if not others or not limited or of_ratio or invalid or one.verdict is not Verdict.PASS:
+                continue
+            # Of the values alone: U was in the first judgement, and the budget moves hardly with them.
+            values = _from_loops(row, ask, others, None)
             again = judged(wanted, side, values._replace(budget=measured.budget), decision, invalid=invalid)
-            one = _without_doubt(wanted.id, row, one, again)
+            one = _without_doubt(wanted.id, row, one, again, doubt)
         found.append(one)
     estimator = _estimator(row, variant, fit, method)
     return MetricResult(wanted, row, branch, estimator, band, torque, tuple(found), _choices(wanted, row))
@@ -184,16 +207,19 @@ def _judged_grade(
     )
 
 
-def _without_doubt(name: str, row: Definition, found: SideValue, closed: SideValue) -> SideValue:
-    """Return a value that passes; not decided where it would not with the gap of the loop undone."""
-    if closed.verdict is Verdict.PASS:
+def _misconverted(budget: Budget | None) -> bool:
+    """Say whether the torque at the output shows more of the conversion than is known to be wrong with it."""
+    return budget is not None and any(row.quantity == CONVERSION[0] for row in budget.rows)
+
+
+def _without_doubt(name: str, row: Definition, found: SideValue, again: SideValue, doubt: _Doubt) -> SideValue:
+    """Return a value that passes; not decided where it would not by the other loops that are as likely."""
+    if again.verdict is Verdict.PASS:
         return found
+    name = name if found.side == "both" else f"{name}, side {found.side}"
     unit = "" if row.unit == "1" else f" {row.unit}"
-    would = "has no value" if closed.value is None else f"is {closed.value:.4g}{unit}, which does not pass"
-    reason = (
-        f"{name}: {found.value:.4g}{unit} passes only if the gap of the loop is none of the unit's: with a slip at the "
-        f"turn undone it {would}; check lock, couplings and encoder, and measure again"
-    )
+    would = "has no value" if again.value is None else f"is {again.value:.4g}{unit}, which does not pass"
+    reason = f"{name}: {found.value:.4g}{unit} passes only {doubt.only} it {would}; {doubt.remedy}"
     return replace(found, verdict=Verdict.NOT_DECIDABLE, reason=reason)
 
 

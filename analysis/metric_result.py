@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from analysis.method import MetricWanted
-from analysis.metrics import Definition
+from analysis.metric_definition import Definition
 from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget
 from analysis.units import RAD_PER_ARCMIN
 from analysis.verdict import Verdict, worst

@@ -7,90 +7,16 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 from analysis import estimators
 from analysis.curves import FITS
 from analysis.errors import AnalysisError
-from analysis.estimators import Ask
 from analysis.grades import GRADED
-from analysis.loop import Loop
 from analysis.method import MetricWanted
+from analysis.metric_definition import BRANCHES, SIDED, Definition, defined
 
-BRANCHES = ("load", "unload", "mean")
-"""Branches that can be asked for."""
-
-SIDED = ("+", "-")
-"""Sides of a metric that each side of the loop has for itself."""
-
-BOTH = ("both",)
-"""Side of a metric of the whole loop."""
-
-
-class Definition(NamedTuple):
-    """One metric: unit, text, where it comes from, what it is read from and by, and what a bad value means."""
-
-    unit: str
-    text: str
-    source: str
-    estimate: Callable[[Loop, Ask], float] | None
-    """None: read from the torque ratio, not from the loop."""
-    sides: tuple[str, ...]
-    branch: str
-    branches: tuple[str, ...]
-    """Branches that may be chosen."""
-    estimator: str
-    variants: tuple[str, ...]
-    """The first one is taken when none is asked for."""
-    band: float | None
-    torque: float | None
-    """Torque in fractions of the reference torque where a metric is read."""
-    free: tuple[str, ...]
-    """Of "band" and "torque_nm", what may be chosen; the others are part of the definition."""
-    too_low: str
-    too_high: str
-    fits: tuple[str, ...] = ()
-    """Fitted curves that may be chosen, the first one unless another is; none for a metric read off the branches."""
-    graded: bool = False
-    """The estimate is a backlash [arcmin], and the value is its grade."""
-    magnitude: bool = False
-    """The estimate has a sign, and the value is the magnitude of its mean over the cycles."""
-    segmented: bool = False
-    """The break torques T1 and T2 of the method are part of what is read."""
-
-
-_SOFT, _STIFF = "the unit is softer than allowed", "the unit is stiffer than allowed: bound, preloaded or jammed"
 _TIGHT, _PLAY = "the unit has less play than allowed: it may be tight", "the unit has more play than allowed"
-
-
-def _row(
-    unit: str,
-    text: str,
-    source: str,
-    estimate: Callable[[Loop, Ask], float] | None,
-    *,
-    sides: tuple[str, ...] = BOTH,
-    branch: str = "mean",
-    branches: tuple[str, ...] = (),
-    estimator: str = "interpolation",
-    variants: tuple[str, ...] = ("",),
-    band: float | None = None,
-    torque: float | None = None,
-    free: tuple[str, ...] = (),
-    words: tuple[str, str] = (_SOFT, _STIFF),
-    fits: tuple[str, ...] = (),
-    graded: bool = False,
-    magnitude: bool = False,
-    segmented: bool = False,
-) -> Definition:
-    allowed = branches or (branch,)
-    return Definition(
-        unit, text, source, estimate, sides, branch, allowed, estimator, variants, band, torque, free, *words, fits,
-        graded, magnitude, segmented,
-    )  # fmt: skip
-
 
 _FITS = tuple(FITS)
 _CURVE = ("mean", "load", "unload")
@@ -100,7 +26,7 @@ STIFFNESS = "N·m/arcmin"
 
 
 def _segment(number: int, torques: str) -> Definition:
-    return _row(
+    return defined(
         STIFFNESS,
         f"stiffness {torques}, of three straight lines that meet at the break torques T1 and T2 (20 % and 70 % of the "
         "reference torque unless given), on the chosen branch",
@@ -111,26 +37,26 @@ def _segment(number: int, torques: str) -> Definition:
 
 
 METRICS: dict[str, Definition] = {
-    "backlash_width_3pct": _row(
+    "backlash_width_3pct": defined(
         "arcmin",
         "loop width at ±3 % of the reference torque: |f(T) − r(T)|, each side for itself",
         "inverse loading; backlash and stiffness measurement",
         estimators.backlash_width, sides=SIDED, branch="width", band=0.03, words=(_TIGHT, _PLAY), magnitude=True,
     ),
-    "backlash_width_zero": _row(
+    "backlash_width_zero": defined(
         "arcmin",
         "loop width at zero torque: |f(0) − r(0)|",
         "stiffness characterization; Nabtesco backlash; gear clearance of the standard",
         estimators.backlash_width, branch="width", band=0.0, words=(_TIGHT, _PLAY), magnitude=True,
     ),
-    "backlash_branches_3pct": _row(
+    "backlash_branches_3pct": defined(
         "arcmin",
         "return branch at +3 % minus forward branch at −3 % of the reference torque: r(+b·T) − f(−b·T); lost motion "
         "and loop width together",
         "static testing",
         estimators.backlash_branches, branch="width", band=0.03, words=(_TIGHT, _PLAY),
     ),
-    "gear_clearance": _row(
+    "gear_clearance": defined(
         "arcmin",
         "unloading branches at zero torque: half the distance of r(0) and f(0), and each side from their mean (so both "
         "sides read half the width), or from the zero of the angle by variant intercept",
@@ -138,7 +64,7 @@ METRICS: dict[str, Definition] = {
         estimators.gear_clearance, sides=("both", *SIDED), branch="unload", variants=("centred", "intercept"),
         words=(_TIGHT, _PLAY),
     ),
-    "grade": _row(
+    "grade": defined(
         "1",
         "precision grade of the mean backlash: 1 up to 1 arcmin, 2 above (not grade 1); the backlash is the loop width "
         "at zero torque unless another is chosen",
@@ -147,45 +73,45 @@ METRICS: dict[str, Definition] = {
         variants=tuple(GRADED),
         words=("the unit has a better grade than asked for", _PLAY), graded=True,
     ),
-    "lost_motion": _row(
+    "lost_motion": defined(
         "arcmin",
         "centreline of the loop between plus and minus the band (3 % unless chosen): m(+b·T) − m(−b·T)",
         "Nabtesco, SPINEA",
         estimators.lost_motion, band=0.03, free=("band",), words=(_TIGHT, _PLAY),
     ),
-    "stiffness_lsq": _row(
+    "stiffness_lsq": defined(
         STIFFNESS,
         "least squares of wind-up over torque, loading branch, 20–80 % of the reference torque",
         "static testing; stiffness characterization 4.4",
         estimators.stiffness_lsq, sides=SIDED, branch="load", estimator="least squares",
     ),
-    "stiffness_two_point": _row(
+    "stiffness_two_point": defined(
         STIFFNESS,
         "chord of the loading branch between 20 % and 80 % of the reference torque",
         "stiffness characterization 4.3",
         estimators.stiffness_chord, sides=SIDED, branch="load", estimator="chord", variants=("two_point",),
     ),
-    "stiffness_end_point": _row(
+    "stiffness_end_point": defined(
         STIFFNESS,
         "reference torque over loading branch at that torque minus unloading branch at zero (the unloading chord: it "
         "reads high)",
         "stiffness characterization 4.2",
         estimators.stiffness_end_point, sides=SIDED, branch="load", estimator="chord",
     ),
-    "stiffness_estimate": _row(
+    "stiffness_estimate": defined(
         STIFFNESS,
         "chord of the whole loading branch, zero to the reference torque: what reading the slope by eye aims at",
         "stiffness characterization 4.1",
         estimators.stiffness_estimate, sides=SIDED, branch="load", estimator="chord",
     ),
-    "stiffness_50_100": _row(
+    "stiffness_50_100": defined(
         STIFFNESS,
         "secant between 50 % and 100 % of the reference torque on the chosen branch",
         "Nabtesco, general practice",
         estimators.stiffness_chord, sides=SIDED, branch="load", branches=BRANCHES, estimator="secant",
         variants=("secant",),
     ),
-    "stiffness_at": _row(
+    "stiffness_at": defined(
         STIFFNESS,
         "1 / F′(T) of the fitted mean curve, or of a branch's own, at the chosen torque (50 % of the reference torque "
         "unless chosen)",
@@ -193,7 +119,7 @@ METRICS: dict[str, Definition] = {
         estimators.stiffness_at, sides=SIDED, branches=_CURVE, estimator="slope", torque=0.5, free=("torque_nm",),
         fits=_FITS,
     ),
-    "spring_constant": _row(
+    "spring_constant": defined(
         STIFFNESS,
         "ΔT / ΔF over 10 N·m of the fitted mean curve, or of a branch's own, ending at the reference torque (centred "
         "on it or starting from it by variant)",
@@ -204,28 +130,28 @@ METRICS: dict[str, Definition] = {
     "k1": _segment(1, "from zero to T1"),
     "k2": _segment(2, "from T1 to T2"),
     "k3": _segment(3, "from T2 to the reference torque"),
-    "hysteresis_energy": _row(
+    "hysteresis_energy": defined(
         "N·m·arcmin",
         "area of the loop between its turning points: energy lost per cycle",
         "stiffness characterization",
         estimators.hysteresis_energy, branch="width", estimator="trapezoid",
         words=("less energy is lost than expected", "more energy is lost in friction than allowed"),
     ),
-    "hysteresis_angle": _row(
+    "hysteresis_angle": defined(
         "arcsec",
         "loop width within one side at the chosen torque (50 % of the reference torque unless chosen): |f(T) − r(T)|",
         "stiffness characterization",
         estimators.hysteresis_angle, sides=SIDED, branch="width", torque=0.5, free=("torque_nm",),
         words=("less hysteresis than expected", "more hysteresis than allowed: friction"), magnitude=True,
     ),
-    "windup": _row(
+    "windup": defined(
         "arcmin",
         "F(+T) − F(−T) of the fitted mean curve at the reference torque",
         "all",
         estimators.windup, estimator="difference", variants=("fitted", "direct"), fits=_FITS,
         words=("the unit winds up less than allowed", "the unit winds up more than allowed"),
     ),
-    "asymmetry_at_rated": _row(
+    "asymmetry_at_rated": defined(
         "arcsec",
         "half of what the two sides wind up differently at the reference torque: |m(+T) + m(−T) − 2 m(0)| / 2; no "
         "transmission error, which needs rotation",
@@ -233,7 +159,7 @@ METRICS: dict[str, Definition] = {
         estimators.asymmetry,
         words=("the sides are more alike than expected", "one side winds up more than the other"), magnitude=True,
     ),
-    "torque_ratio_slope": _row(
+    "torque_ratio_slope": defined(
         "1",
         "slope m of T_out = C + m·T_in, loading, each side for itself",
         "inverse loading; backlash and stiffness measurement",
@@ -241,7 +167,7 @@ METRICS: dict[str, Definition] = {
         words=("less torque arrives at the output than allowed: friction that grows with load",
                "more torque arrives than the ratio allows: check ratio and sensors"),
     ),
-    "torque_ratio_offset": _row(
+    "torque_ratio_offset": defined(
         "N·m",
         "offset C of T_out = C + m·T_in, loading, negative side mirrored: friction of the input side as output torque",
         "inverse loading; backlash and stiffness measurement",

@@ -107,12 +107,13 @@ def analyse(
         zero_nm = 0.0 if figures is None else figures.torque_out_zero_nm
         gates = judge_gates(Evidence(found, facts, tuple(invalid), noisy, zero_nm), method.gate_limits)
         problems = gate_reasons(gates, tuple(invalid))
-        errors, stage = measurement_of(found, figures, draws)
+        by_output = [] if figures is None else _loops_by_output(found)
+        errors, stage = measurement_of(found, figures, by_output=by_output, draws=draws)
         closed = closed_loops(found)
         metrics = tuple(
             evaluate(
                 one, found.loops, found.quadrants, method, rule,
-                invalid=bool(problems), measurement=errors, closed=closed,
+                invalid=bool(problems), measurement=errors, closed=closed, by_output=by_output,
             )
             for one in wanted
         )  # fmt: skip
@@ -157,6 +158,17 @@ def _stages(trace: Trace, skew: Skew, method: Method, *, with_ratio: bool) -> Me
         *branch_records(pairs_now, blocks, branches), reversal_record(loops), fit_record(loops),
     )  # fmt: skip
     return Measured(trace, method, runs, windup.angles, skew, drift, quadrants, pairs_now, blocks, loops, stages)
+
+
+def _loops_by_output(found: Measured) -> Sequence[Loop]:
+    """Return the loops by the torque at the output where it was measured beside one that is converted; else none."""
+    if not converts(found.trace, found.method) or found.trace.torque_out_nm is None:
+        return ()
+    try:
+        # the trace is aligned, and drift is what it was: the angles are the same
+        return _stages(found.trace, found.skew, replace(found.method, output_torque="reaction"), with_ratio=False).loops
+    except AnalysisError:
+        return ()  # the sensor was not there while measuring
 
 
 def _binned(pairs: Pairs) -> list[Blocks]:

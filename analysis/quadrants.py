@@ -197,7 +197,7 @@ def zero_length_rad(quadrants: Quadrants, direction: int, at_turn_nm: float) -> 
         return quadrants.zero_transition_rad or 0.0
     loading = quadrants.load_positive if direction > 0 else quadrants.load_negative
     at_zero = (quadrants.zero_nm - loading.offset_nm) / loading.slope
-    turn = _step(*turn_lines(quadrants, direction), at_turn_nm)
+    turn = reversed_friction_nm(*turn_lines(quadrants, direction), at_turn_nm)
     return quadrants.transition_rad * min(1.0, abs(2.0 * at_zero / turn)) if turn else 0.0
 
 
@@ -234,11 +234,13 @@ def blended(
     What is left of the old friction, an input torque, is the share (1 to 0) of the step between the lines at the turn;
     at_turn_nm is the input torque there.
     """
-    result: FloatArray = after.offset_nm + after.slope * (torque_in_nm - _step(before, after, at_turn_nm) * share)
+    result: FloatArray = after.offset_nm + after.slope * (
+        torque_in_nm - reversed_friction_nm(before, after, at_turn_nm) * share
+    )
     return result
 
 
-def _step(before: TorqueLine, after: TorqueLine, at_turn_nm: float) -> float:
-    """Input torque between two lines at the output torque of a turn: the friction that reverses, N·m."""
+def reversed_friction_nm(before: TorqueLine, after: TorqueLine, at_turn_nm: float) -> float:
+    """Return the input torque between two lines at the output torque of a turn: the friction that reverses, N·m."""
     turn_nm = before.offset_nm + before.slope * at_turn_nm
     return at_turn_nm - (turn_nm - after.offset_nm) / after.slope

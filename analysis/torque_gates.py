@@ -35,6 +35,8 @@ def torque_agreement(found: Measured) -> Reading | str:
         torque_in, torque_out = torque_in[::step], torque_out[::step]
         # Of the shaft that the servo does not drive, the torque is what friction lets through: loading only.
         loading = one.run.direction * torque_out > LOADED_FRACTION * method.reference_nm
+        if method.loading == "input":  # an output sensor that stands still is under load all the same
+            loading |= one.run.direction * method.ratio * torque_in > method.reference_nm
         ratios.append(torque_out[loading] / (method.ratio * torque_in[loading]))
     under_load = np.concatenate(ratios)
     if not under_load.size:

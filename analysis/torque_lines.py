@@ -37,9 +37,9 @@ class Lines(NamedTuple):
         return [self.by_quadrant[f"load_{side}"].slope for side in SIDES]
 
     def ratios(self) -> list[float]:
-        """Harmonic mean of the slopes of loading and unloading, for both sides: the ratio of the gear."""
+        """Harmonic mean of the slopes of loading and unloading, both sides: the ratio of the gear; 0 if level."""
         pairs = [(self.by_quadrant[f"load_{side}"].slope, self.by_quadrant[f"unload_{side}"].slope) for side in SIDES]
-        return [2.0 * load * unload / (load + unload) for load, unload in pairs]
+        return [2.0 * load * unload / (load + unload) if load + unload else 0.0 for load, unload in pairs]
 
     def zero_nm(self) -> float | None:
         """Output torque at which the lines of a direction of motion meet, N·m; mean of both; None where they do not."""

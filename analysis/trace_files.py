@@ -2,11 +2,8 @@
 
 Columns: t_s, torque_in_nm, torque_out_nm, angle_in_rad or angle_in_arcmin, angle_out_rad or angle_out_arcmin,
 temperature_c, drive_torque_nm, segment. The unit is read from the name. Other columns are left alone, but for those
-that are nearly one of these: what is dropped there would be missed by the evaluation. `segment` (or `branch`) names
-what each row is: "forward" or "return" (the cycle counts up whenever forward or return comes again), or
-"role direction cycle" as `segment_name` writes it, for example "measure -1 2", or "unused": a row that is no sample of
-the loop, and is left out. Whole numbers say only that the load profile is not known, and turning points are then found
-on the curve.
+that are nearly one of these: what is dropped there would be missed by the evaluation. What stands in the column
+`segment` (or `branch`) is described in `segment_names`.
 """
 
 from __future__ import annotations
@@ -25,7 +22,8 @@ import pyarrow.parquet as pa_parquet
 
 from analysis.errors import AnalysisError
 from analysis.file_kinds import not_a_table, printable
-from analysis.trace import ROLES, SegmentInfo, Trace, first_bad_row
+from analysis.segment_names import SEGMENT_COLUMNS, read_segments
+from analysis.trace import SegmentInfo, Trace, first_bad_row
 from analysis.units import RAD_PER_ARCMIN, BoolArray, FloatArray, IntArray
 
 COLUMNS: dict[str, tuple[str, float]] = {
@@ -40,15 +38,6 @@ COLUMNS: dict[str, tuple[str, float]] = {
     "drive_torque_nm": ("drive_torque_nm", 1.0),
 }
 """Column of a file: channel of the trace and factor to its unit."""
-
-SEGMENT_COLUMNS = ("segment", "branch")
-"""Columns that name the segment of a row; the first one found is read."""
-
-BRANCH_NAMES = {"forward": 1, "return": -1}
-"""Branch names of published loops, and the direction of torque."""
-
-UNUSED = "unused"
-"""Name of a segment whose rows are left out: the bench did something else then, or had no new sample."""
 
 QUANTITIES = ("angle", "torque", "temperature", "temp", "time", "t", "segment", "branch")
 """First words of a column's name that say it is meant as one of ours, whatever unit or shaft comes after."""
@@ -93,7 +82,7 @@ def read_trace(path: Path | str) -> Trace:
     used: BoolArray = np.ones(table.num_rows, dtype=np.bool_)
     for name in SEGMENT_COLUMNS:
         if name in names:
-            used, segment, segments = _segments(table.column(names.index(name)), file, name)
+            used, segment, segments = read_segments(table.column(names.index(name)), file, name)
             break
     arrays: dict[str, Any] = {channel: values for channel, (_, values) in channels.items()}
     whole = Trace(**arrays, source=str(file))  # all rows are checked, so that a bad one is named by its number
@@ -116,11 +105,6 @@ def _refuse_near_misses(names: list[str], file: Path) -> None:
                 f"{', '.join(allowed)}; convert it to that unit and name it so, or begin its name with another word, "
                 "as in motor_torque_nm, when it is something else"
             )
-
-
-def segment_name(info: SegmentInfo) -> str:
-    """Write a segment as text for a file: "role direction cycle"."""
-    return f"{info.role} {info.direction:+d} {info.cycle}"
 
 
 def _read_table(file: Path) -> Any:
@@ -199,59 +183,3 @@ def _first_not_a_number(column: Any) -> tuple[int, str]:
         except (pa.ArrowException, TypeError, ValueError):
             return row, str(value)
     return 1, f"{column.type}, which holds no numbers"
-
-
-def _segments(column: Any, file: Path, name: str) -> tuple[BoolArray, IntArray | None, dict[int, SegmentInfo]]:
-    """Which rows are used, their segment ids, and the table of these; neither ids nor table for whole numbers."""
-    try:
-        if pa.types.is_dictionary(column.type):
-            column = column.cast(column.type.value_type)
-        if not pa.types.is_string(column.type) and not pa.types.is_large_string(column.type):
-            column = column.cast(pa.string())
-        codes = column.combine_chunks().dictionary_encode()
-        if isinstance(codes, pa.ChunkedArray):
-            codes = codes.combine_chunks()
-        texts = [str(text).strip() for text in codes.dictionary.to_pylist()]
-        indices = codes.indices.to_numpy(zero_copy_only=False)
-    except (pa.ArrowException, ValueError, UnicodeError) as error:
-        raise AnalysisError(f"{file}: column {name}: {error}; needed are segment names or whole numbers") from error
-    if np.isnan(indices.astype(np.float64)).any():
-        row = first_bad_row(np.isnan(indices.astype(np.float64)))
-        raise AnalysisError(f"{file}: row {row}, column {name}: found nothing; needed is a segment name or a number")
-    left_out = [code for code, text in enumerate(texts) if text == UNUSED]
-    used = ~np.isin(indices, left_out)
-    if not used.any():
-        raise AnalysisError(f"{file}: column {name}: every row is {UNUSED}; needed are rows of a loop: measure one")
-    if all(_is_whole(text) for text in texts if text != UNUSED):
-        return used, None, {}
-    rows = np.flatnonzero(used)
-    indices = indices[rows]
-    starts = np.concatenate(([0], np.flatnonzero(np.diff(indices)) + 1))
-    table: dict[int, SegmentInfo] = {}
-    counts = dict.fromkeys(BRANCH_NAMES, 0)
-    for number, start in enumerate(starts.tolist()):
-        text = texts[int(indices[start])]
-        if text in BRANCH_NAMES:
-            counts[text] += 1
-            table[number] = SegmentInfo("measure", BRANCH_NAMES[text], counts[text])
-        else:
-            table[number] = _parse(text, f"{file}: row {rows[start] + 1}, column {name}")
-    lengths = np.diff(np.append(starts, indices.size))
-    return used, np.repeat(np.arange(starts.size, dtype=np.int64), lengths), table
-
-
-def _parse(text: str, where: str) -> SegmentInfo:
-    role, *numbers = text.split() or [""]
-    if role in ROLES and len(numbers) <= 2 and all(_is_whole(number) for number in numbers):
-        direction, cycle = (*(int(number) for number in numbers), 0, 0)[:2]
-        if direction in (-1, 0, 1):
-            return SegmentInfo(role, direction, cycle)
-    raise AnalysisError(
-        f"{where}: found '{text}'; allowed are {', '.join(BRANCH_NAMES)}, {UNUSED}, whole numbers, or a role "
-        f"({', '.join(ROLES)}) with direction (-1, 0, 1) and cycle, as in 'measure -1 2'"
-    )
-
-
-def _is_whole(text: str) -> bool:
-    digits = text[1:] if text[:1] in ("+", "-") else text
-    return digits.isascii() and digits.isdigit() and len(digits) < 10

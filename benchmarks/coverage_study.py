@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from analysis import METRICS, Method, MetricWanted, SensorFigures
 from analysis.studies.coverage import CoverageRow, coverage
+from analysis.studies.simulated_pairs import simulated_pairs
 from analysis.studies.simulated_run import SimulatedBench
 from analysis.uncertainty.distributions import STATED_BY
 from analysis.uncertainty.figures import StatedBy
@@ -23,7 +24,13 @@ from station.bench.figures import figures_of
 HEAD = (
     "| metric | value | bias / U | 2·s / U | U | largest U | of value | covered | of all units | n |\n|" + " --- |" * 10
 )
-TORQUES = {"reaction": "torque measured at the locked output", "calibrated": "torque converted from the input torque"}
+TORQUES = {
+    "reaction": "torque measured at the locked output",
+    "calibrated": "torque converted from the input torque, by the lines of the run",
+    "stored": "torque converted from the input torque, by stored lines",
+}
+CALIBRATED_UNITS = 8
+"""Units whose mean lines are stored."""
 
 
 def wanted() -> list[MetricWanted]:
@@ -56,7 +63,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.coverage_study", description=__doc__)
     parser.add_argument("--units", type=int, default=200, help="units measured (default 200)")
     parser.add_argument("--bench", default="virtual", help="bench file or shipped bench (default virtual)")
-    parser.add_argument("--torque", choices=[*TORQUES], action="append", help="default: both")
+    parser.add_argument("--torque", choices=[*TORQUES], action="append", help="default: all")
     parser.add_argument("--stated-by", choices=STATED_BY, help="of the torque sensors' figures (default: the bench's)")
     asked = parser.parse_args()
     bench = load_bench(asked.bench)
@@ -69,9 +76,11 @@ def main() -> None:
             ratio=simulated.ratio,
             rated_torque_nm=412.0,
             fixture_stiffness_nm_per_arcmin=simulated.fixture_nm_per_arcmin,
-            output_torque=torque,
+            output_torque="reaction" if torque == "reaction" else "calibrated",
         )
-        rows = coverage(asked.units, figures, wanted(), method, bench=simulated)
+        stored = CALIBRATED_UNITS if torque == "stored" else 0
+        pairs = simulated_pairs(asked.units, figures, wanted(), method, simulated, calibrated_units=stored)
+        rows = coverage(wanted(), pairs)
         print(f"\n{asked.units} units, {TORQUES[torque]}, bench {bench.bench.name}, by {by}\n\n{HEAD}")
         print("\n".join(line(row) for row in rows))
         print(f"\n{time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""What the steps of a run share: the orders in the making, the references taken so far, and where the run stands."""
+"""What the steps of a run share: orders in the making, references, what the scan measured, and where the run stands."""
 
 from __future__ import annotations
 
@@ -44,6 +44,7 @@ class Context:
         "drive_torque_nm",
         "drive_velocity_rad_s",
         "hold",
+        "last_counter",
         "left_loaded",
         "loading_offset_nm",
         "loading_slope",
@@ -64,6 +65,9 @@ class Context:
     def __init__(self, program: Program) -> None:
         self.program = program
         self.measured = Measured()
+        self.measured.brake_tolerance_a = program.lock.tolerance_a
+        self.measured.agreement_live = program.has_torque_out and (program.has_torque_in or not program.loading_input)
+        self.last_counter = -1
         self.torque_in_tare_nm = self.torque_out_tare_nm = 0.0
         self.angle_in_zero_rad = self.angle_out_zero_rad = self.lock_zero_rad = self.drive_angle_zero_rad = 0.0
         self.brake_current_a = 0.0
@@ -90,6 +94,25 @@ class Context:
         self.control_from_input = not self.program.has_torque_out
         self.loading_slope = self.program.control.slope
         self.loading_offset_nm = self.program.control.offset_nm
+
+    def measure(self, image: Image) -> None:
+        """Take from the image what this scan knows: torques less their tare, motions since the references."""
+        if self.lock_found:
+            self.keep_lock(image)
+        measured, program = self.measured, self.program
+        measured.torque_in_nm = image.torque_in_nm - self.torque_in_tare_nm
+        measured.torque_out_nm = image.torque_out_nm - self.torque_out_tare_nm
+        if self.control_from_input:
+            measured.controlled_nm = program.control.slope * measured.torque_in_nm
+        else:
+            measured.controlled_nm = measured.torque_out_nm
+        travel_rad = measured.travel_rad = self.travel_rad(image)
+        measured.locked_motion_rad = self.locked_angle_rad(image) - self.lock_zero_rad
+        measured.drive_apart_rad = image.drive_angle_rad - self.drive_angle_zero_rad - travel_rad
+        measured.speed_rad_s = image.drive_velocity_rad_s
+        # an answer of this scan or the one before; where none comes, the age tells (`sample_stale`)
+        measured.counter_stands = image.sample_age_scans <= 1 and image.sample_counter == self.last_counter
+        self.last_counter = image.sample_counter
 
     def disable_drive(self) -> None:
         """No torque and no voltage from the drive."""

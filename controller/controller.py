@@ -13,7 +13,7 @@ from functools import partial
 
 from controller.aftermath import FaultReaction, Release
 from controller.context import RUNNING, Context, Event, Outcome
-from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
+from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER, cause_among
 from controller.held_lock import Left
 from controller.image import Command, Image, Orders, Reaction, State
 from controller.interlocks import Watch
@@ -64,12 +64,8 @@ class Controller:
         self._waits_for_person = left is not None
         self._start_pending = False
         self._logged = 0
-        self._last_counter = -1
         self._last_scan = -1
         self._in_state = 0
-        measured = self._context.measured
-        measured.brake_tolerance_a = program.lock.tolerance_a
-        measured.agreement_live = program.has_torque_out and (program.has_torque_in or not program.loading_input)
 
     @property
     def state(self) -> State:
@@ -91,7 +87,7 @@ class Controller:
         elapsed = scan - self._last_scan
         self._last_scan = scan
         self._in_state += elapsed
-        self._measure(image)
+        context.measure(image)
         state = sequence.state
         strongest = self._watch.look(image, context.measured, state)
         if state == _FAULT:
@@ -121,27 +117,6 @@ class Controller:
         if context.notes:
             self._take_notes(scan)
         return self._orders(strongest)
-
-    # --- what the scan knows
-
-    def _measure(self, image: Image) -> None:
-        context, program = self._context, self.program
-        if context.lock_found:
-            context.keep_lock(image)
-        measured = context.measured
-        measured.torque_in_nm = image.torque_in_nm - context.torque_in_tare_nm
-        measured.torque_out_nm = image.torque_out_nm - context.torque_out_tare_nm
-        if context.control_from_input:
-            measured.controlled_nm = program.control.slope * measured.torque_in_nm
-        else:
-            measured.controlled_nm = measured.torque_out_nm
-        travel_rad = measured.travel_rad = context.travel_rad(image)
-        measured.locked_motion_rad = context.locked_angle_rad(image) - context.lock_zero_rad
-        measured.drive_apart_rad = image.drive_angle_rad - context.drive_angle_zero_rad - travel_rad
-        measured.speed_rad_s = image.drive_velocity_rad_s
-        # an answer of this scan or the one before; where none comes, the age tells (`sample_stale`)
-        measured.counter_stands = image.sample_age_scans <= 1 and image.sample_counter == self._last_counter
-        self._last_counter = image.sample_counter
 
     # --- the state that is on
 
@@ -220,7 +195,7 @@ class Controller:
 
     def _trip(self, raised: int, reaction: Reaction, image: Image, scan: int) -> None:
         self._watch.latched |= raised
-        self.first_out = self._watch.first_out(raised)
+        self.first_out = cause_among(raised).number
         self._log_alarms(scan)
         self._move("trip", image, scan)
         self._start_pending = False

@@ -173,3 +173,12 @@ FAULTS: tuple[Fault, ...] = (
 
 FAULT_BY_ID: dict[str, Fault] = {fault.id: fault for fault in FAULTS}
 FAULT_BY_NUMBER: dict[int, Fault] = {fault.number: fault for fault in FAULTS}
+
+
+def cause_among(alarms: int) -> Fault:
+    """Return the fault that counts as the cause of those raised together: the most severe, of equals the lowest number.
+
+    `alarms` is a bit mask, bit n for fault number n, with at least one fault of the table; else ValueError.
+    """
+    raised = (fault for fault in FAULTS if alarms >> fault.number & 1)
+    return max(raised, key=lambda fault: (fault.reaction, -fault.number))

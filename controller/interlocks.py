@@ -13,8 +13,8 @@ from typing import NamedTuple
 from controller import conditions
 from controller.conditions import Measured
 from controller.debounce import debounce_scans, leaks
-from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
-from controller.image import Image, Reaction, State
+from controller.faults import FAULT_BY_ID
+from controller.image import Image, State
 from controller.program import Limits, Program
 
 Check = Callable[[Image, Measured, Limits, Program], bool]
@@ -162,18 +162,6 @@ class Watch:
             if count:
                 left |= bit
         return left
-
-    def first_out(self, raised: int) -> int:
-        """Number of the fault that counts as the cause of those raised together: the most severe, then the first."""
-        best, best_reaction = 0, Reaction.NONE
-        while raised:
-            bit = raised & -raised
-            raised ^= bit
-            number = bit.bit_length() - 1
-            reaction = FAULT_BY_NUMBER[number].reaction
-            if reaction > best_reaction:
-                best, best_reaction = number, reaction
-        return best
 
     def forget(self) -> None:
         """After a reset by a person the latches start anew; what is counting goes on, so that nothing gains time."""

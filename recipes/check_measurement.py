@@ -112,6 +112,18 @@ def check_stored_calibration(recipe: Recipe, bench: Bench, today: date) -> Itera
         yield Finding(option, found, "a calibration that was made", "Correct the date or the clock.")
 
 
+def of_one_unit(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
+    """A stored torque ratio that is not known to be that of a lot: what other units differ by is not in any U."""
+    measurement = recipe.measurement
+    newest = bench.newest_calibration(recipe.unit_under_test.model)
+    stored = measurement.calibration == "stored" and measurement.output_torque == "calibrated"
+    if stored and newest is not None and newest.units is None:
+        found = f"'stored', and calibration '{newest.id}' of bench '{bench.bench.name}' has no units"
+        allowed = "the mean of several units, for how they differ is how wrong it may be for another one"
+        hint = "Enter 'lostmotion calibration RUN RUN ...' of a run of each, unless its own unit alone is measured."
+        yield Finding(("measurement", "calibration"), found, allowed, hint)
+
+
 def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding]:
     """The blank test of the fixture, where there is one, is in date and reaches as far as the cycles."""
     curve, name, option = bench.fixture.curve, bench.bench.name, ("measurement",)

@@ -23,6 +23,7 @@ from recipes.check_measurement import (
     check_sensors,
     check_stored_calibration,
     check_torque_ratio,
+    of_one_unit,
 )
 from recipes.check_ratings import (
     check_brake,
@@ -92,9 +93,13 @@ def check_alone(recipe: Recipe, path: str | Path | None = None) -> list[Problem]
     return _problems(recipe, idle_limits(recipe), path)
 
 
-def warnings(recipe: Recipe, path: str | Path | None = None) -> list[Problem]:
-    """Return what may be meant, but is not usual: limits of another magnitude, or on the side that decides nothing."""
-    return _problems(recipe, implausible_limits(recipe), path)
+def warnings(recipe: Recipe, bench: Bench | None = None, path: str | Path | None = None) -> list[Problem]:
+    """Return what may be meant, but is not usual: limits of another magnitude, or on the side that decides nothing.
+
+    With a bench also what of it is not usual for this recipe.
+    """
+    findings = [*implausible_limits(recipe), *(() if bench is None else of_one_unit(recipe, bench))]
+    return _problems(recipe, findings, path)
 
 
 def _problems(recipe: Recipe, findings: Iterable[Finding], path: str | Path | None) -> list[Problem]:

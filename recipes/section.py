@@ -180,7 +180,8 @@ UsableRange = Annotated[float, Quantity(FRACTION, at_least=100, up_to=200)]
 Drift = Annotated[float, Quantity(DRIFT, at_least=0, up_to=100)]
 Band = Annotated[float, Quantity(FRACTION, above=0, up_to=50)]
 
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$", max_length=60)]
+LONGEST_NAME = 60
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$", max_length=LONGEST_NAME)]
 """Short name that also serves as a file name."""
 Text = Annotated[str, StringConstraints(max_length=500)]
 Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:-]+$", max_length=253)]

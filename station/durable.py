@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from errno import EINVAL, EOPNOTSUPP
+from errno import EACCES, EDQUOT, EINVAL, EIO, ENOENT, ENOSPC, ENOTDIR, EOPNOTSUPP, EPERM, EROFS
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,28 @@ from station.errors import RecordError
 PART = ".part"
 CANNOT_RESERVE = (EINVAL, EOPNOTSUPP)
 """What a file system answers that takes no room ahead of time."""
+
+_LET_IN = "Give this user the right to it"
+_PUT_BACK = "Put back what is missing there"
+NEXT_ACTIONS: dict[int, str] = {
+    ENOSPC: "Free the disk",
+    EDQUOT: "Free what this user has on the disk, or raise the quota",
+    EROFS: "Mount the disk for writing. If it was, it failed and was then taken out of use: see dmesg, and check it",
+    EIO: "The disk fails, or is not connected any more: see dmesg, check its cable, and replace it before the next run",
+    EACCES: _LET_IN,
+    EPERM: _LET_IN,
+    ENOENT: _PUT_BACK,
+    ENOTDIR: _PUT_BACK,
+}
+"""What a person does about a disk, by what it answered."""
+
+OTHERWISE = "Check the disk"
+
+
+def refused(path: Path, error: OSError, deed: str = "written") -> RecordError:
+    """Return the error of a disk that refused a deed (written, flushed, read): place, its answer, and what to do."""
+    action = NEXT_ACTIONS.get(error.errno or 0, OTHERWISE)
+    return RecordError(f"{path}: cannot be {deed}: {error.strerror or error}. {action}")
 
 
 def sync_folder(folder: Path) -> None:
@@ -49,7 +71,7 @@ def write_durable(path: Path, content: bytes, *, flush: bool = True) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
-        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
+        raise refused(path, error) from error
 
 
 def reserve(path: Path, size: int) -> None:
@@ -67,7 +89,7 @@ def reserve(path: Path, size: int) -> None:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
         if error.errno not in CANNOT_RESERVE:
-            raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
+            raise refused(path, error) from error
 
 
 def remove_parts(folder: Path) -> None:
@@ -100,7 +122,7 @@ def read_from_disk(path: Path) -> bytes:
                 os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
             return file.read()
     except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
+        raise refused(path, error, "read") from error
 
 
 class Appender:
@@ -113,7 +135,7 @@ class Appender:
             self._size = self._file.seek(0, os.SEEK_END)
             sync_folder(path.parent)
         except OSError as error:
-            raise RecordError(f"{path}: cannot be written: {error.strerror}") from error
+            raise refused(path, error) from error
 
     def write(self, data: bytes | memoryview) -> None:
         """Append all of `data`, or nothing: then RecordError, because the disk is full or refuses."""
@@ -124,7 +146,7 @@ class Appender:
         except OSError as error:
             with contextlib.suppress(OSError):
                 self._file.truncate(self._size)
-            raise RecordError(f"{self._path}: cannot be written: {error.strerror}. Free the disk") from error
+            raise refused(self._path, error) from error
         self._size += len(data)
 
     def sync(self) -> None:
@@ -132,7 +154,7 @@ class Appender:
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise RecordError(f"{self._path}: cannot be flushed: {error.strerror}") from error
+            raise refused(self._path, error, "flushed") from error
 
     def close(self) -> None:
         """Flush and close; closed also when flushing raises RecordError."""

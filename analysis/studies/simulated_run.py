@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from analysis.units import RAD_PER_ARCMIN, FloatArray, IntArray
 
 PERIOD_S = 1e-3
 DWELL_S = 0.2
+DRIFT_ARCMIN_PER_MIN = 0.05
+"""Limit of a steady drift, which the analysis has to take out: uncorrected it is three times U of a backlash."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,12 @@ class Course:
     direction: IntArray
     segment: IntArray
     segments: dict[int, SegmentInfo]
+
+
+def as_built(bench: SimulatedBench, figures: SensorFigures, random: np.random.Generator) -> SimulatedBench:
+    """Return a bench whose fixture is as stiff as it may be by what is declared of it."""
+    factor = 1.0 + random.uniform(-1.0, 1.0) * figures.fixture_fraction
+    return replace(bench, fixture_nm_per_arcmin=bench.fixture_nm_per_arcmin * factor)
 
 
 def course_of(unit: SimulatedUnit, bench: SimulatedBench) -> Course:
@@ -90,16 +99,42 @@ def exact_trace(course: Course, bench: SimulatedBench) -> Trace:
     )
 
 
-def measured_trace(course: Course, bench: SimulatedBench, figures: SensorFigures, random: np.random.Generator) -> Trace:
-    """Return a run as a bench of these figures shows it: one draw of every error, noise in every sample."""
+class TorqueErrors(NamedTuple):
+    """Errors that a torque sensor keeps from run to run: of its gain, and its hysteresis, of full scale."""
+
+    gain: float
+    reversibility: float
+
+    @classmethod
+    def drawn(cls, figures: TorqueFigures, random: np.random.Generator) -> TorqueErrors:
+        """Draw what a sensor of these figures may have."""
+        limits = (figures.gain_fraction, figures.reversibility_fraction)
+        if figures.stated_by == "certificate":
+            return cls(*(random.normal(0.0, limit / 2.0) for limit in limits))
+        return cls(*(random.uniform(-limit, limit) for limit in limits))
+
+
+Sensors = dict[str, TorqueErrors]
+"""Errors of the torque sensors of one bench, by the name of their figures."""
+
+
+def measured_trace(
+    course: Course, bench: SimulatedBench, figures: SensorFigures, random: np.random.Generator,
+    sensors: Sensors | None = None,
+) -> Trace:  # fmt: skip
+    """Return a run as a bench of these figures shows it: one draw of every error, noise in every sample.
+
+    sensors: of a bench that measured before; else they are drawn.
+    """
     if figures.torque_in is None or figures.torque_out is None or figures.angle_in is None or figures.angle_out is None:
         raise AnalysisError("simulated bench: all four sensors are needed")
     time = np.arange(course.torque_nm.size, dtype=np.float64) * PERIOD_S
     torque, torque_in = course.torque_nm, course.torque_in_nm
     teeth = 1.0 + random.uniform(-1.0, 1.0) * figures.lock_windup_fraction
     width = random.uniform(-1.0, 1.0) * figures.lock_width_arcmin
-    creep = random.uniform(-1.0, 1.0) * figures.drift_arcmin_per_min
-    windup = course.windup_arcmin * teeth + width * course.direction / 2.0 + creep * time / 60.0
+    drift = random.uniform(-1.0, 1.0) * DRIFT_ARCMIN_PER_MIN * time / 60.0
+    creep = random.uniform(-1.0, 1.0) * figures.drift_arcmin_per_min * np.cumsum(np.sign(torque)) * (PERIOD_S / 60.0)
+    windup = course.windup_arcmin * teeth + width * course.direction / 2.0 + drift + creep
     deflected = torque / bench.fixture_nm_per_arcmin
     turned_in = (windup + deflected) * (bench.ratio * RAD_PER_ARCMIN)
     turned_out = deflected * RAD_PER_ARCMIN
@@ -110,8 +145,8 @@ def measured_trace(course: Course, bench: SimulatedBench, figures: SensorFigures
     lens = -course.direction * (1.0 - np.square(torque / bench.peak_nm))
     return Trace(
         t_s=time,
-        torque_in_nm=_torque(seen[0], lens, figures.torque_in, random),
-        torque_out_nm=_torque(seen[1], lens, figures.torque_out, random),
+        torque_in_nm=_torque(seen[0], lens, figures.torque_in, random, (sensors or {}).get("torque_in")),
+        torque_out_nm=_torque(seen[1], lens, figures.torque_out, random, (sensors or {}).get("torque_out")),
         angle_in_rad=_angle(seen[2], figures.angle_in, random),
         angle_out_rad=_angle(seen[3], figures.angle_out, random),
         segment=course.segment,
@@ -123,12 +158,11 @@ def _delayed(values: FloatArray, time_s: FloatArray, delay_s: float) -> FloatArr
     return np.interp(time_s - delay_s, time_s, values)
 
 
-def _torque(torque: FloatArray, lens: FloatArray, figures: TorqueFigures, random: np.random.Generator) -> FloatArray:
+def _torque(
+    torque: FloatArray, lens: FloatArray, figures: TorqueFigures, random: np.random.Generator, own: TorqueErrors | None
+) -> FloatArray:
     scale = figures.full_scale_nm
-    gain, reversibility = (
-        random.normal(0.0, figure / 2.0) if figures.stated_by == "certificate" else random.uniform(-figure, figure)
-        for figure in (figures.gain_fraction, figures.reversibility_fraction)
-    )
+    gain, reversibility = own or TorqueErrors.drawn(figures, random)
     zero = random.uniform(-figures.zero_fraction, figures.zero_fraction)
     noise = random.normal(0.0, figures.noise_fraction * scale, torque.size)
     found: FloatArray = torque * (1.0 + gain) + zero * scale + reversibility * scale * lens + noise
@@ -145,8 +179,3 @@ def _angle(angle: FloatArray, figures: AngleFigures, random: np.random.Generator
         shown = shown + random.normal(0.0, figures.noise_rad, angle.size)
     found: FloatArray = np.round(shown / figures.step_rad) * figures.step_rad - place
     return found
-
-
-def without_errors(figures: SensorFigures) -> SensorFigures:
-    """Return figures of a bench that has noise and steps and no other error."""
-    return replace(figures, skew_s=0.0, drift_arcmin_per_min=0.0, lock_width_arcmin=0.0, lock_windup_fraction=0.0)

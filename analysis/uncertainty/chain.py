@@ -6,6 +6,7 @@ the input sensor that are there while calibrating and while measuring cancel, an
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,9 @@ class LineMove(NamedTuple):
     slope: float
 
 
+STILL = LineMove(0.0, 0.0)
+
+
 def moved(branch: Branch, amount: float, torque_nm: FloatArray | float, angle_arcmin: FloatArray | float) -> Branch:
     """Return a branch with an amount of an error in it; its torque still rises."""
     torque = branch.torque_nm + amount * torque_nm
@@ -64,10 +68,9 @@ def _move(
     calibrating = circumstances.converted and "calibrating" in during
     lines = line_moves(shape, circumstances, figures) if calibrating else {}
     parts = []
-    for branch, direction in ((loop.forward, 1), (loop.backward, -1)):
-        points = circumstances.points(branch, direction)
+    for points in circumstances.points_of(loop):
         effect = shape(Setting(points, circumstances, figures)) if "measuring" in during else NOTHING
-        corrected = circumstances.corrects(direction)
+        corrected = circumstances.corrects(points.direction)
         torque = (
             _converted(effect, points, lines, corrected=corrected) if circumstances.converted else effect.torque_out_nm
         )
@@ -83,14 +86,20 @@ def _converted(effect: Effect, points: Points, lines: dict[str, LineMove], *, co
     """
     if points.torque_in_nm is None or corrected:
         return effect.torque_out_nm
-    still = LineMove(0.0, 0.0)
-    positive, negative = (lines.get(line_name(sign, points.direction), still) for sign in (1, -1))
-    changed = np.where(
+    return by_changed_lines(lines, points) + points.slope * effect.torque_in_nm
+
+
+def by_changed_lines(changes: Mapping[str, LineMove], points: Points) -> FloatArray | float:
+    """Return what changes of lines, by quadrant, do to the converted torque [N·m] of a branch."""
+    if points.torque_in_nm is None:
+        return 0.0
+    positive, negative = (changes.get(line_name(sign, points.direction), STILL) for sign in (1, -1))
+    changed: FloatArray = np.where(
         points.torque_nm >= 0.0,
         positive.offset_nm + positive.slope * points.torque_in_nm,
         negative.offset_nm + negative.slope * points.torque_in_nm,
     )
-    return changed + points.slope * effect.torque_in_nm
+    return changed
 
 
 def line_moves(shape: Shape, circumstances: Circumstances, figures: SensorFigures) -> dict[str, LineMove]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.branches import Branch
 from analysis.closure import closure_gaps_arcmin
+from analysis.loop import Loop
 from analysis.measured import Measured
 from analysis.method import Method
 from analysis.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
@@ -58,6 +59,7 @@ class Points(NamedTuple):
 class Circumstances:
     """Method, branches in time of the first cycle, encoders in the wind-up, and whether the fixture was corrected.
 
+    u_drift_arcmin_per_min: standard uncertainty of what is left of the drift between cycles; 0 where it has no rate.
     unseen_drift_arcmin_per_min: largest drift that the gap of the loop allows where no second cycle shows it; 0 where
     one does, or where there is no gap to read. masked_nm: torque that is masked after the negative turn, where the
     rising branch begins, and after the positive one.
@@ -71,6 +73,7 @@ class Circumstances:
     fixture_corrected: bool
     converted: bool
     quadrants: Quadrants | None
+    u_drift_arcmin_per_min: float = 0.0
     unseen_drift_arcmin_per_min: float = 0.0
     masked_nm: tuple[float, float] = (0.0, 0.0)
 
@@ -87,6 +90,10 @@ class Circumstances:
     def locked(self) -> str:
         """Encoder of the locked shaft."""
         return "angle_out" if self.method.loading == "input" else "angle_in"
+
+    def points_of(self, loop: Loop) -> tuple[Points, Points]:
+        """Return the rising and the falling branch of a loop with what errors depend on."""
+        return self.points(loop.forward, 1), self.points(loop.backward, -1)
 
     def points(self, branch: Branch, direction: int) -> Points:
         """Return a branch with what errors depend on."""
@@ -151,6 +158,7 @@ def circumstances_of(found: Measured) -> Circumstances:
         fixture_corrected=corrects and method.fixture == "correct",
         converted=converts(trace, method) and isinstance(found.quadrants, Quadrants),
         quadrants=found.quadrants if isinstance(found.quadrants, Quadrants) else None,
+        u_drift_arcmin_per_min=found.drift.u_left_arcmin_per_min,
         unseen_drift_arcmin_per_min=_unseen_drift(found),
         masked_nm=(_masked_nm(found.pairs[0][0]), _masked_nm(found.pairs[0][1])),
     )

@@ -8,11 +8,12 @@ k = 2 (normal distribution, GUM 4.3.3).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 from analysis.errors import AnalysisError
+from analysis.quadrants import QUADRANTS
 from analysis.uncertainty.distributions import STATED_BY
 
 StatedBy = Literal["data_sheet", "certificate"]
@@ -82,15 +83,37 @@ class LineCovariance:
             raise AnalysisError(f"calibration line: correlation: found {self.correlation}; needed is -1 to 1")
 
 
+class UnitDeviation(NamedTuple):
+    """How one of the units that stored lines are the mean of differs from it.
+
+    lines: by quadrant, offset [N·m] and slope. transition_rad: of the transition after a reversal; 0 where none is
+    known.
+    """
+
+    lines: Mapping[str, tuple[float, float]]
+    transition_rad: float
+
+    @classmethod
+    def between(cls, unit: Any, mean: Any) -> UnitDeviation:
+        """Return how a unit differs from the mean: both have a line of each quadrant, and a transition or None."""
+        lines = {}
+        for name in QUADRANTS:
+            own, stored = getattr(unit, name), getattr(mean, name)
+            lines[name] = (own.offset_nm - stored.offset_nm, own.slope - stored.slope)
+        known = unit.transition_rad is not None and mean.transition_rad is not None
+        return cls(lines, unit.transition_rad - mean.transition_rad if known else 0.0)
+
+
 @dataclass(frozen=True)
 class SensorFigures:
     """Everything declared of one bench; None for a sensor that it does not have.
 
     skew_s: difference between the delays of torque and angle that no alignment removed. drift_arcmin_per_min: creep of
-    the wind-up that no correction removed. fixture_fraction: of the stiffness by which the wind-up is corrected.
-    lock_width_arcmin, lock_windup_fraction: how loop width and wind-up depend on the teeth at which the shaft is
-    locked; one run cannot see it. calibration: covariance of stored calibration lines by quadrant; lines measured in
-    the same run bring their own.
+    the wind-up with the torque, which comes back in every cycle and which no comparison of cycles shows.
+    fixture_fraction: of the stiffness by which the wind-up is corrected. lock_width_arcmin, lock_windup_fraction: how
+    loop width and wind-up depend on the teeth at which the shaft is locked; one run cannot see it. calibration:
+    covariance of stored calibration lines by quadrant; lines measured in the same run bring their own.
+    calibrated_units: the units that stored lines are the mean of, two or more; none where it is not known.
     """
 
     torque_in: TorqueFigures | None = None
@@ -103,6 +126,7 @@ class SensorFigures:
     lock_width_arcmin: float = 0.0
     lock_windup_fraction: float = 0.0
     calibration: Mapping[str, LineCovariance] = field(default_factory=dict)
+    calibrated_units: Sequence[UnitDeviation] = ()
 
     def __post_init__(self) -> None:
         """Refuse figures below zero or not finite."""

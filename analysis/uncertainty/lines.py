@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from analysis.loop import Loop
 from analysis.quadrants import QUADRANTS, TorqueLine
-from analysis.uncertainty.chain import LineMove, Move
-from analysis.uncertainty.circumstances import Circumstances, line_name
+from analysis.uncertainty.chain import LineMove, Move, by_changed_lines
+from analysis.uncertainty.circumstances import Circumstances
 from analysis.uncertainty.figures import LineCovariance, SensorFigures
-from analysis.units import FloatArray
 
 
 def covariance_of(name: str, circumstances: Circumstances, figures: SensorFigures) -> LineCovariance | None:
@@ -37,7 +34,10 @@ def components(line: LineCovariance) -> tuple[LineMove, LineMove]:
 
 def line_moves(name: str, line: LineCovariance, loop: Loop, circumstances: Circumstances) -> tuple[Move, ...]:
     """Return what one standard uncertainty of each component of a line does to a loop of converted torque."""
-    return tuple(_move(name, change, loop, circumstances) for change in components(line))
+    branches = circumstances.points_of(loop)
+    return tuple(
+        Move(*((by_changed_lines({name: change}, points), 0.0) for points in branches)) for change in components(line)
+    )
 
 
 def u_torque_nm(name: str, line: LineCovariance, circumstances: Circumstances) -> float:
@@ -51,16 +51,3 @@ def u_torque_nm(name: str, line: LineCovariance, circumstances: Circumstances) -
 def quadrants_used(circumstances: Circumstances) -> tuple[str, ...]:
     """Name the lines that a loop was converted by: all four, or none."""
     return QUADRANTS if circumstances.converted else ()
-
-
-def _move(name: str, change: LineMove, loop: Loop, circumstances: Circumstances) -> Move:
-    parts: list[tuple[FloatArray | float, FloatArray | float]] = []
-    for branch, direction in ((loop.forward, 1), (loop.backward, -1)):
-        points = circumstances.points(branch, direction)
-        sign = next((sign for sign in (1, -1) if line_name(sign, direction) == name), 0)
-        if not sign or points.torque_in_nm is None:
-            parts.append((0.0, 0.0))
-            continue
-        there = points.torque_nm >= 0.0 if sign > 0 else points.torque_nm < 0.0
-        parts.append((np.where(there, change.offset_nm + change.slope * points.torque_in_nm, 0.0), 0.0))
-    return Move(parts[0], parts[1])

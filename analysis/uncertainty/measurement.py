@@ -14,9 +14,10 @@ from analysis.errors import AnalysisError
 from analysis.loop import Loop
 from analysis.measured import Measured
 from analysis.stages import StageRecord
-from analysis.uncertainty.budget import Budget, LoopUncertainty, of_scatter
+from analysis.uncertainty.budget import Budget, of_scatter
 from analysis.uncertainty.circumstances import Circumstances, circumstances_of
 from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.loop_uncertainty import LoopUncertainty
 from analysis.uncertainty.ratio import ratio_budget
 
 WITH_FIGURES = "uncertainty: from the declared figures of the bench, U = k·u with k = 2"
@@ -40,10 +41,15 @@ ONE_CYCLE = "is not known from one cycle; measure two cycles or more"
 class Measurement:
     """Errors of one measurement: how it was made, and what is declared of its sensors (None: nothing)."""
 
-    def __init__(self, loop: Loop, circumstances: Circumstances, figures: SensorFigures | None, draws: int = 0) -> None:
+    def __init__(
+        self, loop: Loop, circumstances: Circumstances, figures: SensorFigures | None, *,
+        by_output: Sequence[Loop] = (), draws: int = 0,
+    ) -> None:  # fmt: skip
         self._circumstances = circumstances
         self._figures = figures
-        self._loops = None if figures is None else LoopUncertainty(loop, circumstances, figures, draws)
+        self._loops = (
+            None if figures is None else LoopUncertainty(loop, circumstances, figures, by_output=by_output, draws=draws)
+        )
 
     def of_loops(self, estimate: Callable[[Loop], float], values: Sequence[float], unit: str) -> Budget | None:
         """Return the budget of the mean of a metric's values per cycle; None where nothing can be said."""
@@ -70,11 +76,14 @@ class Measurement:
         return ratio_budget(line, unit, self._circumstances, self._figures, of_slope=metric == "torque_ratio_slope")
 
 
-def measurement_of(found: Measured, figures: SensorFigures | None, draws: int = 0) -> tuple[Measurement, StageRecord]:
+def measurement_of(
+    found: Measured, figures: SensorFigures | None, *, by_output: Sequence[Loop] = (), draws: int = 0
+) -> tuple[Measurement, StageRecord]:
     """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains.
 
-    draws: of Monte Carlo beside the budget; 0 for none.
+    by_output: loops by the torque at the output, where it was measured beside one that is converted. draws: of Monte
+    Carlo beside the budget; 0 for none.
     """
-    measurement = Measurement(found.loops[0], circumstances_of(found), figures, draws)
+    measurement = Measurement(found.loops[0], circumstances_of(found), figures, by_output=by_output, draws=draws)
     text = WITHOUT_FIGURES if figures is None else WITH_FIGURES if measurement.timed else WITHOUT_TIME
     return measurement, StageRecord("uncertainty", text)

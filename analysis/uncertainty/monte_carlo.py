@@ -69,17 +69,18 @@ def _moved(
 
 
 def monte_carlo(
-    estimate: Callable[[Loop], float], base: Loop, loops: Sequence[Loop], value: float, *, noise: float, scatter: float,
-    freedom: int,
+    estimate: Callable[[Loop], float], base: Loop, loops: Sequence[Loop], value: float, *,
+    besides: Sequence[tuple[str, float]], scatter: float, freedom: int,
 ) -> MonteCarlo:  # fmt: skip
     """Return the distribution of a metric about its value.
 
-    noise: standard uncertainty of the mean by noise, normal. scatter: standard deviation of the mean from the cycles
-    beyond it, by Student's t of `freedom` (GUM-S1, 6.4.9).
+    besides: distribution and limit of errors of the mean itself, as noise makes them. scatter: standard deviation of
+    the mean from the cycles beyond it, by Student's t of `freedom` (GUM-S1, 6.4.9).
     """
     random = np.random.default_rng(SEED)
     errors = np.array([estimate(loop) for loop in loops]) - estimate(base)
-    errors += noise * random.standard_normal(errors.size)
+    for distribution, limit in besides:
+        errors += DISTRIBUTIONS[distribution].draw(random, limit, errors.size, 1)[:, 0]
     u, shift = math.hypot(float(errors.std(ddof=1)), scatter), float(errors.mean())
     if scatter > 0.0 and freedom > 0:
         errors += scatter * random.standard_t(freedom, errors.size)

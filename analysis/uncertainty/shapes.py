@@ -60,6 +60,18 @@ def skew(setting: Setting) -> Effect:
     return Effect(-points.rate_nm_s, 0.0 if points.torque_in_nm is None else -points.rate_nm_s / points.slope)
 
 
+def creep(setting: Setting) -> Effect:
+    """Wind-up that creeps by one arcmin per minute the way the torque points, and back: alike in every cycle.
+
+    It is largest where the torque changes its sign, and nothing at the turning points.
+    """
+    points = setting.points
+    if not points.rate_nm_s:
+        return NOTHING
+    seconds = (setting.circumstances.peak_nm - np.abs(points.torque_nm)) / points.rate_nm_s
+    return Effect(angle_arcmin=-seconds / 60.0)
+
+
 def drift(setting: Setting) -> Effect:
     """Wind-up that grows by one arcmin per minute; nothing where no times are known."""
     seconds = setting.points.seconds

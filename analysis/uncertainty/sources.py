@@ -19,6 +19,7 @@ from analysis.uncertainty.shapes import (
     Effect,
     Setting,
     Shape,
+    creep,
     drift,
     encoder_of,
     fixture,
@@ -164,8 +165,12 @@ SOURCES: tuple[ErrorSource, ...] = (
         lambda figures, circumstances: figures.skew_s if _timed(circumstances) else None, (skew,),
     ),
     ErrorSource(
-        "drift", "drift of the wind-up that is left", "arcmin/min", _rectangular,
-        lambda figures, circumstances: figures.drift_arcmin_per_min if _timed(circumstances) else None, (drift,),
+        "creep", "creep of the wind-up with the torque, alike in every cycle", "arcmin/min", _rectangular,
+        lambda figures, circumstances: figures.drift_arcmin_per_min if _timed(circumstances) else None, (creep,),
+    ),
+    ErrorSource(
+        "drift", "drift between the cycles, or what its correction may be wrong by", "arcmin/min",
+        lambda _: "normal", lambda _, circumstances: circumstances.u_drift_arcmin_per_min or None, (drift,),
     ),
     ErrorSource(
         "drift_unseen", "drift that a single cycle does not show: gap of the loop", "arcmin/min", _rectangular,

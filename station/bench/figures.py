@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from analysis import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
+from analysis import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation
 from analysis.quadrants import QUADRANTS
 from analysis.units import ARCMIN_PER_RAD
 from recipes import Bench, Calibration
@@ -30,6 +30,7 @@ def figures_of(bench: Bench, stored: Calibration | None = None) -> SensorFigures
         lock_width_arcmin=fixture.lock_width_rad * ARCMIN_PER_RAD,
         lock_windup_fraction=fixture.lock_windup_fraction,
         calibration={} if stored is None else {name: _line(getattr(stored, name)) for name in QUADRANTS},
+        calibrated_units=() if stored is None else [UnitDeviation.between(unit, stored) for unit in stored.units or ()],
     )
 
 

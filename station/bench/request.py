@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from datetime import date
 from functools import cached_property
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from recipes import (
     warnings,
 )
 from station.errors import StationError
+from station.record.run_record import RunRecord
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
 
@@ -77,7 +79,7 @@ class Job:
     @property
     def warnings(self) -> list[str]:
         """What of the recipe may be meant, but is not usual."""
-        return [f"recipe {one.as_warning()}" for one in warnings(self.recipe, self.recipe_source.path)]
+        return [f"recipe {one.as_warning()}" for one in warnings(self.recipe, self.bench, self.recipe_source.path)]
 
     @property
     def profile_names(self) -> tuple[str, ...]:
@@ -148,8 +150,20 @@ def _bench_file(name: str | None, recipe: Recipe | None) -> Path:
     return find_bench(name or "")
 
 
-def load_job(recipe_name: str, bench_name: str | None) -> Job:
+def stored_job(run: RunRecord) -> Job:
+    """Load recipe and bench of a stored run as they were accepted then: what is out of date since was not on its day.
+
+    Raises:
+        RecipeError, RecordError: recipe, bench or run.json cannot be read any more.
+
+    """
+    return load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"), run.day())
+
+
+def load_job(recipe_name: str, bench_name: str | None, day: date | None = None) -> Job:
     """Load recipe, bench and profiles and check them against each other; every file is read exactly once.
+
+    `day` is the one that calibrations have to be in date on, today by default.
 
     Raises:
         RecipeError: with all problems of both files, or all that speaks against the pair.
@@ -172,7 +186,7 @@ def load_job(recipe_name: str, bench_name: str | None) -> Job:
         problems += error.problems
     if recipe is None or bench is None or problems:
         raise RecipeError(problems)
-    found = check(recipe, bench, recipe_file)
+    found = check(recipe, bench, recipe_file, day)
     if found:
         raise RecipeError(found)
     job = Job(recipe, bench, recipe_source, bench_source)

@@ -13,7 +13,6 @@ from station.cli.options import (
     BenchOption,
     DataOption,
     JsonOption,
-    RunArgument,
     ScenarioOption,
     TraceArgument,
     UnitOption,
@@ -97,18 +96,23 @@ def blank(
     as_json: JsonOption = False,
 ) -> None:
     """Print a bench file's block 'fixture' from a loop on a rigid dummy: the fixture's deflection over torque."""
-    from station.commands import blocks as command_blocks
+    from station.commands import blank as command_blank
 
-    raise typer.Exit(command_blocks.blank(trace, recipe, bench, data, name=name, due=due, as_json=as_json))
+    raise typer.Exit(command_blank.blank(trace, recipe, bench, data, name=name, due=due, as_json=as_json))
 
 
 def calibration(
-    run: RunArgument,
+    runs: Annotated[
+        list[str], typer.Argument(metavar="RUN...", help="Run of one unit; or one run of each of several units.")
+    ],
     due: DueOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Print the torque ratio that a run measured as an entry of 'calibrations' in a bench file."""
-    from station.commands import blocks as command_blocks
+    """Print the torque ratio that runs measured as an entry of 'calibrations' in a bench file.
 
-    raise typer.Exit(command_blocks.calibration(run, data, due=due, as_json=as_json))
+    Of several units: their mean, and how they differ, which is how wrong it may be for another unit.
+    """
+    from station.commands import calibration as command_calibration
+
+    raise typer.Exit(command_calibration.calibration(runs, data, due=due, as_json=as_json))

@@ -8,7 +8,7 @@ import tempfile
 import traceback
 from typing import NoReturn
 
-from station.commands.json_errors import asked_for, errors_json
+from station.commands.json_errors import errors_json
 from station.errors import StationError
 
 EXIT_BAD_INPUT = 2
@@ -45,7 +45,7 @@ def refuse(error: Exception) -> NoReturn:
     else:
         sys.stderr.write(f"{error}\n")
     code = getattr(error, "exit_code", EXIT_BAD_INPUT)
-    if code == EXIT_BAD_INPUT and asked_for(sys.argv[1:]):
+    if code == EXIT_BAD_INPUT and "--json" in sys.argv[1:]:
         sys.stdout.write(errors_json(error))
     sys.exit(code)
 

@@ -67,7 +67,7 @@ def capability(
 ) -> None:
     """Capability of the line for one metric: Cp, Cpk, Pp and Ppk against its limits."""
     from station.commands import line_statistics as line
-    from station.commands.stored_values import asked_of
+    from station.commands.stored_metric import asked_of
 
     asked = line.Asked(file, column, data, asked_of(metric, side, branch, recipe, attempts=attempts))
     raise typer.Exit(line.capability_of(asked, (lower, upper), subgroup, level, as_json=as_json))
@@ -86,7 +86,7 @@ def units(
 ) -> None:
     """How one metric differs from unit to unit, apart from how it repeats, and which units are unusual."""
     from station.commands import line_statistics as line
-    from station.commands.stored_values import asked_of
+    from station.commands.stored_metric import asked_of
 
     asked = line.Asked(file, column, data, asked_of(metric, side, branch, recipe))
     raise typer.Exit(line.units_of(asked, level, as_json=as_json))
@@ -115,7 +115,7 @@ def gage(
     from these stored runs.
     """
     from station.commands import gage as command_gage
-    from station.commands.stored_values import asked_of
+    from station.commands.stored_metric import asked_of
 
     ask = asked_of(metric, side, branch, recipe)
     raise typer.Exit(command_gage.gage(file, ask, data, by, (tolerance, level), as_json=as_json))
@@ -145,7 +145,7 @@ def master_part(
     Exit code: 0 in control, 1 a rule is broken, 2 bad input.
     """
     from station.commands import line_statistics as line
-    from station.commands.stored_values import asked_of
+    from station.commands.stored_metric import asked_of
 
     ask = asked_of(metric, side, branch, recipe, serial)
     certified = None if reference is None else (reference, u_reference)

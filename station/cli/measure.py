@@ -19,6 +19,8 @@ from station.cli.options import (
     UnitOption,
 )
 
+NoReportOption = Annotated[bool, typer.Option("--no-report", help="Leave report and pictures to 'lostmotion report'.")]
+
 
 def check(recipe: RecipeArgument, bench: BenchOption = None, as_json: JsonOption = False) -> None:
     """Check a recipe and show its load profile, duration and peak torque. Exit code: 0 in order, 2 not."""
@@ -44,10 +46,7 @@ def run(
     operator: Annotated[
         str | None, typer.Option("--operator", metavar="NAME", help="Who measures, for 'lostmotion gage'.")
     ] = None,
-    no_report: Annotated[
-        bool,
-        typer.Option("--no-report", help="Leave report and pictures to 'lostmotion report'."),
-    ] = False,
+    no_report: NoReportOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Run a recipe: measure a unit, judge it, store the record.
@@ -67,6 +66,7 @@ def run(
 def resume(
     name: RunArgument,
     data: DataOption = DEFAULT_DATA,
+    no_report: NoReportOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Take over a run whose desk died, to its end and its verdict. Exit code as run.
@@ -75,7 +75,7 @@ def resume(
     """
     from station.commands import resume as command_resume
 
-    raise typer.Exit(command_resume.resume_run(name, data, as_json=as_json))
+    raise typer.Exit(command_resume.resume_run(name, data, as_json=as_json, report=not no_report))
 
 
 def recover(

@@ -49,7 +49,7 @@ def lock_angle(
     FILE has one row per position and one column per metric. Stored runs are taken of one unit (--serial).
     """
     from station.commands import studies as command_studies
-    from station.commands.stored_values import Ask
+    from station.commands.stored_metric import Ask
 
     asks = [Ask(name, side, branch, recipe, serial) for name in metric or []]
     raise typer.Exit(command_studies.lock_angle(file, asks, data, level, as_json=as_json))
@@ -77,7 +77,7 @@ def temperature(
     temperature while measuring is taken.
     """
     from station.commands import studies as command_studies
-    from station.commands.stored_values import asked_of
+    from station.commands.stored_metric import asked_of
 
     ask = asked_of(metric, side, branch, recipe, serial)
     raise typer.Exit(command_studies.temperature(file, column, ask, data, (reference, level), as_json=as_json))

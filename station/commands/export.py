@@ -8,18 +8,16 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from station.commands.out_file import refuse_records, writing
 from station.commands.show import stored_result
 from station.errors import RecordError, StationError
 from station.record.check import check_bytes, table_of
-from station.record.run_record import MANIFEST, RunRecord
-from station.record.seal import EXIT_ALTERED, INDEX, alteration_lines, alterations
+from station.record.run_record import RunRecord
+from station.record.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.record.store import Store
 from station.results.export import FORMATS, Column, columns_of, sidecar
 from station.results.export_origin import for_analysis
 from station.run.recovery import recover
-
-OF_A_RUN = (MANIFEST, "samples.json")
-"""Files that a run's folder has from its start."""
 
 COPIED = (
     "id",
@@ -68,7 +66,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     path = Path(f"{run.id}.{file_format}") if out is None else out
     if path.is_dir():
         path = path / f"{run.id}.{file_format}"
-    _refuse_records(path)
+    refuse_records(path)
     try:
         content = run.samples.read_bytes()
     except OSError as error:
@@ -94,16 +92,6 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     return EXIT_ALTERED if altered else 0
 
 
-def _refuse_records(path: Path) -> None:
-    """Refuse a file that would lie in a run's folder, or in place of the index: no record is ever written over."""
-    there = path.resolve()
-    run = next((folder for folder in there.parents if all((folder / name).is_file() for name in OF_A_RUN)), None)
-    if run is not None:
-        raise StationError(f"--out {path}: lies in the folder of run {run.name}, which stays as it is. Choose another")
-    if there.name == INDEX:
-        raise StationError(f"--out {path}: {INDEX} is what vouches for the runs beside it. Choose another name")
-
-
 def _write(path: Path, file_format: str, columns: list[Column], run: dict[str, Any]) -> None:
     """Write the file, and what stands beside it, completely or not at all; nothing is left of what failed.
 
@@ -114,12 +102,11 @@ def _write(path: Path, file_format: str, columns: list[Column], run: dict[str, A
     part = path.with_name(f".{path.name}.part")
     finals = {part: path, sidecar(part): sidecar(path)}
     try:
-        FORMATS[file_format](part, columns, run)
-        for written, final in finals.items():
-            if written.exists():
-                written.replace(final)
-    except OSError as error:
-        raise StationError(f"{path}: cannot be written: {error.strerror or error}. Choose another --out") from error
+        with writing(path):
+            FORMATS[file_format](part, columns, run)
+            for written, final in finals.items():
+                if written.exists():
+                    written.replace(final)
     finally:
         for written in finals:
             with contextlib.suppress(OSError):  # where nothing can be written, nothing can be taken away either

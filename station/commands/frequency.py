@@ -14,6 +14,7 @@ from analysis.errors import AnalysisError
 from analysis.studies import FrequencyResponse, fit_resonance, frequency_response
 from station.commands.line_statistics import figure
 from station.commands.loop_source import channels_of, trace_source
+from station.commands.out_file import refuse_records, writing
 from station.commands.say import Grid, say
 from station.errors import StationError
 
@@ -53,6 +54,8 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
 
     """
     band = band_of(asked.band)
+    if asked.out is not None:
+        refuse_records(asked.out)
     source = trace_source(asked.trace, asked.recipe, asked.data)
     time_s = source.trace.channel("t_s", "the frequency response")
     angle, torque = channels_of(source)
@@ -104,10 +107,7 @@ def _write(path: Path, found: FrequencyResponse) -> None:
         found.u_relative,
         found.used.astype(np.float64),
     )
-    try:
-        with path.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(head)
-            writer.writerows([f"{value:.9g}" for value in row] for row in zip(*columns, strict=True))
-    except OSError as error:
-        raise StationError(f"{path}: cannot be written: {error.strerror}. Choose another --out") from error
+    with writing(path), path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(head)
+        writer.writerows([f"{value:.9g}" for value in row] for row in zip(*columns, strict=True))

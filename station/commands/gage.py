@@ -20,7 +20,8 @@ from analysis.line import (
 from station.commands.csv_columns import read_csv_columns
 from station.commands.line_statistics import figure
 from station.commands.say import Grid, say
-from station.commands.stored_values import Ask, StoredValue, StoredValues, stored_values
+from station.commands.stored_metric import Ask, StoredValue
+from station.commands.stored_values import StoredValues, stored_values
 from station.errors import StationError
 
 BY = ("day", "bench", "operator")

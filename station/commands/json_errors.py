@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from typing import Any
 
-COMMANDS = ("run", "check", "analyze", "model", "play-model", "capability", "units", "gage", "master-part", "study")
 PLACE = re.compile(r"^(?P<option>--[a-z-]+): found (?P<found>.*?); allowed (?:are |is )?(?P<allowed>.*)$", re.DOTALL)
 FIELDS = ("file", "line", "column", "option", "found", "allowed", "hint")
-
-
-def asked_for(arguments: Sequence[str]) -> bool:
-    """Whether a command line asks one of the commands that read input for JSON."""
-    return "--json" in arguments and any(name in arguments[:1] for name in COMMANDS)
 
 
 def errors_of(error: BaseException) -> list[dict[str, Any]]:

@@ -11,7 +11,8 @@ from typing import Any
 from analysis.line import capability, master_part_trend, unit_to_unit
 from station.commands.csv_columns import CsvColumns, read_csv_columns
 from station.commands.say import Grid, say
-from station.commands.stored_values import Ask, StoredValues, stored_values
+from station.commands.stored_metric import Ask
+from station.commands.stored_values import StoredValues, stored_values
 from station.errors import StationError
 from station.reports.result_text import limits_text, minus, unit_text
 

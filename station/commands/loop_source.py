@@ -14,7 +14,7 @@ from analysis.windup import measured_windup
 from recipes import find_bench, load_bench, load_recipe
 from station.bench.figures import figures_of
 from station.bench.request import recipe_path, trace_file
-from station.commands.analyze import method_without_run
+from station.commands.evaluate_anew import method_without_run
 from station.errors import StationError
 from station.record.run_record import RunRecord
 from station.record.store import Store

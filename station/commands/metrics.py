@@ -13,7 +13,7 @@ from analysis import METRICS, Definition
 from analysis.curves import FITS
 from recipes import PRESETS
 from recipes.metric_schema import MetricWanted, preset_metrics
-from station.commands.analyze import known_preset
+from station.commands.evaluate_anew import known_preset
 from station.reports.result_view import result_console
 
 

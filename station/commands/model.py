@@ -20,6 +20,7 @@ from analysis.models import (
 )
 from analysis.models.maxwell_slip import EQUATIONS, parameter_units
 from station.commands.loop_source import Source, loop_of, loop_source
+from station.commands.out_file import refuse_records, writing
 from station.commands.say import Grid, say
 from station.errors import StationError
 from station.reports.result_text import minus
@@ -62,6 +63,8 @@ def model(asked: Asked, *, as_json: bool) -> int:
         raise StationError("--fix and --out are for one model: name it with --kind")
     if kind == "maxwell-slip" and fixed:
         raise StationError("--fix: the elements of maxwell-slip are a grid, there is nothing to fix; leave it out")
+    if asked.out is not None:
+        refuse_records(asked.out)
     source = loop_source(asked.trace, asked.recipe, asked.bench, asked.data)
     loop = loop_of(source)
     if kind == ALL:
@@ -70,7 +73,8 @@ def model(asked: Asked, *, as_json: bool) -> int:
     document = {"source": source.name, "serial": source.serial, "virtual": source.virtual, **described(found)}
     blocks = _blocks(source, kind, found)
     if asked.out is not None:
-        _write(asked.out, model_to_json(found, source.serial))
+        with writing(asked.out):
+            asked.out.write_text(model_to_json(found, source.serial), encoding="utf-8")
         document |= {"exported": str(asked.out)}
         blocks.append(f"model   {asked.out}   (play it: lostmotion play-model {asked.out} ANGLES.csv)")
     return say(document, blocks, as_json=as_json)
@@ -216,10 +220,3 @@ def _spread_text(found: Identified, name: str, refused: set[str]) -> str:
         return "at its bound"
     spread = found.u[name]
     return "given" if spread == 0.0 else f"± {spread:.2g}" if math.isfinite(spread) else "no influence"
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise StationError(f"{path}: cannot be written: {error.strerror}. Choose another --out") from error

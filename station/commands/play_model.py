@@ -6,12 +6,15 @@ import csv
 import json
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
 from analysis.models import ReducerModel, model_from_json
 from station.commands.csv_columns import read_csv_columns
+from station.commands.out_file import refuse_records, writing
 from station.errors import StationError
 
 ANGLES = {"angle_arcmin": 1.0, "angle_out_arcmin": 1.0, "angle_out_rad": 10800.0 / math.pi}
@@ -25,6 +28,8 @@ def play_model(file: Path, angles: Path, out: Path | None, *, as_json: bool) -> 
         StationError, AnalysisError: a file that cannot be read, or what is wrong in it.
 
     """
+    if out is not None:
+        refuse_records(out)
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeError) as error:
@@ -40,16 +45,16 @@ def play_model(file: Path, angles: Path, out: Path | None, *, as_json: bool) -> 
         document = {"model": reducer.model, "angle_arcmin": angle.tolist(), "torque_nm": torque.tolist()}
         sys.stdout.write(json.dumps(document, allow_nan=False) + "\n")
         return 0
-    try:
-        stream = sys.stdout if out is None else out.open("w", encoding="utf-8", newline="")
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("angle_arcmin", "torque_nm"))
-        writer.writerows((f"{x:.9g}", f"{y:.9g}") for x, y in zip(angle.tolist(), torque.tolist(), strict=True))
-        if out is not None:
-            stream.close()
-            sys.stdout.write(f"{out}: {angle.size} torques of model {reducer.model}\n")
-    except OSError as error:
-        if out is None:
-            raise
-        raise StationError(f"{out}: cannot be written: {error.strerror}. Choose another --out") from error
+    if out is None:
+        _write(sys.stdout, angle.tolist(), torque.tolist())
+        return 0
+    with writing(out), out.open("w", encoding="utf-8", newline="") as stream:
+        _write(stream, angle.tolist(), torque.tolist())
+    sys.stdout.write(f"{out}: {angle.size} torques of model {reducer.model}\n")
     return 0
+
+
+def _write(stream: TextIO, angle_arcmin: Sequence[float], torque_nm: Sequence[float]) -> None:
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(("angle_arcmin", "torque_nm"))
+    writer.writerows((f"{x:.9g}", f"{y:.9g}") for x, y in zip(angle_arcmin, torque_nm, strict=True))

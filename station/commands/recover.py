@@ -16,7 +16,7 @@ from typing import Any
 
 from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from recipes import find_bench, load_bench
-from station.bench.request import Job, load_job
+from station.bench.request import Job, load_job, stored_job
 from station.commands.run import EXIT_BENCH
 from station.errors import BenchFaultError, RecordError, StationError
 from station.record.check import read_table
@@ -70,7 +70,7 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
         )
     if not yes and not sys.stdin.isatty():
         raise StationError("nobody is there to answer: call it in a terminal, or with --yes once all is checked")
-    job = load_job(str(run.folder / "recipe.yaml"), bench or str(run.folder / "bench.yaml"))
+    job = stored_job(run) if bench is None else load_job(str(run.folder / "recipe.yaml"), bench)
     left = left_by(table)
     record = _create(data, run, job, left)
     guide = Guide(job.program, say, _say_yes if yes else _typed)

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from analysis.repeatability import LEAST_RUNS, repeatability
-from station.commands.analyze import elsewhere, known_preset, reevaluate
+from station.commands.evaluate_anew import elsewhere, known_preset, reevaluate
 from station.errors import StationError
 from station.record.store import Store
 from station.reports.result_text import metric_name, number, unit_text

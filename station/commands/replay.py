@@ -12,7 +12,7 @@ from controller.controller import Controller
 from controller.held_lock import Left
 from controller.program import Program
 from recipes import RecipeError
-from station.bench.request import Job, load_job
+from station.bench.request import Job, stored_job
 from station.commands.run import EXIT_CODES
 from station.commands.what_if import Question, what_if_lines
 from station.errors import StationError
@@ -55,7 +55,7 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
 
 
 def _replay(run: RunRecord, altered: tuple[str, ...], other: str | None, *, as_json: bool) -> int:
-    job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+    job = stored_job(run)
     try:
         content = run.samples.read_bytes()
     except OSError as error:

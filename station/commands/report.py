@@ -12,10 +12,11 @@ from jinja2 import TemplateError
 
 from analysis import AnalysisError
 from recipes import RecipeError
-from station.bench.request import load_job
+from station.bench.request import stored_job
+from station.commands.out_file import refuse_records, writing
 from station.commands.show import stored_result
 from station.durable import write_durable
-from station.errors import RecordError, StationError
+from station.errors import RecordError
 from station.record.run_record import RunRecord
 from station.record.store import Store
 from station.reports.illustrate import HTML, PDF, Shown, illustrate
@@ -36,9 +37,11 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
     recover_all(store)
     run = store.find(name)
     folder = run.folder if out is None else out
+    if folder.resolve() != run.folder.resolve():
+        refuse_records(folder / HTML)
     _refuse_unwritable(folder)
     try:
-        html, pdf = illustrate(run, _shown(run), keep=out is None)
+        html, pdf = illustrate(run, shown_of(run), keep=out is None)
     except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
         what = " ".join(str(error).split())
         raise RecordError(f"{run.id}: no report: its record is damaged: {what}. See 'lostmotion show'") from error
@@ -56,24 +59,22 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
 
 def _refuse_unwritable(folder: Path) -> None:
     """Refuse a folder that takes no file, before anything is made for it."""
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
-        raise StationError(f"{folder}: cannot be written: {error.strerror}. Choose another --out") from error
 
 
-def _shown(run: RunRecord) -> Shown:
+def shown_of(run: RunRecord) -> Shown:
     """Return what is shown of a run: its stored result, and its evaluation where the record bears one."""
     result = stored_result(run)
     try:
         if result["state"] == "complete" and not result.get("altered"):
             found = complete_run(run)
             return Shown(found.job, result, found.result)
-        job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+        job = stored_job(run)
     except AnalysisError:
-        job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+        job = stored_job(run)
     except RecipeError as error:
         raise RecordError(f"{run.id}: no report: its recipe or bench cannot be read any more: {error}") from error
     return Shown(job, result, None)

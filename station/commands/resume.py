@@ -2,56 +2,60 @@
 
 from __future__ import annotations
 
-import json
-import sys
+from functools import partial
 from pathlib import Path
 
-from controller.image import Command
+from station.errors import RecordError
 from station.record.ring_reader import RingReader
 from station.record.run_record import RunRecord
+from station.record.seal import is_sealed
 from station.record.store import Store
-from station.run.asked_to_stop import listening
+from station.run.asked_to_stop import STOP_WORDS, Stopping, listening
+from station.run.late_screen import LateScreen
 from station.run.recovery import recover, resume
 
 
-class Operator:
-    """Ctrl-C once: stop; again: quick stop."""
+def resume_run(name: str, data: Path, *, as_json: bool, report: bool = True) -> int:
+    """Take over a run, or conclude it when its scan has ended, with its report; return the exit code of its result.
 
-    def __init__(self) -> None:
-        self._asked = 0
-        self._sent = 0
-
-    def interrupt(self, *_: object) -> None:
-        """Note one Ctrl-C."""
-        self._asked += 1
-
-    def attend(self, ring: RingReader) -> None:
-        """Pass what was asked on to the scan."""
-        if self._asked > self._sent:
-            ring.send(Command.STOP if self._sent == 0 else Command.QUICK_STOP)
-            self._sent += 1
-
-
-def resume_run(name: str, data: Path, *, as_json: bool) -> int:
-    """Take over a run, or conclude it when its scan has ended; return the exit code of its result.
+    A run that was concluded before is shown only.
 
     Raises:
         StationError: there is no such run.
 
     """
     run: RunRecord = Store(data).find(name)
-    operator = Operator()
-    with listening(operator.interrupt):
-        resume(run, operator.attend)
-        recover(run)
+    before = is_sealed(run.manifest())
+    refused = None
+    try:
+        _take_over(run, as_json=as_json)
+    except RecordError as error:
+        refused = error
     # Only now: what shows a result takes longer to load than the scan waits for a new desk on a busy machine.
-    from station.commands.run import exit_code  # noqa: PLC0415
+    from station.commands.report import shown_of  # noqa: PLC0415
+    from station.commands.run import exit_code, finish, no_record, print_result  # noqa: PLC0415
     from station.commands.show import stored_result  # noqa: PLC0415
-    from station.reports.result_view import result_console, show_result  # noqa: PLC0415
+    from station.log import open_log  # noqa: PLC0415
 
+    if refused is not None:
+        return no_record(run, refused, as_json=as_json)
     result = stored_result(run)
-    if as_json:
-        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
-    else:
-        show_result(result_console(), result)
-    return exit_code(result)
+    if before or not is_sealed(run.manifest()):
+        print_result(result, as_json=as_json)
+        return exit_code(result)
+    with open_log(run.folder / "log.jsonl") as log:
+        return finish(run, result, partial(shown_of, run) if report else None, log, as_json=as_json)
+
+
+def _take_over(run: RunRecord, *, as_json: bool) -> None:
+    stopping = Stopping()
+    with LateScreen(run, as_json=as_json) as screen, listening(stopping.hear):
+
+        def attend(ring: RingReader) -> None:
+            if command := stopping.take_command():
+                screen.say(STOP_WORDS[command])
+                ring.send(command)
+            screen.look(ring)
+
+        resume(run, attend)
+        recover(run)

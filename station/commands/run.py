@@ -6,6 +6,8 @@ import contextlib
 import dataclasses
 import json
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +21,12 @@ from station.reports.result_view import result_console, show_report, show_result
 from station.run.conclusion import Conclusion, conclude
 from station.run.disk_space import refuse_full_disk
 from station.run.ending import DESK_REPORT, Ending
-from station.run.live import LiveReader
 from station.run.new_record import Wanted, new_record
-from station.run.progress import Progress
+from station.run.progress import Progress, progress_of
 from station.wall_clock import now_text
 
 if TYPE_CHECKING:
+    from station.reports.illustrate import Shown
     from station.run.fault_companion import Companion
 
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
@@ -79,14 +81,11 @@ def run(options: Options) -> int:
     )
     for note in notes:
         sys.stderr.write(f"WARNING  {note}\n")
-    reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
-    title = f"{serial}  {job.recipe.recipe.name}"
-    stream = sys.stderr if options.json else sys.stdout
     with contextlib.closing(record.lock), open_log(record.folder / "log.jsonl") as log:
         log.info("run started", run=record.id, serial=serial, recipe=job.recipe.recipe.name, unit=unit)
         try:
-            with Progress(reader, title, stream, say_alarms=options.json) as progress:
-                progress.say(f"{title}: {record.id}")
+            with progress_of(job, serial, as_json=options.json) as progress:
+                progress.say(f"{progress.title}: {record.id}")
                 if options.virtual_time and not job.bench.bench.embedded:
                     progress.say(
                         f"virtual time: bench {job.bench.bench.name} is simulated, its devices are not touched"
@@ -102,41 +101,57 @@ def run(options: Options) -> int:
                 if not waits and record.manifest()["state"] == "recording":
                     record.update(state="interrupted", ended=now_text(), ring=None, trouble=str(error))
             if isinstance(error, RecordError):
-                return _no_record(record, error, as_json=options.json)
+                return no_record(record, error, as_json=options.json)
             raise
-        result = conclusion.result
-        log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
-        _show(options, result)
-        if options.report:
-            _report(options, log, job, conclusion, record)
+        shown = partial(_shown, job, conclusion) if options.report else None
+        return finish(record, conclusion.result, shown, log, as_json=options.json)
+
+
+def finish(
+    record: RunRecord, result: dict[str, Any], shown: Callable[[], Shown] | None, log: Any, *, as_json: bool
+) -> int:
+    """Tell the result of a run that was just concluded, write its report where `shown` is given; return the exit code.
+
+    The operator waits for the result, nobody for the report: that is made when the result is on the screen.
+    """
+    log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
+    print_result(result, as_json=as_json)
+    if shown is not None:
+        _report(record, shown, log, as_json=as_json)
     return exit_code(result)
 
 
-def _show(options: Options, result: dict[str, Any]) -> None:
-    """Print the result. The operator waits for it, nobody for the report: that is made when it is on the screen."""
-    if options.json:
+def print_result(result: dict[str, Any], *, as_json: bool) -> None:
+    """Print a result for a person or for a program."""
+    if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
     else:
         show_result(result_console(), result)
     sys.stdout.flush()
 
 
-def _report(options: Options, log: Any, job: Job, conclusion: Conclusion, record: RunRecord) -> None:
+def _shown(job: Job, conclusion: Conclusion) -> Shown:
+    from station.reports.illustrate import Shown  # noqa: PLC0415 - brings matplotlib, late enough here
+
+    return Shown(job, conclusion.result, conclusion.analysis)
+
+
+def _report(record: RunRecord, shown: Callable[[], Shown], log: Any, *, as_json: bool) -> None:
     """Write pictures and reports; without them the run is none the worse, and that they are missing is said."""
-    from station.reports.illustrate import HTML, Shown, write_reports  # noqa: PLC0415 - brings matplotlib, late enough here
+    from station.reports.illustrate import HTML, write_reports  # noqa: PLC0415 - brings matplotlib, late enough here
 
     try:
-        write_reports(record, Shown(job, conclusion.result, conclusion.analysis))
+        write_reports(record, shown())
     except Exception as error:
         log.exception("no report", kind=type(error).__name__)
         sys.stderr.write(f"warning: plot and report are incomplete, the result is stored: {error}\n")
         return
     log.info("report written", path=str(record.folder / HTML))
-    if not options.json:
+    if not as_json:
         show_report(result_console(), record.folder)
 
 
-def _no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
+def no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
     """Tell that the disk refused the record; return the exit code. There is no verdict without a record."""
     text = f"the record could not be kept, so there is no verdict: {error}"
     if record.has(DESK_REPORT):

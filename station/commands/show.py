@@ -14,8 +14,9 @@ from rich.text import Text
 
 from station.errors import RecordError, StationError
 from station.record.check import check_file
+from station.record.run_index import INDEX, has_index
 from station.record.run_record import RESULT, RunRecord
-from station.record.seal import INDEX, alterations, has_index, is_sealed
+from station.record.seal import alterations, is_sealed
 from station.record.store import Store
 from station.reports.result_view import result_console, show_result
 from station.run.recovery import recover_all

@@ -11,7 +11,8 @@ from analysis.studies import PUBLISHED, EccentricityRow, eccentricity_trend, loc
 from station.commands.csv_columns import read_csv_columns
 from station.commands.line_statistics import Asked, figure, values_of
 from station.commands.say import Grid, say
-from station.commands.stored_values import Ask, StoredValues, stored_values
+from station.commands.stored_metric import Ask
+from station.commands.stored_values import StoredValues, stored_values
 from station.errors import StationError
 from station.record.run_conditions import housing_temperature_c, lock_position_deg
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -65,8 +64,7 @@ class Question:
         if run.state() == "complete":
             judged = self._judged(table, recorded)
             verdict, reasons, metrics = judged["verdict"], judged["reasons"], verdict_changes(recorded, judged)
-        day = date.fromisoformat(manifest["started"][:10])
-        refused = [str(one) for one in check(other.recipe, other.bench, other.recipe_source.path, day)]
+        refused = [str(one) for one in check(other.recipe, other.bench, other.recipe_source.path, run.day())]
         against = [f"a run would refuse the recipe: {one}" for one in refused]
         if divergence is not None:
             # What was recorded from there on is no measurement by the other recipe, whatever it looks like.

@@ -99,7 +99,7 @@ class RingReader(MappedRing):
         return int(words[W_WRITTEN] - words[W_READ])
 
     def last(self) -> bytes:
-        """Return the newest record, taken or not; empty before the first. For a scan that has ended."""
+        """Return the newest record, taken or not; empty before the first."""
         written = self._words[W_WRITTEN]
         at = HEADER_BYTES + ((written - 1) % self.capacity) * RECORD_BYTES
         return bytes(self._bytes[at : at + RECORD_BYTES]) if written else b""

@@ -19,11 +19,12 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
+from datetime import date
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any
 
-from station.durable import as_json, write_durable
+from station.durable import as_json, refused, write_durable
 from station.errors import RecordError
 from station.record.run_lock import RunLock
 from station.record.scan_record import RECORD_BYTES
@@ -89,6 +90,19 @@ class RunRecord:
             raise RecordError(f"{self.folder / MANIFEST}: is damaged: missing or wrong: {', '.join(wrong)}")
         return found
 
+    def day(self) -> date:
+        """Return the day of the run, in UTC: calibrations in its bench file are judged by it, whenever that is.
+
+        Raises:
+            RecordError: run.json cannot be read, or its `started` is no moment.
+
+        """
+        started = self.manifest()["started"]
+        try:
+            return date.fromisoformat(started[:10])
+        except ValueError as error:
+            raise RecordError(f"{self.folder / MANIFEST}: is damaged: started: {error}") from error
+
     def update(self, **changes: Any) -> None:
         """Change entries of run.json durably."""
         self.write_json(MANIFEST, self.manifest() | changes)
@@ -107,7 +121,7 @@ class RunRecord:
         try:
             return json.loads(path.read_bytes())
         except OSError as error:
-            raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
+            raise refused(path, error, "read") from error
         except ValueError as error:
             raise RecordError(f"{path}: is damaged: {error}") from error
 

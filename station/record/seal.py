@@ -1,29 +1,24 @@
 """What a verdict rests on, kept so that an alteration shows: checksums in run.json, and run.json's own in the index.
 
 When a run is concluded, run.json gets the SHA-256 and the size of every file of `SEALED`, and one line goes to the end
-of `index.jsonl` in the data folder: run id, SHA-256 of run.json, verdict, time. No line of the index is ever changed.
-A run that was not concluded has no checksums; there is no verdict in it to believe either. A run is concluded by its
-line: the new run.json is on disk beside the old one before it, and takes its place behind it, whoever does that.
+of the index in the data folder. A run that was not concluded has no checksums; there is no verdict in it to believe
+either. A run is concluded by its line: the new run.json is on disk beside the old one before it, and takes its place
+behind it, whoever does that.
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
-import json
-import os
-from contextlib import suppress
-from errno import ENOSPC
 from pathlib import Path
 from typing import Any
 
-from station.durable import as_json, read_from_disk, remove_parts, sync_folder
+from station.durable import as_json, read_from_disk, refused, remove_parts, sync_folder
 from station.errors import RecordError
 from station.record.ring import FILE_PREFIX
+from station.record.run_index import INDEX, append_line, index_lines, index_of
 from station.record.run_record import INTERRUPTED, MANIFEST, RECORDING, RESULT, SAMPLES, RunRecord
 from station.wall_clock import now_text
 
-INDEX = "index.jsonl"
 CONCLUDED = ".run.json.concluded"
 """The run.json of a run whose line is being written to the index; nobody believes it before it is there."""
 
@@ -63,7 +58,7 @@ def fingerprint(path: Path) -> dict[str, Any]:
                 digest.update(chunk)
                 size += len(chunk)
     except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
+        raise refused(path, error, "read") from error
     return {"sha256": digest.hexdigest(), "bytes": size}
 
 
@@ -87,7 +82,7 @@ def seal(record: RunRecord, **changes: Any) -> None:
     # The line is what concludes the run. Before it the new run.json is on disk already, under another name, so that
     # a process that is killed behind it leaves the next one nothing to decide: it gives the file its name.
     record.write_bytes(CONCLUDED, content)
-    _append(index_of(record), (json.dumps(line, ensure_ascii=False) + "\n").encode())
+    append_line(index_of(record), line)
     _put_in_place(record)
 
 
@@ -122,44 +117,7 @@ def _put_in_place(record: RunRecord) -> None:
         (record.folder / CONCLUDED).replace(record.folder / MANIFEST)
         sync_folder(record.folder)
     except OSError as error:
-        path = record.folder / MANIFEST
-        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
-
-
-def index_of(record: RunRecord) -> Path:
-    """Return the index of the data folder that a run lies in."""
-    return record.folder.resolve().parent / INDEX
-
-
-def _append(path: Path, line: bytes) -> None:
-    """Append one line; runs that end at the same time, a full disk and a power failure cannot tear another one's.
-
-    Raises:
-        RecordError: the disk refuses it; what it took of it is taken back.
-
-    """
-    try:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX)
-            _append_to(handle, line)
-        finally:
-            os.close(handle)
-        sync_folder(path.parent)
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be written: {error.strerror}. Free the disk") from error
-
-
-def _append_to(handle: int, line: bytes) -> None:
-    size = os.fstat(handle).st_size
-    # The end of a line that a power failure has torn is no part of this one.
-    torn = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
-    whole = b"\n" + line if torn else line
-    if os.write(handle, whole) != len(whole):
-        with suppress(OSError):  # where lines can only be added, the next one begins behind it
-            os.ftruncate(handle, size)
-        raise OSError(ENOSPC, os.strerror(ENOSPC))
-    os.fsync(handle)
+        raise refused(record.folder / MANIFEST, error) from error
 
 
 def is_sealed(manifest: dict[str, Any]) -> bool:
@@ -213,28 +171,6 @@ def _difference(record: RunRecord, name: str, kept: dict[str, Any] | None, *, sa
     if now["sha256"] != kept.get("sha256"):
         return f"{name}: its SHA-256 is not the one from when the run was concluded"
     return ""
-
-
-def index_lines(index: Path, run_id: str) -> list[dict[str, Any]] | None:
-    """Return the lines of an index that name a run; None when there is no index."""
-    try:
-        texts = index.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return None
-    found = []
-    for text in texts:
-        try:
-            line = json.loads(text)
-        except ValueError:
-            continue
-        if isinstance(line, dict) and line.get("run") == run_id:
-            found.append(line)
-    return found
-
-
-def has_index(record: RunRecord) -> bool:
-    """Whether there is an index beside the run; a run that was copied elsewhere has none to vouch for its run.json."""
-    return index_of(record).is_file()
 
 
 def _against_index(record: RunRecord) -> list[str]:

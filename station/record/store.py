@@ -159,7 +159,7 @@ class Store:
         if not name.strip():
             raise StationError("RUN is empty; allowed are a run id or part of it, a serial number, a folder, or last")
         if (Path(name) / MANIFEST).is_file():
-            return RunRecord(Path(name))
+            return RunRecord(Path(name).resolve())  # a run is named by its folder, and `.` has no name
         runs = self.runs()
         if Path(name).is_dir() and not any(name in (run.id, run.serial()) for run in runs):
             raise StationError(f"{name}: this folder is no run: it has no {MANIFEST}. See 'lostmotion list'")

@@ -9,16 +9,16 @@ from typing import Any
 from reportlab.lib.colors import white
 from reportlab.lib.pagesizes import A4
 from reportlab.lib.units import mm
-from reportlab.platypus import CondPageBreak, HRFlowable, KeepTogether, SimpleDocTemplate, Spacer, Table
+from reportlab.platypus import SimpleDocTemplate, Spacer, Table
 
-from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, Content
+from station.reports.content import GATE_HEADS, Content
 from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
 from station.reports.html_page import FIRST, completed, explained, guarded_text, metric_groups, rule_text, side_text
+from station.reports.pdf_evidence import budget_parts, evaluation_parts, provenance_parts, timing_parts
 from station.reports.pdf_layout import (
     BADGE_COLOUR,
     BODY,
     FRAME_PT,
-    INK,
     MARGIN_PT,
     RED,
     SOFT,
@@ -26,15 +26,12 @@ from station.reports.pdf_layout import (
     WASH,
     WIDTH_PT,
     grid,
+    heading,
     paragraph,
     picture,
+    section,
 )
 from station.reports.result_text import limits_text, number, spread_text, unit_text
-from station.reports.result_view import timing_line
-from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS, TimingTables
-
-LEAST_BELOW_HEADING = 35 * mm
-"""A heading with less room than this below it goes to the next page."""
 
 TWO_PICTURES = 0.84
 """Share of the width at which two pictures have room on the first page, below what is said there."""
@@ -57,11 +54,11 @@ def report_pdf(
         *_metrics(result, content),
         *_gates(content),
         *_alarms(result),
-        *(_section("Stiffness", picture(pictures["stiffness.png"])) if "stiffness.png" in pictures else ()),
-        *_budgets(content),
-        *_evaluation(result, content, pictures),
-        *_timing(result, run, content, pictures),
-        *_provenance(result, run, content, conditions),
+        *(section("Stiffness", picture(pictures["stiffness.png"])) if "stiffness.png" in pictures else ()),
+        *budget_parts(content),
+        *evaluation_parts(result, content, pictures),
+        *timing_parts(result, run, content, pictures),
+        *provenance_parts(result, run, content, conditions),
     ]
     stream = io.BytesIO()
     said = headline(result).text
@@ -87,12 +84,6 @@ def report_pdf(
 
     document.build(story, onFirstPage=footer, onLaterPages=footer)
     return stream.getvalue()
-
-
-def _section(title: str, *parts: Any) -> list[Any]:
-    """Return a heading that stays with what follows it."""
-    rule = HRFlowable(width="100%", thickness=1.2, color=INK, spaceBefore=0, spaceAfter=4)
-    return [KeepTogether([paragraph(title, "head"), rule, *parts[:1]]), *parts[1:]]
 
 
 def _top(result: dict[str, Any], run: dict[str, Any]) -> list[Any]:
@@ -154,18 +145,12 @@ def _metrics(result: dict[str, Any], content: Content) -> list[Any]:
     heads = ("metric", "", "value", "", "unit", "limit", "", "definition")
     table = grid(heads, rows, (30, 4, 14, 15, 16, 14, 24, 54))
     said = paragraph(f"{rule_text(result['decision'])} {content.uncertainty}", "soft")
-    return [*_heading("Metrics"), table, Spacer(1, 3), said]
+    return [*heading("Metrics"), table, Spacer(1, 3), said]
 
 
 def _tag(verdict: str | None) -> Any:
     colour = VERDICT_COLOURS.get(verdict or "")
     return paragraph("reported", "soft") if colour is None else paragraph(str(verdict), bold=True, colour=colour)
-
-
-def _heading(title: str) -> list[Any]:
-    """Return a heading for what may be longer than a page."""
-    rule = HRFlowable(width="100%", thickness=1.2, color=INK, spaceBefore=0, spaceAfter=4)
-    return [CondPageBreak(LEAST_BELOW_HEADING), KeepTogether([paragraph(title, "head"), rule])]
 
 
 def _gates(content: Content) -> list[Any]:
@@ -176,7 +161,7 @@ def _gates(content: Content) -> list[Any]:
         for place, row in enumerate(content.gates, 1)
         if row[-1] == "FAILED"
     ]
-    return [*_heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (30, 110, 18), red)]
+    return [*heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (30, 110, 18), red)]
 
 
 def _alarms(result: dict[str, Any]) -> list[Any]:
@@ -192,101 +177,4 @@ def _alarms(result: dict[str, Any]) -> list[Any]:
         rows.append((f"{alarm['t_s']:.3f} s", str(alarm["state"]), what, reaction, str(alarm["next_action"])))
         colours.append(("BACKGROUND", (0, place), (-1, place), WASH if is_note(alarm) else RED))
     heads = ("time", "state", "what happened", "reaction", "what to do next")
-    return [*_heading("Alarms and notes"), grid(heads, rows, (15, 16, 60, 15, 50), colours)]
-
-
-def _budgets(content: Content) -> list[Any]:
-    parts: list[Any] = []
-    for budget in content.budgets:
-        table = grid(BUDGET_HEADS, budget.rows, (62, 21, 25, 18, 27, 12))
-        parts.append(KeepTogether([paragraph(f"{budget.metric} = {budget.expanded}", "subhead"), table]))
-    return [*_heading("Uncertainty budgets"), *parts] if parts else []
-
-
-def _evaluation(result: dict[str, Any], content: Content, pictures: dict[str, bytes]) -> list[Any]:
-    parts: list[Any] = []
-    if content.stages:
-        rows = [(name, "\n".join(part for part in (text, figures) if part)) for name, text, figures in content.stages]
-        parts.append(grid(("stage", "what it did"), rows, (30, 130)))
-    else:
-        parts += [paragraph(f"• {note}") for note in result["notes"]]
-    if content.method or content.fits:
-        parts += [Spacer(1, 4), grid(("", ""), [*content.method, *content.fits], (45, 115))]
-    if content.lines:
-        parts += [paragraph("Torque ratio T_out = C + m·T_in", "subhead")]
-        parts += [grid(LINE_HEADS, content.lines, (26, 20, 18, 14, 14, 18, 14, 12, 13))]
-    if "residuals.png" in pictures:
-        parts += [Spacer(1, 6), picture(pictures["residuals.png"])]
-    return [*_heading("How it was evaluated"), *parts] if parts else []
-
-
-def _timing(result: dict[str, Any], run: dict[str, Any], content: Content, pictures: dict[str, bytes]) -> list[Any]:
-    timing = result["timing"]
-    if not timing.get("scans"):
-        return []
-    parts = [paragraph(f"{timing_line(timing)}.", "text")]
-    if "timing.png" in pictures:
-        parts += [Spacer(1, 4), picture(pictures["timing.png"])]
-    parts += _timing_tables(content.timing)
-    if run.get("clock") == "real":
-        realtime = timing.get("realtime") or {}
-        rows = [
-            (str(name), f"{'granted' if realtime.get(name) else 'refused'}: {text}")
-            for name, text in (realtime.get("details") or {}).items()
-        ]
-        parts += [grid(("", ""), rows, (30, 130))] if rows else []
-    return _section("Timing", *parts)
-
-
-def _timing_tables(found: TimingTables) -> list[Any]:
-    parts: list[Any] = []
-    if found.percentiles:
-        table = _numbers(PERCENTILE_HEADS, found.percentiles, (40, 30, 30, 30, 30), {0})
-        parts.append(KeepTogether([paragraph("Percentiles", "subhead"), table]))
-    if found.missed:
-        table = _numbers(MISSED_HEADS, found.missed, (19, 18, 14, 37, 15, 14, 14, 14, 14), {3})
-        more = [paragraph(found.more, "soft")] if found.more else []
-        parts.append(
-            KeepTogether([paragraph("Missed periods, and the scan before them, in µs", "subhead"), table, *more])
-        )
-    if found.scans:
-        table = _numbers(SCAN_HEADS, found.scans, (17, 16, 18, 37, 15, 14, 14, 14, 14), {0, 3})
-        parts.append(KeepTogether([paragraph("Longest and latest scans, in µs", "subhead"), table]))
-    if found.causes:
-        parts += [Spacer(1, 4), grid(("", ""), found.causes, (30, 130))]
-    return parts
-
-
-def _numbers(heads: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequence[float], words: set[int]) -> Any:
-    """Return a table of numbers, which stand at the right of their columns; `words` are the columns of text."""
-    shown = [[cell if place in words else paragraph(cell, "right") for place, cell in enumerate(row)] for row in rows]
-    return grid(heads, shown, widths, right=set(range(len(heads))) - words)
-
-
-def provenance_rows(result: dict[str, Any], run: dict[str, Any], conditions: dict[str, str]) -> list[tuple[str, str]]:
-    """Return what was run, when, by whom and with what: name and text."""
-    recipe, bench, software, unit = run["recipe"], run["bench"], run["software"], run["unit"]
-    return [
-        ("run", str(result["run"])),
-        ("started, ended", f"{run['started']}, {run['ended']}"),
-        ("recipe", f"{recipe['name']} revision {recipe['revision']}, SHA-256 {recipe['sha256']}"),
-        ("bench", f"{bench['name']} revision {bench.get('revision')}, SHA-256 {bench['sha256']}"),
-        *([("operator", str(run["operator"]))] if run.get("operator") else []),
-        *([("virtual unit", str(unit["virtual"]))] if unit.get("virtual") else []),
-        *([("faults injected", str(run["scenario"]))] if run.get("scenario") else []),
-        ("clock", f"{run['clock']} time"),
-        ("software", f"{software['name']} {software['version']}, Python {software['python']}, {software['platform']}"),
-        *conditions.items(),
-    ]
-
-
-def _provenance(result: dict[str, Any], run: dict[str, Any], content: Content, conditions: dict[str, str]) -> list[Any]:
-    rows = provenance_rows(result, run, conditions)
-    rows += [(f"calibration {name}", text) for name, text in content.calibrations]
-    parts = [*_heading("What was run"), grid(("", ""), rows, (35, 125))]
-    if content.checksums:
-        sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]
-        parts += [*_heading("To check it again"), grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))]
-        word = "analyze" if result["metrics"] else "show"
-        parts.append(paragraph(f"lostmotion {word} {result['run']} reads these files again.", "soft"))
-    return parts
+    return [*heading("Alarms and notes"), grid(heads, rows, (15, 16, 60, 15, 50), colours)]

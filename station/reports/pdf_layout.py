@@ -22,7 +22,7 @@ from reportlab.lib.units import mm
 from reportlab.lib.utils import ImageReader
 from reportlab.pdfbase.pdfmetrics import registerFont, registerFontFamily
 from reportlab.pdfbase.ttfonts import TTFont
-from reportlab.platypus import Image, Paragraph, Table
+from reportlab.platypus import CondPageBreak, HRFlowable, Image, KeepTogether, Paragraph, Table
 
 MARGIN_PT = 15 * mm
 FRAME_PT = 6.0
@@ -33,6 +33,9 @@ rl_config.useA85 = 0
 
 WIDTH_PT = A4[0] - 2 * MARGIN_PT
 """Width of the text on the page."""
+
+LEAST_BELOW_HEADING = 35 * mm
+"""A heading with less room than this below it goes to the next page."""
 
 INK, SOFT, LINE, WASH, RED = (HexColor(one) for one in ("#1f2933", "#66727f", "#d9dee4", "#f5f7f9", "#fdecea"))
 VERDICT_COLOURS = {
@@ -76,6 +79,18 @@ def paragraph(text: str, style: str = "small", *, bold: bool = False, colour: An
     if colour is not None:
         marked = f'<font color="{colour.hexval().replace("0x", "#")}">{marked}</font>'
     return Paragraph(f"<b>{marked}</b>" if bold else marked, styles()[style])
+
+
+def section(title: str, *parts: Any) -> list[Any]:
+    """Return a heading that stays with what follows it."""
+    rule = HRFlowable(width="100%", thickness=1.2, color=INK, spaceBefore=0, spaceAfter=4)
+    return [KeepTogether([paragraph(title, "head"), rule, *parts[:1]]), *parts[1:]]
+
+
+def heading(title: str) -> list[Any]:
+    """Return a heading for what may be longer than a page."""
+    rule = HRFlowable(width="100%", thickness=1.2, color=INK, spaceBefore=0, spaceAfter=4)
+    return [CondPageBreak(LEAST_BELOW_HEADING), KeepTogether([paragraph(title, "head"), rule])]
 
 
 def grid(

@@ -60,7 +60,8 @@ def stiffness_figure(result: Result, method: Method, metrics: list[dict[str, Any
         axes.set_title("Stiffness over torque", loc="left", fontsize=11, fontweight="bold")
         axes.grid(color=GRID, linewidth=0.6)
         axes.axvline(0, color=INK, linewidth=0.7)
-        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8.5)
+        if axes.get_legend_handles_labels()[0]:  # the negative side alone has none
+            axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8.5)
     return figure
 
 

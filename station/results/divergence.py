@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from controller.controller import Controller
-from controller.faults import FAULT_BY_NUMBER, Fault
+from controller.faults import Fault, cause_among
 from controller.image import ORDERS_FIELDS, ORDERS_STRUCT, DriveCommand, DriveMode, Image, Orders, Reaction, State
 
 NAMES = {"state": State, "reaction": Reaction, "drive_command": DriveCommand, "drive_mode": DriveMode}
@@ -66,21 +66,16 @@ class Beside:
     def _parted(self, scan: int, state: State, own: Orders, other: Orders) -> Divergence:
         new, gone = other.alarms & ~own.alarms, own.alarms & ~other.alarms
         if new:
-            fault = _strongest(new)
+            fault = cause_among(new)
             # what a step says beside its fault: which zero was too large, which device was missing
             notes = [event.text for event in self._other.events if (event.scan, event.kind) == (scan, "note")]
             cause = "; ".join([f"{_named(fault)} would have been raised", *notes])
         elif gone:
-            fault = _strongest(gone)
+            fault = cause_among(gone)
             cause = f"{_named(fault)} would not have been raised"
         else:
             fault, cause = None, _differing(own, other)
         return Divergence(self._steps, scan, state.name.lower(), fault.id if fault else "", cause)
-
-
-def _strongest(alarms: int) -> Fault:
-    faults = [fault for number, fault in FAULT_BY_NUMBER.items() if alarms >> number & 1]
-    return max(faults, key=lambda fault: fault.reaction)
 
 
 def _named(fault: Fault) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from analysis import Result, Trace
 from recipes import Bench, Recipe
-from station.bench.request import Job, load_job
+from station.bench.request import Job, stored_job
 from station.errors import StationError
 from station.record.check import check_file, read_table
 from station.record.run_record import RunRecord
@@ -65,6 +65,6 @@ def complete_run(run: RunRecord) -> RunAnalysis:
     altered = alterations(run)
     if altered:
         raise StationError(f"{run.id}: record altered: {altered[0]}; nothing is computed from it")
-    job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+    job = stored_job(run)
     trace, result = evaluate_run(run, job.recipe, job.bench)
     return RunAnalysis(job, trace, result)

@@ -1,4 +1,7 @@
-"""Who asks a run to stop from outside: Ctrl-C, a service manager, and a terminal that is closed."""
+"""Who asks a run to stop from outside: Ctrl-C, a service manager, and a terminal that is closed.
+
+Asked once, the torque is brought to zero before the lock opens; asked again, it is a quick stop.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,15 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from controller.image import Command
+
 ASKS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+STOP_WORDS = {
+    Command.STOP: "stopping: the torque is brought to zero first (Ctrl-C again: quick stop)",
+    Command.QUICK_STOP: "quick stop",
+}
+"""What is said when a stop is passed on."""
 
 
 @contextmanager
@@ -19,3 +30,22 @@ def listening(handler: Callable[..., None]) -> Iterator[None]:
     finally:
         for number, earlier in before.items():
             signal.signal(number, earlier)
+
+
+class Stopping:
+    """Counts how often a run was asked to stop: the first time is a stop, every further one a quick stop."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+        self._taken = 0
+
+    def hear(self, *_: object) -> None:
+        """Count one more who asks: the handler for `listening`."""
+        self.asked += 1
+
+    def take_command(self) -> Command:
+        """Return the command of the oldest asking that was not taken yet; `Command.NONE` when all were."""
+        if self.asked <= self._taken:
+            return Command.NONE
+        self._taken += 1
+        return Command.STOP if self._taken == 1 else Command.QUICK_STOP

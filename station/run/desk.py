@@ -24,7 +24,7 @@ from station.record.ring_reader import RingReader
 from station.record.run_record import SCAN_REPORT, RunRecord
 from station.record.writer import RecordsWaitError, RecordWriter
 from station.run import children
-from station.run.asked_to_stop import listening
+from station.run.asked_to_stop import STOP_WORDS, Stopping, listening
 from station.run.ending import Ending, take_room
 from station.run.fault_companion import Companion, Reach
 from station.run.process_specs import write_bench_spec, write_scan_spec
@@ -83,8 +83,7 @@ class Desk:
         self._companion = companion
         self._show, self._say = _if_possible(show), _if_possible(say)
         self._left, self._attend = left, attend
-        self._interrupts = 0
-        self._sent = 0
+        self._stopping = Stopping()
         self._disk_refused = ""
         self._waits = False
         self._seen: SimpleQueue[bytes] = SimpleQueue()
@@ -101,7 +100,7 @@ class Desk:
         """
         with ExitStack() as cleanup:
             take_room(self._record)
-            cleanup.enter_context(listening(self._interrupt))
+            cleanup.enter_context(listening(self._stopping.hear))
             ports, life_line = None, None
             if self._job.bench.bench.embedded or self._gateway:
                 life_line = children.LifeLine()
@@ -132,7 +131,7 @@ class Desk:
                     writer,
                     self._wall_clock,
                     embedded=life_line is not None,
-                    interrupted=self._interrupts > 0,
+                    interrupted=self._stopping.asked > 0,
                 )
                 ending.keep(self._record)
             except RecordError as error:
@@ -171,9 +170,6 @@ class Desk:
         return (program.unload_limit_scans + program.release_scans + program.settle_scans) * program.period_s + 1.0
 
     # --- running
-
-    def _interrupt(self, *_: object) -> None:
-        self._interrupts += 1
 
     def _serve(self, process: subprocess.Popen[bytes], ring: RingReader, writer: RecordWriter) -> None:
         """Pass on what the scan and the operator have to say until the scan process has ended."""
@@ -222,18 +218,15 @@ class Desk:
             process.terminate()
 
     def _pass_on(self, ring: RingReader, process: subprocess.Popen[bytes], *, armed: bool) -> None:
-        """Turn interrupts into commands: the first a stop, the next ones quick stops."""
-        if self._interrupts <= self._sent:
+        """Tell what was asked for, and pass it on; before the start there is nothing to unload."""
+        command = self._stopping.take_command()
+        if not command:
             return
-        self._sent += 1
         if not armed:
             process.terminate()
-        elif self._sent == 1:
-            self._say("stopping: the torque is brought to zero first (Ctrl-C again: quick stop)")
-            ring.send(Command.STOP)
-        else:
-            self._say("quick stop")
-            ring.send(Command.QUICK_STOP)
+            return
+        self._say(STOP_WORDS[command])
+        ring.send(command)
 
     # --- ending
 

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from controller.image import State
+from station.bench.request import Job
 from station.run.live import LiveReader, LiveView
 
 STATE_COLOURS: dict[State, str] = {
@@ -58,7 +59,7 @@ class Progress:
     def __init__(
         self, reader: LiveReader, title: str, stream: TextIO | None = None, *, say_alarms: bool = False
     ) -> None:
-        self._reader, self._title = reader, title
+        self._reader, self.title = reader, title
         self._stream = stream or sys.stdout
         self._console = Console(file=self._stream)
         self._live: Live | None = None
@@ -88,7 +89,7 @@ class Progress:
         """Show the newest record."""
         view = self._reader.read(record)
         if self._live is not None:
-            self._live.update(panel(view, self._title), refresh=True)
+            self._live.update(panel(view, self.title), refresh=True)
         elif view.state is not self._last:
             cycle = f", cycle {view.cycle} of {view.cycles}" if view.cycle else ""
             self._line(f"{clock(view.time_s):>6}  {view.words}{cycle}, {signed(view.torque_nm, 1)} N·m")
@@ -103,6 +104,13 @@ class Progress:
     def _line(self, text: str) -> None:
         self._stream.write(text + "\n")
         self._stream.flush()
+
+
+def progress_of(job: Job, serial: str, *, as_json: bool) -> Progress:
+    """Return the progress of a run of this job: on standard error where standard output belongs to a program."""
+    reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
+    stream = sys.stderr if as_json else sys.stdout
+    return Progress(reader, f"{serial}  {job.recipe.recipe.name}", stream, say_alarms=as_json)
 
 
 def panel(view: LiveView, title: str) -> Panel:

@@ -162,7 +162,7 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
     """Give the run its state, and its verdict when its scan came to its end."""
     # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
     from recipes import RecipeError  # noqa: PLC0415
-    from station.bench.request import load_job  # noqa: PLC0415
+    from station.bench.request import stored_job  # noqa: PLC0415
     from station.run.conclusion import conclude  # noqa: PLC0415
 
     said, kept = scan_report(run), Ending.kept_in(run)
@@ -170,7 +170,7 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
     written, lost, uncounted = _counts(run, ended, said, kept)
     run.samples.touch()
     try:
-        job = load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"))
+        job = stored_job(run)
     except RecipeError as error:
         run.update(state=INTERRUPTED, ring=None, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
         return

@@ -7,13 +7,12 @@ from pathlib import Path
 
 from controller.context import Event
 from controller.controller import Controller
-from controller.image import Command
 from drivers.virtual.inprocess import VirtualTimeBench
 from station.bench.assemble_virtual import load_scenario, virtual_config
 from station.bench.request import Job
 from station.durable import Appender
 from station.record.run_record import RunRecord
-from station.run.asked_to_stop import listening
+from station.run.asked_to_stop import Stopping, listening
 from station.run.ending import Ending, take_room
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector
@@ -23,23 +22,6 @@ LOOK_EVERY = 1024
 """Scans between two looks at the operator's wishes and at the screen."""
 
 Show = Callable[[memoryview], None]
-
-
-class _Operator:
-    """Ctrl-C once: stop; twice: quick stop. Commands wait for the next scan."""
-
-    def __init__(self) -> None:
-        self.asked = 0
-        self._given = 0
-
-    def interrupt(self, *_: object) -> None:
-        self.asked += 1
-
-    def command(self) -> int:
-        if self.asked <= self._given:
-            return 0
-        self._given += 1
-        return int(Command.STOP if self._given == 1 else Command.QUICK_STOP)
 
 
 def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path | None, show: Show) -> Ending:
@@ -55,7 +37,7 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
     bench = VirtualTimeBench(virtual_config(job.bench, profiles, unit), job.recipe.sampling.period_ns, faults)
     controller = Controller(job.program)
     injected = None if faults is None else bench.faults
-    operator = _Operator()
+    stopping = Stopping()
     take_room(record)
     file = Appender(record.samples)
     recorder = VirtualRecorder(file)
@@ -63,10 +45,10 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path |
     def take_command(scan: int) -> int:
         if scan % LOOK_EVERY == 0 and scan:
             show(recorder.last())
-        return operator.command() or start_once(scan)
+        return int(stopping.take_command()) or start_once(scan)
 
     try:
-        with quiet_collector(), listening(operator.interrupt):
+        with quiet_collector(), listening(stopping.hear):
             run_virtual(bench, controller, recorder.append, take_command, injected)
     finally:
         try:

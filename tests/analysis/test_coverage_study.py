@@ -8,6 +8,7 @@ from scipy import stats
 
 from analysis import AngleFigures, Method, MetricWanted, SensorFigures, TorqueFigures
 from analysis.studies.coverage import CoverageRow, coverage
+from analysis.studies.simulated_pairs import simulated_pairs
 from analysis.studies.simulated_run import SimulatedBench
 from recipes import load_bench
 from station.bench.figures import figures_of
@@ -40,7 +41,7 @@ def rows(request: pytest.FixtureRequest) -> list[CoverageRow]:
         fixture_stiffness_nm_per_arcmin=bench.fixture_nm_per_arcmin,
         output_torque=request.param,
     )
-    return coverage(UNITS, figures_of(load_bench("virtual")), WANTED, method, bench=bench)
+    return coverage(WANTED, simulated_pairs(UNITS, figures_of(load_bench("virtual")), WANTED, method, bench))
 
 
 def test_interval_covers_the_true_value(rows: list[CoverageRow]) -> None:
@@ -58,14 +59,14 @@ def test_interval_of_a_share(covered: float, units: int, between: tuple[float, f
 
 def test_one_error_alone_has_the_deviation_that_its_source_states() -> None:
     """Gain of the sensor alone in a wind-up: ± 2 u is all of what a data sheet allows, and 95 % of a certificate's."""
-    bench, units = SimulatedBench(rate_nm_s=480.0, cycles=1), 60
+    bench, units, alone = SimulatedBench(rate_nm_s=480.0, cycles=1), 60, [MetricWanted("windup")]
     method = Method(ratio=bench.ratio, rated_torque_nm=412.0, fixture_stiffness_nm_per_arcmin=1e4)
-    quiet = {"zero_fraction": 0.0, "reversibility_fraction": 0.0, "noise_fraction": 1e-9, "gain_fraction": 0.02}
+    quiet = {"zero_fraction": 0.0, "reversibility_fraction": 0.0, "noise_fraction": 0.0, "gain_fraction": 0.02}
     for by, least in (("data_sheet", 1.0), ("certificate", 0.82)):
         sensor = TorqueFigures(1000.0, **quiet, stated_by=by)
         encoder = AngleFigures(1e-9, accuracy_rad=0.0, interpolation_rad=0.0)
         figures = SensorFigures(replace(sensor, full_scale_nm=5.0), sensor, encoder, encoder)
-        (row,) = coverage(units, figures, [MetricWanted("windup")], method, bench=bench)
+        (row,) = coverage(alone, simulated_pairs(units, figures, alone, method, bench))
         assert row.covered >= least, by
         assert 2 * row.deviation / row.expanded == pytest.approx(1.0, abs=0.35), by
 

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
+from definition_support import CRACKED, LOOP_OF_P1, METHOD, P1, sides, trace_of
 from numpy.polynomial.polynomial import polyder, polyval
-from reference_unit import ARC, RATED_NM, ReferenceUnit, exact_trace
+from reference_unit import ARC, RATED_NM, exact_trace
 
-from analysis import AnalysisError, Decision, Method, MetricWanted, SegmentInfo, Trace, analyse
+from analysis import AnalysisError, Method, MetricWanted, Trace, analyse
 from analysis.branches import Branch
 from analysis.curves import FITS
-from analysis.grades import GRADES, backlash_limits, grade_of, grade_uncertainty
 from analysis.region_fit import fit_three_regions
-
-METHOD = Method(ratio=121, rated_torque_nm=RATED_NM)
-CRACKED = ReferenceUnit(negative_softer=1.2)
-"""Its sides differ, so that a side taken for the other one shows."""
-
-P1 = ReferenceUnit()
-LOOP_OF_P1 = exact_trace(P1, 480.0)
-CRACKED_LOOP = exact_trace(CRACKED, 480.0)
 
 
 def forward(torque: float) -> float:
@@ -36,12 +26,6 @@ def backward(torque: float) -> float:
 
 def centre(torque: float) -> float:
     return (forward(torque) + backward(torque)) / 2
-
-
-def sides(wanted: MetricWanted, trace: Trace = CRACKED_LOOP, method: Method = METHOD) -> dict[str, float | None]:
-    (metric,) = analyse(trace, method, [wanted]).metrics
-    assert not metric.reasons
-    return {side.side: side.value for side in metric.sides}
 
 
 BAND, HALF, RATED = 0.03 * RATED_NM, 0.5 * RATED_NM, RATED_NM
@@ -135,8 +119,10 @@ REGIONS = {
     "backward": ([0.5, 0.013, 0.5e-5], [0.6, 0.012], [0.3, 0.012, 1.1e-5],
                  [0.3, 0.009, 0.6e-5], [0.4, 0.010], [0.1, 0.015, -0.7e-5]),
 }  # fmt: skip
+
 POINTS = 2800
 """Few enough that none are averaged, and none on a border: there these branches jump."""
+
 BORDERS = np.array([-320.0, -80.0, 0.0, 80.0, 320.0])
 
 
@@ -148,17 +134,6 @@ def region_loop() -> Trace:
         curves.append(sum(polyval(torque, piece) * (region == n)
                           for n, piece in enumerate(pieces)))  # fmt: skip
     return trace_of(torque, curves)
-
-
-def trace_of(torque: np.ndarray, curves: list[np.ndarray]) -> Trace:
-    """Forward and return branches in turn, each given as wind-up [arcmin] over rising torque."""
-    parts = [torque if number % 2 == 0 else torque[::-1] for number in range(len(curves))]
-    angles = [curve if number % 2 == 0 else curve[::-1] for number, curve in enumerate(curves)]
-    table = {number: SegmentInfo("measure", 1 - 2 * (number % 2), number // 2 + 1) for number in range(len(curves))}
-    segment = np.repeat(np.arange(len(curves)), torque.size)
-    return Trace(
-        torque_out_nm=np.concatenate(parts), angle_out_rad=np.concatenate(angles) * ARC, segment=segment, segments=table
-    )
 
 
 OF_400 = Method(ratio=121, rated_torque_nm=400.0, fit_end_nm=420.0)
@@ -245,74 +220,6 @@ def test_three_segments_are_found_back(variant: str, branch: str) -> None:
 def test_break_torques_out_of_order_are_said(first: float | None, second: float | None) -> None:
     with pytest.raises(AnalysisError, match="needed is T1 < T2 < reference"):
         Method(ratio=121, rated_torque_nm=400.0, stiffness_break_t1_nm=first, stiffness_break_t2_nm=second)
-
-
-def test_grades_are_a_whole_table() -> None:
-    assert [row.grade for row in GRADES] == list(range(1, len(GRADES) + 1))
-    assert all(one.most_arcmin < other.most_arcmin for one, other in itertools.pairwise(GRADES))
-    assert GRADES[0].most_arcmin == 1.0
-    assert GRADES[-1].most_arcmin == np.inf
-
-
-@pytest.mark.parametrize(("backlash", "grade"), [(0.0, 1), (32 / 60, 1), (1.0, 1), (1.0001, 2), (50.0, 2)])
-def test_grade_of_a_backlash(backlash: float, grade: int) -> None:
-    assert grade_of(backlash) == grade
-
-
-@pytest.mark.parametrize(
-    ("backlash", "expanded", "steps"), [(0.9, 0.05, 0), (0.9, 0.11, 1), (1.1, 0.11, 1), (1.2, 0.1, 0), (0.01, 0.5, 0)]
-)
-def test_grade_is_as_uncertain_as_its_backlash(backlash: float, expanded: float, steps: float) -> None:
-    assert grade_uncertainty(backlash, expanded) == steps
-
-
-@pytest.mark.parametrize(
-    ("widths", "grade", "simple", "guarded"),
-    [
-        ((0.50, 0.52), 1, "PASS", "PASS"),
-        ((0.94, 1.04), 1, "PASS", "NOT DECIDABLE"),
-        ((0.97, 1.07), 2, "FAIL", "NOT DECIDABLE"),
-        ((1.30, 1.32), 2, "FAIL", "FAIL"),
-    ],
-)
-def test_grade_is_of_the_mean_and_judged_with_its_uncertainty(
-    widths: tuple[float, float], grade: int, simple: str, guarded: str
-) -> None:
-    torque = np.linspace(-440.0, 440.0, 2001)
-    closing = np.clip((440.0 - np.abs(torque)) / 10, 0, 1) / 2
-    trace = trace_of(torque, [torque / 100 + sign * width * closing for width in widths for sign in (-1, 1)])
-    wanted = [MetricWanted("grade", max=1.0)]
-    result = analyse(trace, METHOD, wanted)
-    assert (result.metrics[0].headline.value, str(result.verdict)) == (grade, simple)
-    assert [grade_of(width) for width in widths] == list(result.metrics[0].headline.per_cycle)
-    assert str(analyse(trace, METHOD, wanted, Decision("guard_band")).verdict) == guarded
-
-
-@pytest.mark.parametrize(
-    ("grades", "backlashes"),
-    [((None, 1), (None, 1.0)), ((None, 2), (None, None)), ((2, None), (1.0, None)), ((1, 1), (None, 1.0)),
-     ((None, 0.5), (None, 0.0)), ((None, None), (None, None))],
-)  # fmt: skip
-def test_limits_on_a_grade_are_limits_on_the_backlash(
-    grades: tuple[float | None, float | None], backlashes: tuple[float | None, float | None]
-) -> None:
-    assert backlash_limits(*grades) == backlashes
-
-
-def test_a_grade_that_fails_says_by_which_backlash() -> None:
-    result = analyse(LOOP_OF_P1, METHOD, [MetricWanted("grade", variant="branches", max=1.0)])
-    assert result.verdict == "FAIL"
-    (reason,) = result.reasons
-    assert reason == (
-        "grade: backlash_branches_3pct: 1.316 arcmin is above the limit of 1 arcmin: the unit has more play than "
-        "allowed"
-    )
-
-
-def test_backlash_in_force_of_a_grade() -> None:
-    """P1 has 0.95 arcmin at zero torque, and 1.32 arcmin between the paths at ±3 %."""
-    for variant, grade in (("width_zero", 1), ("width_3pct", 1), ("branches", 2), ("lost_motion", 1)):
-        assert sides(MetricWanted("grade", variant=variant), LOOP_OF_P1) == {"both": grade}
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from gate_support import FACTS, FIGURES, GOOD, KNOWN, P1, WANTED, judged, of
 from reference_unit import RATIO, bench_trace
 
 from analysis import (
+    MetricWanted,
     Quadrants,
     TorqueFigures,
     TorqueLine,
@@ -127,3 +128,31 @@ def test_without_the_drive_its_gates_are_not_measured() -> None:
     for gate in ("drive_torque_agreement", "drive_torque_gap"):
         assert of(result, gate).passed is None
         assert "not measured: the torque that the drive reports is not in the trace" in of(result, gate).text
+
+
+@pytest.mark.parametrize("stands_at", [0.0, 3.0])
+def test_an_output_sensor_that_stands_still_beside_a_converted_torque_is_seen(stands_at: float) -> None:
+    """Its torque enters no metric then, and nothing else tells: at 0 N·m the program failed, at 3 N·m it passed."""
+    lines = [TorqueLine(sign * c, m) for sign in (1, -1) for c, m in ((-13.9, 94.7), (24.8, 168.0))]
+    stored = dataclasses.replace(KNOWN, output_torque="calibrated", quadrants=Quadrants(*lines))
+    trace = without("calibrate")
+    assert judged(trace, stored).verdict is Verdict.PASS
+    dead = judged(dataclasses.replace(trace, torque_out_nm=np.full(trace.samples, stands_at)), stored)
+    assert of(dead, "torque_agreement").passed is False
+    assert dead.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_what_passes_by_the_torque_ratio_of_another_unit_alone_is_not_decided() -> None:
+    """Lines of a unit with twice the friction make the play of a worn unit read small; the output sensor shows it."""
+    lines = [TorqueLine(sign * c, m) for sign in (1, -1) for c, m in ((-27.0, 94.7), (48.0, 168.0))]
+    stored = dataclasses.replace(KNOWN, output_torque="calibrated", quadrants=Quadrants(*lines))
+    trace, limit = without("calibrate"), MetricWanted("backlash_width_3pct", max=0.8)
+    alone = analyse(dataclasses.replace(trace, torque_out_nm=None), stored, [limit], facts=FACTS, figures=FIGURES)
+    assert alone.verdict is Verdict.PASS
+    shown = analyse(trace, stored, [limit], facts=FACTS, figures=FIGURES)
+    assert shown.verdict is Verdict.NOT_DECIDABLE
+    assert "backlash_width_3pct, side +: " in shown.reasons[0]
+    assert "by the torque measured at the output it is 0.94" in shown.reasons[0]
+    assert "output_torque: reaction" in shown.reasons[0]
+    wider = analyse(trace, stored, [dataclasses.replace(limit, max=1.1)], facts=FACTS, figures=FIGURES)
+    assert wider.verdict is Verdict.PASS

@@ -10,7 +10,7 @@ from ramp_support import ORDER_OF, SHOWN, S, mid_ramp
 from timeline import Timeline
 
 from controller.debounce import debounce_scans
-from controller.faults import FAULT_BY_ID, FAULTS
+from controller.faults import FAULT_BY_ID, FAULTS, cause_among
 from controller.image import (
     Command,
     DriveCommand,
@@ -123,6 +123,25 @@ def test_several_causes_in_one_scan_name_the_most_severe():
     orders = run.go()
     assert orders.fault == FAULT_BY_ID["estop"].number
     assert set(run.alarms()) == {"estop", "torque_out_trip", "amplifier_lost"}
+
+
+@pytest.mark.parametrize(
+    ("raised", "cause"),
+    [
+        (("sample_late",), "sample_late"),
+        (("housing_temperature", "missed_periods", "sample_late"), "housing_temperature"),
+        (("missed_periods", "lock_unproven", "housing_temperature"), "housing_temperature"),
+        (("guard_open", "brake_stays_closed", "torque_out_trip"), "brake_stays_closed"),
+        (("brake_stays_closed", "estop", "can_lost"), "estop"),
+    ],
+)
+def test_the_cause_is_the_most_severe_and_of_equals_the_lowest_number(raised: tuple[str, ...], cause: str):
+    assert cause_among(sum(1 << FAULT_BY_ID[name].number for name in raised)).id == cause
+
+
+def test_without_an_alarm_there_is_no_cause():
+    with pytest.raises(ValueError, match="empty"):
+        cause_among(0)
 
 
 def test_unloading_by_a_stuck_sensor_does_not_load_the_other_side():

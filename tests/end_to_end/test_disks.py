@@ -16,6 +16,8 @@ import pytest
 from lostmotion_command import ROOT, Running, here
 from patient import GOLDEN_RECIPE
 
+from station.durable import Appender, reserve, write_durable
+from station.errors import RecordError
 from station.record.check import check_file
 from station.record.scan_record import RECORD_BYTES
 
@@ -168,6 +170,19 @@ def test_a_read_only_disk_is_refused_before_anything_moves(disk):
     assert "Read-only file system" in done.err
     assert "--data" in done.err
     assert list(disk.iterdir()) == []
+
+
+def test_a_disk_that_became_read_only_is_not_to_be_freed(disk):
+    file = Appender(disk / "samples.bin")
+    file.close()
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)  # noqa: S607
+    for deed in (
+        lambda: write_durable(disk / "run.json", b"{}"),
+        lambda: reserve(disk / "result.json", 4096),
+        lambda: Appender(disk / "samples.bin"),
+    ):
+        with pytest.raises(RecordError, match=r"cannot be written: Read-only file system\. Mount the disk for writing"):
+            deed()
 
 
 def test_a_run_on_a_read_only_disk_is_reported_and_exported_elsewhere(disk, golden_run, tmp_path):

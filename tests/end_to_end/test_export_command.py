@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import errno
 import json
+import os
+import subprocess
 
 import pyarrow.parquet as pq
 import pytest
+from lostmotion_command import COMMAND, ROOT
 
 from station.commands.loop_source import trace_source
 from station.errors import StationError
 from station.record.check import read_table
 from station.record.scan_record import RECORD_BYTES
+from station.record.store import Store
 from station.results.export import FORMATS, sidecar
 
 
@@ -166,6 +170,29 @@ def test_no_record_is_written_over(lostmotion, stored, name):
         assert "Choose another" in refused.err
     assert (place.read_bytes() if place.exists() else None) == before
     assert "altered" not in lostmotion("show", str(stored), "--json").json
+
+
+@pytest.mark.parametrize("name", [".", "../{run}", "profiles/..", "../../link"])
+def test_a_run_has_its_name_however_its_folder_is_written(stored, tmp_path, monkeypatch, name):
+    (tmp_path / "link").symlink_to(stored)
+    monkeypatch.chdir(stored)
+    run = Store(tmp_path / "nothing").find(name.format(run=stored.name))
+    assert (run.id, run.folder) == (stored.name, stored.resolve())
+
+
+def test_a_run_is_exported_from_inside_its_folder_to_another_place(stored, tmp_path):
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    (tmp_path / "out").mkdir()
+    before = sorted(path.name for path in stored.iterdir())
+    for out, code, told in (
+        ([], 2, f"--out {stored.name}.parquet: lies in the folder of run {stored.name}"),
+        (["--out", str(tmp_path / "out")], 0, str(tmp_path / "out" / f"{stored.name}.parquet")),
+    ):
+        words = [*COMMAND, "export", ".", *out]
+        done = subprocess.run(words, cwd=stored, env=environment, text=True, capture_output=True, check=False)
+        assert done.returncode == code
+        assert told in done.stdout + done.stderr
+    assert sorted(path.name for path in stored.iterdir()) == before
 
 
 def test_nothing_is_left_of_an_export_that_filled_the_disk(lostmotion, stored, tmp_path, monkeypatch):

@@ -13,6 +13,8 @@ import pytest
 from lostmotion_command import here
 from test_disks import recording
 
+from station.durable import Appender, write_durable
+from station.errors import RecordError
 from station.record.check import check_file
 
 pytestmark = pytest.mark.wires
@@ -58,6 +60,14 @@ def fail(disk: Path) -> None:
         (disk / "probe").touch()
 
 
+def test_a_failing_disk_is_to_be_replaced_and_not_to_be_freed(disk):
+    file = Appender(disk / "samples.bin")
+    fail(disk)
+    for deed in (lambda: write_durable(disk / "run.json", b"{}"), lambda: file.write(b"record"), file.sync):
+        with pytest.raises(RecordError, match=r"cannot be (written|flushed): Input/output error\. The disk fails"):
+            deed()
+
+
 def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ramp, disk, image):
     run = start("run", *one_ramp, "--serial", "D", "--json", data=disk)
     run.wait_for(lambda: recording(disk))
@@ -66,6 +76,7 @@ def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ram
     ran = run.finish()
     assert "Traceback" not in ran.err, ran.err
     assert ran.exit_code == 4, ran.err
+    assert "Input/output error. The disk fails" in ran.err
     for words in ("Input/output error", "torque was brought to zero", "records wait in memory", f"show {folder.name}"):
         assert words in ran.err
 

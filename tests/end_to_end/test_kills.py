@@ -61,6 +61,8 @@ def test_a_new_desk_takes_over_a_run_that_goes_on(tmp_path):
     disk = result["timing"]["disk"]
     assert disk["flushes"] > 0
     assert 0 < disk["from_record"] < left.on_disk
+    assert "bringing the torque to zero" in (tmp_path / "resume.txt").read_text(encoding="utf-8")
+    assert (left.folder / "report.html").exists()
 
 
 def test_a_scan_that_nobody_can_start_any_more_ends(tmp_path):

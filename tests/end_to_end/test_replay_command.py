@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from station.commands import json_errors
 from station.record.run_record import RunRecord
 from station.record.scan_record import RECORD_BYTES
 from station.record.seal import seal
@@ -107,6 +108,10 @@ def test_an_altered_record_that_cannot_be_replayed_is_called_altered_all_the_sam
     assert first.startswith("RECORD ALTERED")
     assert second.startswith(f"record altered: {name}")
     assert any(name in line and "record altered" not in line for line in rest)
+    told = lostmotion("replay", str(stored), "--json")
+    assert (told.exit_code, told.err) == (2, ran.err)
+    assert [set(error) for error in told.json["errors"]] == [set(json_errors.FIELDS)]
+    assert any(name in str(value) for value in told.json["errors"][0].values())
 
 
 def test_another_program_is_told_and_its_first_differing_scan_shown(lostmotion, stored):

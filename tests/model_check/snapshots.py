@@ -28,7 +28,7 @@ NEVER_ACTS: dict[str, str] = {
     "_in_state": "only tells the caller that the run is over",
     "_waits_for_person": "same",
     "_logged": "equal to `latched` after every step",
-    "_last_counter": "the counter of the small bench says the same",
+    "_context.last_counter": "the counter of the small bench says the same",
     "_home._counter": "the counter of the small bench says the same",
     "_watch.active": "computed anew in every scan",
     "_watch._counting": "tells which counts are not zero",

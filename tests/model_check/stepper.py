@@ -159,7 +159,7 @@ class Stepper:
     def _run(self, snapshot: Snapshot, what: Happening) -> tuple[Image, Orders]:
         """Let a controller decide on what it is shown."""
         self._freezer.put_back(snapshot)
-        counter = self._controller._last_counter % 3 + 1
+        counter = self._controller._context.last_counter % 3 + 1
         image = look(what.devices, what.command, counter, what.shown)
         latched, was = self._controller._watch.latched, self._controller.state
         orders = self._decide(image)

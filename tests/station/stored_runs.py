@@ -36,8 +36,12 @@ def store_run(
     revision: int = 1,
     converted: bool | None = None,
     scenario: str | None = None,
+    calibration: Mapping[str, Any] | None = None,
 ) -> RunRecord:
-    """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from."""
+    """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
+
+    calibration: the torque ratio that it measured.
+    """
     manifest: dict[str, Any] = {"bench": {"name": "b", "sha256": ""}, "unit": {"model": "RV", "virtual": None}}
     manifest |= {"recipe": {"name": recipe, "revision": revision, "sha256": ""}, "clock": "real", "verdict": None}
     manifest |= {} if operator is None else {"operator": operator}
@@ -51,6 +55,8 @@ def store_run(
     result |= {"reasons": list(reasons), "bench": {"name": "b"}, "unit": {"virtual": None}, "clock": "real"}
     result |= {} if converted is None else {"stages": [{"stage": "output torque", "applied": converted}]}
     run.write_json("result.json", result)
+    if calibration is not None:
+        run.write_json("calibration.json", {"id": f"{run.id}-ratio", **calibration})
     run.update(
         recipe=manifest["recipe"] | {"sha256": sha["recipe"]},
         bench=manifest["bench"] | {"sha256": sha["bench"]},
@@ -58,3 +64,15 @@ def store_run(
     )
     seal(run, state=state, verdict=verdict, records=0)
     return run
+
+
+def store_lot(data: Path) -> Path:
+    """Store five units, the first one measured twice, and runs that do not count, or not with the others."""
+    for number, value in enumerate((0.40, 0.42, 0.38, 0.41, 0.39)):
+        store_run(data, f"U{number}", [metric(value)], day=number)
+    store_run(data, "U0", [metric(0.5)], day=6)
+    store_run(data, "U5", [], state="stopped")
+    store_run(data, "U6", [metric(9.0)], reasons=["measurement invalid: drift"])
+    store_run(data, "U7", [metric(None)])
+    store_run(data, "U8", [metric(9.0)], recipe="other")
+    return data

@@ -4,11 +4,16 @@ import os
 import resource
 import subprocess
 import sys
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer.main
 from lostmotion_command import ROOT, here
+
+from station.cli import app
 
 RECIPE = "recipes/rv-40e-121-inverse.yaml"
 
@@ -208,6 +213,10 @@ def test_bad_input_is_one_json_object_for_programs(tmp_path: Path) -> None:
         (("run", RECIPE, "--serial", ""), "''"),
         (("check",), "Missing argument"),
         (("run", RECIPE, "--nonsense"), "No such option"),
+        (("replay", "nothing", "--data", "tests/data"), "holds no runs"),
+        (("show", "nothing", "--data", "tests/data"), "holds no runs"),
+        (("resume", "nothing", "--data", "tests/data"), "holds no runs"),
+        (("list", "--data", "/nowhere"), "there is no such folder"),
     ],
 )
 def test_refusals_without_a_place_are_json_too(args: tuple[str, ...], found: str) -> None:
@@ -215,6 +224,22 @@ def test_refusals_without_a_place_are_json_too(args: tuple[str, ...], found: str
     assert done.exit_code == 2
     assert found in done.json["errors"][0]["found"]
     assert done.err
+
+
+def commands_with_json(group: Any, *before: str) -> Iterator[tuple[str, ...]]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands_with_json(command, *before, name)
+        elif any("--json" in option.opts for option in command.params):
+            yield (*before, name)
+
+
+@pytest.mark.parametrize("words", list(commands_with_json(typer.main.get_command(app))), ids=" ".join)
+def test_every_command_with_json_refuses_in_json(words: tuple[str, ...]) -> None:
+    done = here(*words, "--nonsense", "--json")
+    assert done.exit_code == 2
+    (error,) = done.json["errors"]
+    assert "--nonsense" in error["found"]
 
 
 @pytest.mark.parametrize("args", [("check", "nothing.yaml"), ("show", "nothing")])

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_conclusion import desert
+from run_copies import desert
 
 import station.record.seal
 from station.commands.show import row, stored_result
 from station.errors import RecordError
+from station.record.run_index import INDEX, index_lines
 from station.record.run_record import RunRecord
-from station.record.seal import CONCLUDED, INDEX, alterations, finish_seal, index_lines
+from station.record.seal import CONCLUDED, alterations, finish_seal
 from station.record.store import Store
 from station.run.recovery import recover, recover_all
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
@@ -14,7 +15,7 @@ import station.record.ring
 import station.record.store
 from station.bench.request import load_job
 from station.commands.show import stored_result
-from station.durable import Appender, read_from_disk, write_durable
+from station.durable import NEXT_ACTIONS, Appender, read_from_disk, refused, write_durable
 from station.errors import RecordError, StationError
 from station.record.ring import ScanState, create
 from station.record.ring_writer import RingWriter
@@ -146,6 +147,35 @@ def test_a_failed_write_leaves_the_old_file_whole(tmp_path: Path, monkeypatch: p
     monkeypatch.undo()
     assert read_from_disk(path) == b"old"
     assert [item.name for item in tmp_path.iterdir()] == ["run.json"]
+
+
+@pytest.mark.parametrize(
+    ("number", "action"),
+    [
+        (errno.ENOSPC, "No space left on device. Free the disk"),
+        (errno.EDQUOT, "raise the quota"),
+        (errno.EROFS, "Read-only file system. Mount the disk for writing"),
+        (errno.EIO, "Input/output error. The disk fails, or is not connected"),
+        (errno.EACCES, "Permission denied. Give this user the right"),
+        (errno.EPERM, "Operation not permitted. Give this user the right"),
+        (errno.ENOENT, "No such file or directory. Put back what is missing there"),
+        (errno.ENOTDIR, "Not a directory. Put back what is missing there"),
+        (errno.EFBIG, "File too large. Check the disk"),
+    ],
+)
+def test_what_to_do_about_a_disk_depends_on_what_it_answered(tmp_path: Path, number: int, action: str) -> None:
+    for deed in ("written", "flushed", "read"):
+        text = str(refused(tmp_path / "samples.bin", OSError(number, os.strerror(number)), deed))
+        assert text.startswith(f"{tmp_path}/samples.bin: cannot be {deed}: ")
+        assert action in text
+        assert ("Free" in text) is (number in (errno.ENOSPC, errno.EDQUOT))
+        assert (number in NEXT_ACTIONS) is (not text.endswith("Check the disk"))
+
+
+def test_a_full_device_is_to_be_freed() -> None:
+    file = Appender(Path("/dev/full"))
+    with pytest.raises(RecordError, match=r"/dev/full: cannot be written: No space left on device\. Free the disk"):
+        file.write(b"record")
 
 
 def test_a_damaged_manifest_is_told_not_thrown(tmp_path: Path) -> None:

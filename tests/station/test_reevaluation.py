@@ -9,11 +9,13 @@ import pytest
 from lostmotion_command import ROOT, here
 
 from recipes import RecipeError
-from station.commands.analyze import reevaluate, reevaluation_heading
+from station.commands.analyze import reevaluation_heading
+from station.commands.evaluate_anew import reevaluate
 from station.durable import as_json
 from station.errors import StationError
+from station.record.run_index import INDEX
 from station.record.run_record import RunRecord
-from station.record.seal import INDEX, seal
+from station.record.seal import seal
 from station.record.store import Store
 
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"

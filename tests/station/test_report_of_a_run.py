@@ -16,10 +16,10 @@ from patient import GOLDEN_RECIPE
 from analysis import AnalysisError
 from analysis.models import model_from_json
 from drivers.virtual.units import P1
-from station.commands import analyze as command_analyze
 from station.commands import model as command_model
 from station.commands import play_model as command_play_model
 from station.commands import report as command_report
+from station.commands.evaluate_anew import reevaluate
 from station.commands.model import Asked, fixed_values
 from station.errors import StationError
 from station.record.run_conditions import housing_temperature_c, lock_position_deg
@@ -28,7 +28,7 @@ from station.record.store import Store
 from station.reports.content import budget_tables, gate_rows, shown_gates, stage_rows, uncertainty_kind
 from station.reports.headline import virtual_badges
 from station.reports.illustrate import Shown, illustrate
-from station.reports.pdf import provenance_rows
+from station.reports.pdf_evidence import provenance_rows
 from station.results.run_analysis import complete_run
 
 ROOT = Path(__file__).parents[2]
@@ -156,7 +156,7 @@ def test_a_report_that_cannot_be_written_is_told(run: RunRecord, tmp_path: Path)
 
 
 def test_a_run_evaluated_again_is_still_virtual(run: RunRecord) -> None:
-    result = command_analyze.reevaluate(run, None, None)
+    result = reevaluate(run, None, None)
     assert virtual_badges(result) == ("VIRTUAL BENCH", "VIRTUAL TIME")
     assert virtual_badges(result | {"clock": "real", "timing": {}}) == ("VIRTUAL BENCH",)
 

@@ -47,7 +47,7 @@ def owner() -> Iterator[Callable[[Path], subprocess.Popen[str]]]:
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> RunRecord:
+def run(tmp_path: Path) -> Iterator[RunRecord]:
     """A run with three records in its ring, whose desk cannot be seen from here."""
     manifest = {"recipe": {"name": "r", "revision": 1, "sha256": "0"}, "verdict": None}
     record = Store(tmp_path / "runs").create("SN1", manifest, {"recipe.yaml": b"no recipe"})
@@ -59,7 +59,8 @@ def run(tmp_path: Path) -> RunRecord:
     writer._words[9] = 0  # its process is of another container too
     writer.close()
     record.update(ring=str(ring), desk={"pid": 1, "birth": "0"})
-    return record
+    yield record
+    ring.unlink(missing_ok=True)  # shared memory outlives a test
 
 
 def test_a_run_that_somebody_owns_is_left_alone(run: RunRecord, owner: Callable[[Path], subprocess.Popen[str]]) -> None:

@@ -14,8 +14,9 @@ from lostmotion_command import here
 
 from station.commands.show import row, stored_result
 from station.durable import as_json
+from station.record.run_index import INDEX, index_lines
 from station.record.run_record import RunRecord
-from station.record.seal import INDEX, alterations, index_lines, seal
+from station.record.seal import alterations, seal
 from station.record.store import Store
 
 

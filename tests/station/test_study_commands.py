@@ -16,10 +16,9 @@ from typer.testing import CliRunner
 from analysis import AnalysisError
 from station.cli import COMMANDS, app
 from station.commands import frequency as command_frequency
-from station.commands import json_errors
 from station.commands import studies as command_studies
 from station.commands.frequency import band_of
-from station.commands.stored_values import Ask
+from station.commands.stored_metric import Ask
 from station.errors import StationError
 
 DATA = Path(__file__).parents[1] / "data"
@@ -37,7 +36,6 @@ def test_every_command_has_its_place_in_the_help() -> None:
     assert listed == {heading: list(commands) for heading, commands in COMMANDS.items()}
     names = [name for commands in COMMANDS.values() for name in commands]
     assert sorted(names) == sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
-    assert set(json_errors.COMMANDS) <= set(names)
 
 
 def test_the_published_lock_angles(capsys: pytest.CaptureFixture[str]) -> None:

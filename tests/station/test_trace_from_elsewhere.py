@@ -9,8 +9,9 @@ import pytest
 
 from analysis import AnalysisError
 from recipes import RecipeError, find_bench, find_recipe
-from station.commands.analyze import analyze, elsewhere
+from station.commands.analyze import analyze
 from station.commands.check import check
+from station.commands.evaluate_anew import elsewhere
 from station.errors import StationError
 from station.reports.content import uncertainty_kind
 from station.reports.result_notes import note_lines

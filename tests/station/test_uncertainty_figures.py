@@ -17,7 +17,7 @@ from analysis.uncertainty.figures import StatedBy
 from recipes import RecipeError, load_bench, parse_bench, shipped_benches
 from recipes.bench_schema import TorqueSensor
 from station.bench.figures import figures_of
-from station.commands.analyze import elsewhere
+from station.commands.evaluate_anew import elsewhere
 
 
 @pytest.mark.parametrize("name", list(shipped_benches()))

@@ -1,0 +1,228 @@
+"""Uncertainty of whatever is read from the loops of one measurement: the loop moved by each error, and read again.
+
+Sensitivities are central differences: the loop is moved by plus and minus one standard uncertainty of a source, and the
+metric is evaluated as it always is. So a new metric needs nothing here. GUM 5.1.4 note 2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.branches import Branch
+from analysis.errors import AnalysisError
+from analysis.loop import Loop
+from analysis.uncertainty.budget import Budget, Entry, beyond, combined
+from analysis.uncertainty.chain import Move, moves_of
+from analysis.uncertainty.circumstances import Circumstances
+from analysis.uncertainty.distributions import DISTRIBUTIONS
+from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.lines import covariance_of, line_moves, quadrants_used, u_torque_nm
+from analysis.uncertainty.monte_carlo import Drawn, drawn_loops, monte_carlo
+from analysis.uncertainty.noise import noisy_loops
+from analysis.uncertainty.other_units import unit_moves
+from analysis.uncertainty.repeatability import deviation
+from analysis.uncertainty.sources import SOURCES
+from analysis.uncertainty.transfer import transfer_moves
+
+SMOOTH_POINTS = 400
+"""Points per branch, about, of the loop that errors are tried on."""
+
+MASKED_AGAIN = 0.5
+"""Share of a masked stretch that is left out besides, to see what a fit that continues a branch owes to it.
+
+On the virtual units that moves the spring constant and the wind-up by 1.4 to 1.6 times what the mask itself did.
+"""
+
+LINE = "calibration_"
+"""How the quantities of calibration lines begin."""
+
+OTHER_UNIT = ("other_unit", "how units differ from the mean of those whose lines are stored, at the reference torque")
+TRANSFER = ("transfer", "friction about zero torque and after reversals that the calibration leaves over")
+MASKED = ("masked", "stretch after a reversal that is masked, which a fit continues", "rectangular")
+CONVERSION = (
+    "conversion", "converted torque against the torque at the output, beyond lines, transfer and mask", "normal"
+)  # fmt: skip
+
+CONVERTS = (OTHER_UNIT[0], TRANSFER[0], MASKED[0])
+"""Quantities beside the calibration lines that say how wrong a converted torque may be."""
+
+Estimate = Callable[[Loop], float]
+
+
+class UsedSource(NamedTuple):
+    """A source that enters a loop: its distribution, limit, standard uncertainty, and the moves of its components.
+
+    A move is what one unit of `u` does: `scale` is the amount of it that one standard uncertainty stands for.
+    """
+
+    id: str
+    text: str
+    unit: str
+    distribution: str
+    limit: float
+    u: float
+    scale: float
+    moves: tuple[Move, ...]
+
+
+def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> tuple[UsedSource, ...]:
+    """Return the sources that enter a loop, in the order of their table, calibration lines last."""
+    found = []
+    for source in SOURCES:
+        declared = source.declared(figures, circumstances)
+        if declared is None:
+            continue
+        limit, distribution = declared
+        moves = tuple(moves_of(source, loop, circumstances, figures))
+        if any(move.moves_anything for move in moves):
+            u = declared.u
+            found.append(UsedSource(source.id, source.text, source.unit, distribution, limit, u, u, moves))
+    for name in quadrants_used(circumstances):
+        line = covariance_of(name, circumstances, figures)
+        if line is not None:
+            u = u_torque_nm(name, line, circumstances)
+            moves = line_moves(name, line, loop, circumstances)
+            text = f"calibration line, {name.replace('_', ' ')}, at the reference torque"
+            found.append(UsedSource(f"{LINE}{name}", text, "N·m", "normal", 1.0, u, 1.0, moves))
+    u, moves = unit_moves(loop, circumstances, figures)
+    if u > 0.0:
+        found.append(UsedSource(*OTHER_UNIT, "N·m", "normal", 1.0, u, 1.0, moves))
+    u, moves = transfer_moves(loop, circumstances, figures)
+    if u > 0.0:
+        found.append(UsedSource(*TRANSFER, "N·m", "normal", 1.0, u, 1.0, moves))
+    return tuple(found)
+
+
+def _change(base: float, high: float, low: float) -> float:
+    """Half the difference that an error of either sign makes; where both signs move a metric the same way, the larger.
+
+    The wider of two sides does that where they are alike: it has a kink there, and half the difference is nothing.
+    """
+    if (high - base) * (low - base) <= 0.0:
+        return (high - low) / 2.0
+    return max(high - base, low - base, key=abs)
+
+
+def smoothed(loop: Loop) -> Loop:
+    """Return a loop of few points per branch, means of neighbours: it shows its slope in spite of the noise."""
+    return Loop(_smoothed(loop.forward), _smoothed(loop.backward), loop.method)
+
+
+def _smoothed(branch: Branch) -> Branch:
+    size = branch.torque_nm.size // SMOOTH_POINTS
+    if size < 2:
+        return branch
+    edges = np.arange(0, branch.torque_nm.size, size)
+    counts = np.diff(np.append(edges, branch.torque_nm.size))
+    torque, angle = (np.add.reduceat(values, edges) / counts for values in (branch.torque_nm, branch.angle_arcmin))
+    first, last = ((branch.torque_nm[end], branch.angle_arcmin[end]) for end in (0, -1))
+    torque = np.concatenate(([first[0]], torque, [last[0]]))
+    angle = np.concatenate(([first[1]], angle, [last[1]]))
+    return Branch(torque, angle)
+
+
+def _shorter(loop: Loop, masked_nm: tuple[float, float]) -> Loop | None:
+    """Return a loop of which more is masked, by `MASKED_AGAIN`; None where nothing is."""
+    below, above = (MASKED_AGAIN * masked for masked in masked_nm)
+    if not below + above > 0.0:
+        return None
+    rising, falling = loop.forward, loop.backward
+    kept = rising.torque_nm >= rising.torque_nm[0] + below
+    left = falling.torque_nm <= falling.torque_nm[-1] - above
+    return Loop(
+        Branch(rising.torque_nm[kept], rising.angle_arcmin[kept]),
+        Branch(falling.torque_nm[left], falling.angle_arcmin[left]),
+        loop.method,
+    )
+
+
+class LoopUncertainty:
+    """Uncertainty of whatever is read from the loops of one measurement. Perturbed loops are made once, for all.
+
+    by_output: where the torque is converted, the loops of the same cycles by the torque at the output, if it was
+    measured too.
+    """
+
+    def __init__(
+        self, loop: Loop, circumstances: Circumstances, figures: SensorFigures, *,
+        by_output: Sequence[Loop] = (), draws: int = 0,
+    ) -> None:  # fmt: skip
+        self.smooth = smoothed(loop)
+        self.used = used_sources(self.smooth, circumstances, figures)
+        self._pairs = [[(move.applied(self.smooth, one.scale), move.applied(self.smooth, -one.scale))
+                        for move in one.moves] for one in self.used]  # fmt: skip
+        self._shorter = _shorter(self.smooth, circumstances.masked_nm)
+        self._noisy = noisy_loops(loop, circumstances, figures)
+        self._by_output = by_output
+        drawn = [Drawn(one.distribution, one.limit, one.moves) for one in self.used]
+        self._drawn = drawn_loops(self.smooth, drawn, draws) if draws else []
+
+    def budget(self, estimate: Estimate, values: Sequence[float], unit: str) -> Budget:
+        """Return the budget of a metric whose values per cycle are given; AnalysisError where a moved loop has none."""
+        base, noise = estimate(self.smooth), self.noise(estimate)
+        of_sources = [
+            Entry(one.id, one.text, one.distribution, one.u, one.unit, _contribution(estimate, base, pairs))
+            for one, pairs in zip(self.used, self._pairs, strict=True)
+        ]
+        of_conversion = self._of_masked(estimate, base, unit)
+        of_conversion += self._beyond_conversion(estimate, values, [*of_sources, *of_conversion], noise, unit)
+        found = combined([*of_sources, *of_conversion], noise, values, unit)
+        if not self._drawn:
+            return found
+        cycles = max(len(values), 1)
+        besides = [(one.distribution, one.u * DISTRIBUTIONS[one.distribution].divisor) for one in of_conversion]
+        drawn = monte_carlo(
+            estimate,
+            self.smooth,
+            self._drawn,
+            float(np.mean(values)),
+            besides=[("normal", noise / math.sqrt(cycles)), *besides],
+            scatter=beyond(values, noise),
+            freedom=cycles - 1,
+        )
+        return replace(found, monte_carlo=drawn)
+
+    def _of_masked(self, estimate: Estimate, base: float, unit: str) -> list[Entry]:
+        """Return what a metric owes to the masked stretch: at most what half as much again of it would change."""
+        if self._shorter is None:
+            return []
+        try:
+            u = abs(estimate(self._shorter) - base) / math.sqrt(3.0)
+        except AnalysisError:
+            return []  # it reads a branch where it was measured, and continues none
+        return [Entry(*MASKED, u, unit, u)] if u else []
+
+    def _beyond_conversion(
+        self, estimate: Estimate, values: Sequence[float], known: Sequence[Entry], noise: float, unit: str
+    ) -> list[Entry]:
+        """Return what the torque at the output shows of the conversion beyond what is known of it.
+
+        A deviation that is known and not corrected counts as it is (GUM F.2.4.5, note). Noise is in both torques.
+        """
+        if not self._by_output:
+            return []
+        try:
+            measured = [estimate(loop) for loop in self._by_output]
+        except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+            return []  # a metric that the output torque does not carry says nothing of the conversion
+        deviation_shown = float(np.mean(values)) - float(np.mean(measured))
+        rows = [one.contribution for one in known if one.quantity in CONVERTS or one.quantity.startswith(LINE)]
+        u_known = math.hypot(noise * math.sqrt(2.0 / max(len(values), 1)), *rows)
+        u = math.sqrt(max(deviation_shown**2 - u_known**2, 0.0))
+        return [Entry(*CONVERSION, u, unit, u)] if u else []
+
+    def noise(self, estimate: Estimate) -> float:
+        """Return the standard deviation of one cycle's value by the noise of the sensors."""
+        return deviation([estimate(loop) for loop in self._noisy])
+
+
+def _contribution(estimate: Estimate, base: float, pairs: Sequence[tuple[Loop, Loop]]) -> float:
+    """Return what a source contributes, by loops moved by plus and minus its components."""
+    changes = [_change(base, estimate(high), estimate(low)) for high, low in pairs]
+    # one component keeps its sign; of several with unknown phase only the size means something
+    return changes[0] if len(changes) == 1 else math.hypot(*changes)

@@ -1,0 +1,118 @@
+"""What the result of a run rests on, as pages of its PDF report: budgets, evaluation, timing, and what was run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from reportlab.platypus import KeepTogether, Spacer
+
+from station.reports.content import BUDGET_HEADS, LINE_HEADS, Content
+from station.reports.pdf_layout import grid, heading, paragraph, picture, section
+from station.reports.result_view import timing_line
+from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS, TimingTables
+
+
+def budget_parts(content: Content) -> list[Any]:
+    """Return the uncertainty budget of every metric that has one, each as a table; nothing without any."""
+    parts: list[Any] = []
+    for budget in content.budgets:
+        table = grid(BUDGET_HEADS, budget.rows, (62, 21, 25, 18, 27, 12))
+        parts.append(KeepTogether([paragraph(f"{budget.metric} = {budget.expanded}", "subhead"), table]))
+    return [*heading("Uncertainty budgets"), *parts] if parts else []
+
+
+def evaluation_parts(result: dict[str, Any], content: Content, pictures: dict[str, bytes]) -> list[Any]:
+    """Return what the stages did, the method, the fits and the picture of their residuals, as far as they are there."""
+    parts: list[Any] = []
+    if content.stages:
+        rows = [(name, "\n".join(part for part in (text, figures) if part)) for name, text, figures in content.stages]
+        parts.append(grid(("stage", "what it did"), rows, (30, 130)))
+    else:
+        parts += [paragraph(f"• {note}") for note in result["notes"]]
+    if content.method or content.fits:
+        parts += [Spacer(1, 4), grid(("", ""), [*content.method, *content.fits], (45, 115))]
+    if content.lines:
+        parts += [paragraph("Torque ratio T_out = C + m·T_in", "subhead")]
+        parts += [grid(LINE_HEADS, content.lines, (26, 20, 18, 14, 14, 18, 14, 12, 13))]
+    if "residuals.png" in pictures:
+        parts += [Spacer(1, 6), picture(pictures["residuals.png"])]
+    return [*heading("How it was evaluated"), *parts] if parts else []
+
+
+def timing_parts(
+    result: dict[str, Any], run: dict[str, Any], content: Content, pictures: dict[str, bytes]
+) -> list[Any]:
+    """Return how the scan kept its periods: figures, picture and tables; nothing for a run without a scan."""
+    timing = result["timing"]
+    if not timing.get("scans"):
+        return []
+    parts = [paragraph(f"{timing_line(timing)}.", "text")]
+    if "timing.png" in pictures:
+        parts += [Spacer(1, 4), picture(pictures["timing.png"])]
+    parts += _timing_tables(content.timing)
+    if run.get("clock") == "real":
+        realtime = timing.get("realtime") or {}
+        rows = [
+            (str(name), f"{'granted' if realtime.get(name) else 'refused'}: {text}")
+            for name, text in (realtime.get("details") or {}).items()
+        ]
+        parts += [grid(("", ""), rows, (30, 130))] if rows else []
+    return section("Timing", *parts)
+
+
+def _timing_tables(found: TimingTables) -> list[Any]:
+    parts: list[Any] = []
+    if found.percentiles:
+        table = _numbers(PERCENTILE_HEADS, found.percentiles, (40, 30, 30, 30, 30), {0})
+        parts.append(KeepTogether([paragraph("Percentiles", "subhead"), table]))
+    if found.missed:
+        table = _numbers(MISSED_HEADS, found.missed, (19, 18, 14, 37, 15, 14, 14, 14, 14), {3})
+        more = [paragraph(found.more, "soft")] if found.more else []
+        parts.append(
+            KeepTogether([paragraph("Missed periods, and the scan before them, in µs", "subhead"), table, *more])
+        )
+    if found.scans:
+        table = _numbers(SCAN_HEADS, found.scans, (17, 16, 18, 37, 15, 14, 14, 14, 14), {0, 3})
+        parts.append(KeepTogether([paragraph("Longest and latest scans, in µs", "subhead"), table]))
+    if found.causes:
+        parts += [Spacer(1, 4), grid(("", ""), found.causes, (30, 130))]
+    return parts
+
+
+def _numbers(heads: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequence[float], words: set[int]) -> Any:
+    """Return a table of numbers, which stand at the right of their columns; `words` are the columns of text."""
+    shown = [[cell if place in words else paragraph(cell, "right") for place, cell in enumerate(row)] for row in rows]
+    return grid(heads, shown, widths, right=set(range(len(heads))) - words)
+
+
+def provenance_rows(result: dict[str, Any], run: dict[str, Any], conditions: dict[str, str]) -> list[tuple[str, str]]:
+    """Return what was run, when, by whom and with what: name and text."""
+    recipe, bench, software, unit = run["recipe"], run["bench"], run["software"], run["unit"]
+    return [
+        ("run", str(result["run"])),
+        ("started, ended", f"{run['started']}, {run['ended']}"),
+        ("recipe", f"{recipe['name']} revision {recipe['revision']}, SHA-256 {recipe['sha256']}"),
+        ("bench", f"{bench['name']} revision {bench.get('revision')}, SHA-256 {bench['sha256']}"),
+        *([("operator", str(run["operator"]))] if run.get("operator") else []),
+        *([("virtual unit", str(unit["virtual"]))] if unit.get("virtual") else []),
+        *([("faults injected", str(run["scenario"]))] if run.get("scenario") else []),
+        ("clock", f"{run['clock']} time"),
+        ("software", f"{software['name']} {software['version']}, Python {software['python']}, {software['platform']}"),
+        *conditions.items(),
+    ]
+
+
+def provenance_parts(
+    result: dict[str, Any], run: dict[str, Any], content: Content, conditions: dict[str, str]
+) -> list[Any]:
+    """Return what was run by whom and with what, and the checksums to check it again by."""
+    rows = provenance_rows(result, run, conditions)
+    rows += [(f"calibration {name}", text) for name, text in content.calibrations]
+    parts = [*heading("What was run"), grid(("", ""), rows, (35, 125))]
+    if content.checksums:
+        sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]
+        parts += [*heading("To check it again"), grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))]
+        word = "analyze" if result["metrics"] else "show"
+        parts.append(paragraph(f"lostmotion {word} {result['run']} reads these files again.", "soft"))
+    return parts

@@ -1,0 +1,155 @@
+"""Torque ratios of several units in one entry of a bench file: their mean, and how they differ."""
+
+import contextlib
+import io
+import json
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from stored_runs import metric, store_run
+
+from analysis.quadrants import QUADRANTS
+from recipes import RecipeError, check, load_recipe, parse_bench, shipped_benches, warnings
+from station.bench.figures import figures_of
+from station.cli import app
+from station.errors import StationError
+
+VALUES = [metric(0.4)]
+OFFSETS = (-13.0, -14.0, -15.6)
+RECIPE = Path(__file__).parents[2] / "recipes" / "rv-40e-121-inverse.yaml"
+
+
+def ratio(offset_nm: float, *, bench: str = "virtual", model: str = "RV-40E-121") -> dict[str, Any]:
+    """What a run keeps of the torque ratio that it measured."""
+    fit = {"u_slope": 0.06, "u_offset_nm": 0.12, "correlation": -0.8, "residual_sd_nm": 0.3, "r_squared": 1.0}
+    lines = {
+        name: fit | {"slope": 94.0 + number + offset_nm / 100.0, "offset_nm": offset_nm + number}
+        for number, name in enumerate(QUADRANTS)
+    }
+    return {
+        "bench": {"name": bench, "revision": 1},
+        "model": model,
+        "made": "2026-03-01T08:00:00+00:00",
+        "transition_rad": 0.001 - offset_nm * 1e-5,
+        "quadrants": lines,
+    }
+
+
+def command(data: Path, *args: str) -> str:
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        assert app(["calibration", *args, "--data", str(data)], standalone_mode=False) in (0, None)
+    return printed.getvalue()
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    for number, offset in enumerate(OFFSETS):
+        store_run(tmp_path, f"U{number}", VALUES, calibration=ratio(offset), day=number)
+    return tmp_path
+
+
+def bench_of(block: str) -> bytes:
+    text = shipped_benches()["virtual"].read_text(encoding="utf-8")
+    assert text.count("calibrations: []") == 1
+    return text.replace("calibrations: []", block).encode()
+
+
+def test_the_entry_has_the_mean_and_every_unit(data: Path) -> None:
+    bench = parse_bench(bench_of(command(data, "U0", "U1", "U2")), "b.yaml")
+    (stored,) = bench.calibrations
+    assert stored.load_positive.offset_nm == pytest.approx(np.mean(OFFSETS), abs=1e-4)
+    assert stored.load_positive.u_offset_nm == pytest.approx(0.12 / np.sqrt(3.0), rel=1e-4)
+    assert stored.load_positive.correlation == pytest.approx(-0.8, rel=1e-4)
+    assert stored.made == date(2026, 3, 1)
+    found = figures_of(bench, stored).calibrated_units
+    assert len(found) == len(OFFSETS)
+    for name in QUADRANTS:
+        shown = [unit.lines[name][0] for unit in found]
+        assert shown == pytest.approx(np.array(OFFSETS) - np.mean(OFFSETS), abs=1e-3)
+    assert sum(unit.transition_rad for unit in found) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_as_json(data: Path) -> None:
+    (entry,) = json.loads(command(data, "U0", "U2", "U1", "--json"))["calibrations"]
+    assert [unit["serial"] for unit in entry["units"]] == ["U0", "U2", "U1"]
+    assert entry["id"].endswith("-3-units")
+
+
+def test_one_unit_says_that_it_is_one_and_its_use_is_warned_of(data: Path) -> None:
+    block = command(data, "U1")
+    assert "# of one unit" in block
+    text = RECIPE.read_text(encoding="utf-8").replace("output_torque: reaction", "output_torque: calibrated")
+    text = text.replace("calibration: measured", "calibration: stored  ")
+    for asked, told in ((block, ["no units"]), (command(data, "U0", "U1", "U2"), [])):
+        bench = parse_bench(bench_of(asked), "b.yaml")
+        path = data / "r.yaml"
+        path.write_text(text, encoding="utf-8")
+        said = warnings(load_recipe(path), bench)
+        assert len(said) == len(told)
+        assert all(word in str(one) for word, one in zip(told, said, strict=True))
+        refused = check(load_recipe(path), bench, today=date(2026, 4, 1))
+        assert not [one for one in refused if one.option == "measurement.calibration"]
+
+
+def test_runs_that_have_no_mean_are_refused(data: Path) -> None:
+    store_run(data, "U0", VALUES, calibration=ratio(-13.2), day=9)
+    store_run(data, "U7", VALUES, calibration=ratio(-13.2, bench="other"), day=10)
+    store_run(data, "U8", VALUES, calibration=ratio(-13.2, model="RV-50"), day=11)
+    store_run(data, "U9", VALUES, day=12)
+    again = sorted(path.parent.name for path in data.glob("*/run.json") if "U0" in path.parent.name)
+    for runs, told in (
+        (again, "unit U0 stands 2 times"),
+        (["U1", "U7"], "found bench other"),
+        (["U1", "U8"], "found model RV-50"),
+        (["U1", "U9"], "measured no torque ratio"),
+        (["U1", "U2"], "found runs of 2 units; needed are 3 or more"),
+    ):
+        with pytest.raises(StationError, match=told):
+            command(data, *runs)
+
+
+def test_one_unit_under_two_serial_numbers_is_no_second_unit(data: Path) -> None:
+    """Its lines differ from its own by nothing: the spread between units would be zero, and U of another one small."""
+    store_run(data, "V0", VALUES, calibration=ratio(OFFSETS[0]), day=9)
+    with pytest.raises(StationError, match=r"U0, to the last digit; needed is a run of another unit"):
+        command(data, "U0", "U1", "V0")
+    block = command(data, "U0", "U1", "U2")
+    twins = block[block.index("      - serial: U0") :].replace("serial: U", "serial: W")
+    with pytest.raises(RecipeError, match="found the same lines for unit U0 and unit W0"):
+        parse_bench(bench_of(block + twins), "b.yaml")
+
+
+@pytest.mark.parametrize("serial", ["4711", "0123", "1e3", "true", "A B/7 #2", "LOT: 3", "ß-0", "9" * 128])
+def test_whatever_the_serial_number_the_entry_is_read_back(tmp_path: Path, serial: str) -> None:
+    for number, offset in enumerate(OFFSETS[1:]):
+        store_run(tmp_path, f"U{number}", VALUES, calibration=ratio(offset))
+    run = store_run(tmp_path, serial, VALUES, calibration=ratio(-13.0), day=1)
+    (stored,) = parse_bench(bench_of(command(tmp_path, "U0", "U1", str(run.folder))), "b.yaml").calibrations
+    assert stored.units is not None
+    assert [unit.serial for unit in stored.units] == ["U0", "U1", serial]
+    assert parse_bench(bench_of(command(tmp_path, str(run.folder))), "b.yaml").calibrations
+
+
+def test_nothing_is_taken_from_an_altered_record(data: Path) -> None:
+    (path,) = data.glob("*U1*/calibration.json")
+    path.write_text(path.read_text(encoding="utf-8").replace("-14.0", "-11.0"), encoding="utf-8")
+    with pytest.raises(StationError, match=r"record altered: calibration\.json"):
+        command(data, "U0", "U1")
+
+
+def test_lines_that_are_not_the_mean_of_their_units_are_refused(data: Path) -> None:
+    block = command(data, "U0", "U1", "U2")
+    mean = f"{np.mean(OFFSETS):.6g} N·m"
+    assert block.count(mean) == 1
+    for changed, told in (
+        (block.replace(mean, "-13.2 N·m"), "offset -13.2 where the mean of the 3 units is -14.2"),
+        (block.replace("serial: U1", "serial: U0"), "unit U0 twice"),
+        (block.replace("transition: 0.001142", "transition: 0.0013", 1), "transition 0.0013 where the mean"),
+        (block.replace("        transition: 0.00114 rad\n", ""), "found unit U1 without a transition"),
+    ):
+        with pytest.raises(RecipeError, match=told):
+            parse_bench(bench_of(changed), "b.yaml")

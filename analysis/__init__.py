@@ -26,7 +26,7 @@ from analysis.trace import SegmentInfo, Trace
 from analysis.trace_files import read_trace
 from analysis.uncertainty.budget import COVERAGE_FACTOR
 from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation
-from analysis.verdict import Verdict
+from analysis.verdict import Verdict, judge
 
 __all__ = [
     "COVERAGE_FACTOR",
@@ -70,6 +70,7 @@ __all__ = [
     "fit_torque_ratio",
     "gate_reasons",
     "is_loose",
+    "judge",
     "judge_gates",
     "measure",
     "read_trace",

@@ -11,6 +11,7 @@ import jinja2
 
 from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
 from station.reports.headline import badges, ending_text, headline, remaining_reasons
+from station.reports.result_notes import within_uncertainty
 from station.reports.result_text import (
     limits_text,
     metric_name,
@@ -69,10 +70,12 @@ def guarded_text(metric: dict[str, Any], decision: dict[str, Any]) -> str:
     return f"accept {limits_text(moved)}, w = {width:.2g}"
 
 
-def rule_text(decision: dict[str, Any]) -> str:
-    """Return the rule of decision in a sentence, with its factor."""
+def rule_text(result: dict[str, Any]) -> str:
+    """Return the rule of decision in a sentence, with its factor, and what it decided within the uncertainty."""
+    decision = result["decision"]
     factor = f" Here r = {decision['guard_factor']:g}." if decision["rule"] == "guard_band" else ""
-    return RULES[decision["rule"]] + factor
+    near = "".join(f" {note[0].upper()}{note[1:]}." for note in within_uncertainty(result))
+    return RULES[decision["rule"]] + factor + near
 
 
 def explained(metric: dict[str, Any]) -> str:
@@ -160,7 +163,7 @@ def report_html(
             first_pictures=[encoded[name] for name in FIRST if name in encoded],
             pictures=encoded,
             metrics=metric_groups(result["metrics"]),
-            rule=rule_text(result["decision"]),
+            rule=rule_text(result),
             timing_line=timing_line(result["timing"]) if result["timing"].get("scans") else "",
             head=headline(result),
             conditions=conditions or {},

@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from analysis import GATES, is_loose
+from analysis import GATES, Decision, Verdict, is_loose, judge
 from station.reports.content import figure_text, uncertainty_kind
+from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
 
 CORRECTIONS = ("time alignment", "drift", "fixture")
 """Stages that move what was measured, and are named when they did."""
@@ -20,6 +21,9 @@ FAULTS_NOTE = "faults were injected"
 
 MOST_NOTES = 4
 
+FULL_GUARD = Decision("guard_band", 1.0)
+"""Guard band as wide as U: what it leaves undecided lies nearer to its limit than it is known."""
+
 
 def note_lines(result: Mapping[str, Any]) -> list[str]:
     """Return the notes that a person should see: warnings of the run, and corrections that were applied."""
@@ -29,7 +33,12 @@ def note_lines(result: Mapping[str, Any]) -> list[str]:
     if not stages:
         notes = [note for note in notes if note.startswith(RECIPE_NOTE)]
     applied = [stage for stage in stages if stage.get("applied")]
-    notes = fault_notes(result) + loose_limits(result) + [note for note in notes if not note.startswith(FAULTS_NOTE)]
+    notes = (
+        fault_notes(result)
+        + within_uncertainty(result)
+        + loose_limits(result)
+        + [note for note in notes if not note.startswith(FAULTS_NOTE)]
+    )
     notes += [str(stage["text"]) for stage in applied if stage.get("stage", stage.get("name")) in CORRECTIONS]
     left = len(notes) - MOST_NOTES
     return notes if left <= 0 else [*notes[:MOST_NOTES], f"and {left} more, in the report"]
@@ -39,6 +48,27 @@ def fault_notes(result: Mapping[str, Any]) -> list[str]:
     """Return one note that names the scenario by which faults were injected; none where none were."""
     said = [str(note) for note in result.get("notes") or () if str(note).startswith(FAULTS_NOTE)]
     return said or ([f"{FAULTS_NOTE}: {result['scenario']}"] if result.get("scenario") else [])
+
+
+def within_uncertainty(result: Mapping[str, Any]) -> list[str]:
+    """Return one note on what the rule `simple` decided nearer to a limit than its uncertainty; none where nothing."""
+    if (result.get("decision") or {}).get("rule") != "simple":
+        return []
+    said = [
+        f"{metric_name({**metric, 'side': side})} {number(row['value'], row['uncertainty'])} {uncertainty_text(row)} "
+        f"(limit {limits_text(metric['limits'])})"
+        for metric in result.get("metrics") or ()
+        for side, row in (metric.get("sides") or {}).items()
+        if row["uncertainty"] is not None and _undecided(metric, row)
+    ]
+    return (
+        [f"nearer to its limit than its uncertainty, which rule simple leaves out: {', '.join(said)}"] if said else []
+    )
+
+
+def _undecided(metric: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
+    limits = metric["limits"]["min"], metric["limits"]["max"]
+    return judge(row["value"], row["uncertainty"], limits, FULL_GUARD)[0] is Verdict.NOT_DECIDABLE
 
 
 def loose_limits(result: Mapping[str, Any]) -> list[str]:

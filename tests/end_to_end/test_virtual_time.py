@@ -8,6 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 from patient import patient_bench, short_recipe
+from shipped_copies import simple_acceptance
 
 from recipes import PRESETS
 
@@ -113,9 +114,9 @@ def test_wrong_recipe_is_refused_before_anything_happens(lostmotion, tmp_path):
     assert set(tmp_path.iterdir()) == before
 
 
-def test_published_loop_through_analyze_gives_its_check_values(lostmotion):
+def test_published_loop_through_analyze_gives_its_check_values(lostmotion, tmp_path):
     trace = "tests/data/loop_published_curve.csv"
-    ran = lostmotion("analyze", trace, "--recipe", recipe("rv-40e-121-inverse"), "--json")
+    ran = lostmotion("analyze", trace, "--recipe", simple_acceptance(tmp_path, "rv-40e-121-inverse"), "--json")
     result = ran.json
     assert metric(result, "backlash_width_3pct") == pytest.approx(0.9400, abs=5e-5)
     assert metric(result, "backlash_width_zero") == pytest.approx(0.9408, abs=5e-5)

@@ -36,7 +36,7 @@ CASES = {
         ["sequence[1].lock.max_motion: found nothing", "the option 'max_motion', which is required", "Add it."],
     ),
     "missing section": (
-        "decision:\n  rule: simple ", "# ", "recipe:", ["decision: found nothing", "the option 'decision'"],
+        "decision:\n  rule: guard_band ", "# ", "recipe:", ["decision: found nothing", "the option 'decision'"],
     ),
     "no unit": ("412 N·m", "412", "412\n", ["found 412 without a unit", "'412 N·m'"]),
     "wrong dimension": (
@@ -65,9 +65,9 @@ CASES = {
     "name with a space": ("name: rv-40e", "name: rv 40e", "rv 40e", ["a short name of letters"]),
     "number for a text": ("model: RV-40E-121", "model: 40", "40\n", ["found 40", "a text", "Put it in quotes."]),
     "section is a text": (
-        "  rule: simple ", "  simple ", "simple ", ["decision: found 'simple'", "a section with the options rule"],
+        "  rule: guard_band ", "  simple ", "simple ", ["decision: found 'simple'", "a section with the options rule"],
     ),
-    "section is empty": ("  rule: simple ", "# ", "decision:", ["decision: found nothing", "rule or guard_factor"]),
+    "section is empty": ("  rule: guard_band ", "# ", "decision:", ["decision: found nothing", "rule or guard_factor"]),
     "list is a text": (
         re.search(r"metrics:\n(.*\n)+?\n", GOOD)[0], "metrics: all\n\n", "all\n", ["metrics: found 'all'", "a list"],
     ),
@@ -118,14 +118,14 @@ CASES = {
         ["a torque for stiffness_at", "part of its definition"],
     ),
     "guard factor without guard band": (
-        "rule: simple ", "rule: simple\n  guard_factor: 1.2 ", "1.2", ["with 'rule: guard_band' only"],
+        "rule: guard_band ", "rule: simple\n  guard_factor: 1.2 ", "1.2", ["with 'rule: guard_band' only"],
     ),
     "duplicated option": (
         "loading: input ", "loading: input\nloading: output ", "loading: output   ",
         ["loading: found 'loading' a second time (first in line 14)", "Delete one of the two."],
     ),
-    "anchor": ("rule: simple ", "rule: &rule simple ", "&rule", ["an anchor ('&rule')"]),
-    "tag": ("rule: simple ", "rule: !!str simple ", "!!str", ["a tag"]),
+    "anchor": ("rule: guard_band ", "rule: &rule guard_band ", "&rule", ["an anchor ('&rule')"]),
+    "tag": ("rule: guard_band ", "rule: !!str guard_band ", "!!str", ["a tag"]),
     "second document": ("decision:\n", "---\ndecision:\n", "---", ["a second document ('---')"]),
 }  # fmt: skip
 
@@ -181,7 +181,7 @@ def test_all_problems_at_once_in_the_order_of_the_file():
         ("max_motion: 0.2 arcmin", "max_motion: 0.2"),
         ("  - unload: {torque_rate: 100 N·m/s}\n", ""),
         ("period: 1 ms", "perod: 1 ms"),
-        ("rule: simple", "rule: simpel"),
+        ("rule: guard_band", "rule: guardband"),
         ("{id: lost_motion, max: 1", "{id: lost_motion, min: 2 arcmin, max: 1"),
     ):
         text = text.replace(old, new, 1)

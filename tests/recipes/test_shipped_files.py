@@ -91,8 +91,12 @@ def test_percentages_of_metrics_are_of_the_reference_torque():
     ],
 )
 def test_guard_factor_follows_the_rule(rule, factor):
-    text = RECIPES["rv-40e-121-inverse"].decode().replace("rule: simple ", f"rule: {rule} ")
+    text = RECIPES["rv-40e-121-inverse"].decode().replace("rule: guard_band ", f"rule: {rule} ")
     assert parse_recipe(text.encode(), "r.yaml").decision.guard_factor == factor
+
+
+def test_shipped_recipes_pass_nothing_that_the_uncertainty_leaves_open():
+    assert {load_recipe(name).decision.guard_factor for name in RECIPES} == {0.8225}
 
 
 def test_default_benches():

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import typer.main
 from lostmotion_command import ROOT, here
+from shipped_copies import simple_acceptance
 
 from station.cli import app
 
@@ -151,7 +152,7 @@ def test_check_tells_duration_and_peak_torque() -> None:
     assert steps[-1]["start_s"] + steps[-1]["duration_s"] == pytest.approx(found["duration_s"], abs=0.01)
     shown = here("check", RECIPE).out
     assert "≥ 108 N·m/arcmin" in shown
-    assert "simple: the value itself" in shown
+    assert "limits moved by w = 0.8225 U" in shown
     assert "453.2 N·m (110% of rated)" in shown
     assert "┤" in shown
 
@@ -166,13 +167,16 @@ def test_all_problems_of_a_recipe_come_at_once(tmp_path: Path) -> None:
     assert all(line.startswith(f"{recipe}:") for line in done.err.strip().splitlines())
 
 
-def test_a_loop_measured_elsewhere_is_analysed() -> None:
-    done = here("analyze", "tests/data/loop_published_curve.csv", "--recipe", RECIPE, "--json")
+def test_a_loop_measured_elsewhere_is_analysed(tmp_path: Path) -> None:
+    trace, simple = "tests/data/loop_published_curve.csv", simple_acceptance(tmp_path, "rv-40e-121-inverse")
+    done = here("analyze", trace, "--recipe", simple, "--json")
     metrics = {metric["id"]: metric for metric in done.json["metrics"]}
     assert metrics["backlash_width_3pct"]["value"] == pytest.approx(0.94, abs=2e-4)
     assert metrics["backlash_width_zero"]["value"] == pytest.approx(0.9408, abs=2e-4)
     assert metrics["lost_motion"]["value"] == pytest.approx(0.9591, abs=2e-4)
     assert done.exit_code == 1  # its negative side is soft
+    guarded = here("analyze", trace, "--recipe", RECIPE, "--json")
+    assert (guarded.exit_code, guarded.json["verdict"]) == (3, "NOT DECIDABLE"), "nobody knows its sensors"
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])

@@ -14,6 +14,7 @@ from run_copies import copy_of
 
 import station.reports.illustrate
 import station.run.conclusion
+from recipes import load_recipe
 from station.bench.request import load_job
 from station.commands.run import recipe_notes
 from station.record.check import check_file
@@ -24,6 +25,7 @@ from station.run.conclusion import conclude
 from station.run.ending import Ending
 
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
+REVISION = load_recipe(str(RECIPE)).recipe.revision
 
 RESULT_KEYS = {"run", "serial", "recipe", "state", "verdict", "reasons", "metrics", "timing", "alarms", "record"}
 METRIC_KEYS = {
@@ -201,9 +203,9 @@ def test_a_recipe_changed_without_a_new_revision_is_noted(copied: RunRecord, tmp
     changed.write_bytes(RECIPE.read_bytes() + b"# changed\n")
     (note,) = recipe_notes(store, load_job(str(changed), None))
     assert copied.id in note
-    assert "revision 1" in note
+    assert f"revision {REVISION}" in note
     raised = tmp_path / "raised.yaml"
-    raised.write_text(RECIPE.read_text().replace("revision: 1", "revision: 2"))
+    raised.write_text(RECIPE.read_text().replace(f"revision: {REVISION}", f"revision: {REVISION + 1}"))
     assert recipe_notes(store, load_job(str(raised), None)) == []
     copied.update(notes=[note])
     assert again(copied)["notes"][0] == note
@@ -215,7 +217,7 @@ def test_the_warning_is_there_before_the_run_starts(copied: RunRecord, tmp_path:
     data = str(copied.folder.parent)
     words = ("--virtual-time", "--json", "--no-report", "--serial", "SN 1", "--data", data)
     done = here("run", str(changed), *words)
-    assert done.err.startswith("WARNING  recipe rv-40e-121-quick revision 1")
+    assert done.err.startswith(f"WARNING  recipe rv-40e-121-quick revision {REVISION}")
     assert copied.id in json.loads(done.out)["notes"][0]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shipped_copies import simple_acceptance
 
 from analysis import METRICS, Method, MetricWanted, analyse, read_trace
 from recipes import PRESETS, find_recipe, load_bench, parse_recipe
@@ -105,9 +106,10 @@ def test_a_preset_without_limits_decides_nothing(printed: Print) -> None:
     assert "no metric has a limit: there is nothing to decide" in found["reasons"]
 
 
-def test_a_preset_that_leaves_a_limit_out_passes_nothing(printed: Print) -> None:
+def test_a_preset_that_leaves_a_limit_out_passes_nothing(printed: Print, tmp_path: Path) -> None:
     """The one limit that it judges is kept; the others of the recipe are named."""
-    found = json.loads(printed(analyze, TRACE, RECIPE, None, NO_RUNS, code=3, preset="inverse", as_json=True))
+    simple = simple_acceptance(tmp_path, RECIPE)
+    found = json.loads(printed(analyze, TRACE, simple, None, NO_RUNS, code=3, preset="inverse", as_json=True))
     assert {metric["verdict"] for metric in found["metrics"]} == {"PASS", None}
     assert found["verdict"] == "NOT DECIDABLE"
     assert found["reasons"][0] == (
@@ -116,8 +118,9 @@ def test_a_preset_that_leaves_a_limit_out_passes_nothing(printed: Print) -> None
     )
 
 
-def test_a_limit_of_the_recipe_fails_by_a_preset_too(printed: Print) -> None:
-    found = json.loads(printed(analyze, TRACE, RECIPE, None, NO_RUNS, code=1, preset="measurement", as_json=True))
+def test_a_limit_of_the_recipe_fails_by_a_preset_too(printed: Print, tmp_path: Path) -> None:
+    simple = simple_acceptance(tmp_path, RECIPE)
+    found = json.loads(printed(analyze, TRACE, simple, None, NO_RUNS, code=1, preset="measurement", as_json=True))
     assert found["verdict"] == "FAIL"
     assert "spring_constant, side -: 45.74 N·m/arcmin is below the limit of 108 N·m/arcmin" in found["reasons"][0]
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from lostmotion_command import ROOT, here
 
-from recipes import RecipeError
+from recipes import RecipeError, load_recipe
 from station.commands.analyze import reevaluation_heading
 from station.commands.evaluate_anew import reevaluate
 from station.durable import as_json
@@ -19,6 +19,7 @@ from station.record.seal import seal
 from station.record.store import Store
 
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
+REVISION = load_recipe(str(RECIPE)).recipe.revision
 
 
 @pytest.fixture
@@ -61,7 +62,7 @@ def test_another_recipe_is_never_the_runs_own_verdict(failed: RunRecord, tmp_pat
     assert (result["reevaluated"], result["original_verdict"]) == (True, "FAIL")
     shown = here("analyze", str(failed.folder), "--recipe", generous).out
     sha = result["recipe"]["sha256"][:8]
-    heading = f"RE-EVALUATED with rv-40e-121-quick rev 1 ({sha}), not the run's own verdict (FAIL)"
+    heading = f"RE-EVALUATED with rv-40e-121-quick rev {REVISION} ({sha}), not the run's own verdict (FAIL)"
     assert shown.startswith(heading)
     assert shown.rstrip().endswith(heading)
 

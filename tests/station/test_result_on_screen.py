@@ -12,6 +12,7 @@ import pytest
 from lostmotion_command import here
 from rich.console import Console
 
+from station.reports.html_page import rule_text
 from station.reports.result_notes import MOST_NOTES, gate_lines, note_lines, summary_line
 from station.run.run_list import print_runs
 
@@ -98,3 +99,21 @@ def test_wider_validity_limits_stand_above_the_other_notes() -> None:
         "points_per_bin 1 samples (3 samples)"
     )
     assert note_lines({"gates": gates[1:2]}) == []
+
+
+@pytest.mark.parametrize("rule", ["simple", "guard_band"])
+def test_what_simple_acceptance_decides_within_its_uncertainty_is_said(rule: str) -> None:
+    def side(value: float, uncertainty: float | None) -> dict[str, Any]:
+        return {"value": value, "uncertainty": uncertainty, "verdict": "PASS"}
+
+    metric: dict[str, Any] = {"id": "backlash_width_3pct", "branch": "both", "torque_nm": None}
+    metric |= {"limits": {"min": None, "max": 1.0}, "sides": {"+": side(0.97, 0.16), "-": side(0.97, 0.02)}}
+    free = metric | {"id": "windup", "limits": {"min": None, "max": None}, "sides": {"both": side(9.0, 0.1)}}
+    unknown = metric | {"id": "lost_motion", "sides": {"both": side(0.99, None)}}
+    result = {"decision": {"rule": rule, "guard_factor": 0.0}, "metrics": [metric, free, unknown]}
+    said = (
+        "nearer to its limit than its uncertainty, which rule simple leaves out: "
+        "backlash_width_3pct side + 0.97 ± 0.16 (limit ≤ 1)"
+    )
+    assert note_lines(result) == ([said] if rule == "simple" else [])
+    assert (said[1:] in rule_text(result)) == (rule == "simple")

@@ -13,6 +13,7 @@ from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, LOOP_C
 from station.reports.headline import badges, ending_text, headline, remaining_reasons
 from station.reports.result_notes import within_uncertainty
 from station.reports.result_text import (
+    guarded_text,
     limits_text,
     metric_name,
     minus,
@@ -58,16 +59,6 @@ WITHOUT: dict[str, Any] = {
 def completed(result: dict[str, Any]) -> dict[str, Any]:
     """Return a result with every entry that a report asks for."""
     return WITHOUT | {key: value for key, value in result.items() if value is not None}
-
-
-def guarded_text(metric: dict[str, Any], decision: dict[str, Any]) -> str:
-    """Return the limits for acceptance, moved in by the guard band; nothing without guard band or uncertainty."""
-    if decision["rule"] != "guard_band" or metric["uncertainty"] is None or not limits_text(metric["limits"]):
-        return ""
-    width = decision["guard_factor"] * metric["uncertainty"]
-    low, high = metric["limits"].get("min"), metric["limits"].get("max")
-    moved = {"min": None if low is None else low + width, "max": None if high is None else high - width}
-    return f"accept {limits_text(moved)}, w = {width:.2g}"
 
 
 def rule_text(result: dict[str, Any]) -> str:

@@ -13,7 +13,7 @@ from reportlab.platypus import SimpleDocTemplate, Spacer, Table
 
 from station.reports.content import GATE_HEADS, Content
 from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
-from station.reports.html_page import FIRST, completed, explained, guarded_text, metric_groups, rule_text, side_text
+from station.reports.html_page import FIRST, completed, explained, metric_groups, rule_text, side_text
 from station.reports.pdf_evidence import budget_parts, evaluation_parts, provenance_parts, timing_parts
 from station.reports.pdf_layout import (
     BADGE_COLOUR,
@@ -31,7 +31,7 @@ from station.reports.pdf_layout import (
     picture,
     section,
 )
-from station.reports.result_text import limits_text, number, spread_text, unit_text
+from station.reports.result_text import guarded_text, limits_text, number, spread_text, unit_text
 
 TWO_PICTURES = 0.84
 """Share of the width at which two pictures have room on the first page, below what is said there."""

@@ -28,11 +28,26 @@ def number(value: float | None, uncertainty: float | None = None) -> str:
 def limits_text(limits: dict[str, float | None]) -> str:
     """Return limits as they are said: `≤ 1`, `≥ 108`, `95 … 120`, or nothing."""
     low, high = limits.get("min"), limits.get("max")
+    return _range_text(None if low is None else f"{low:g}", None if high is None else f"{high:g}")
+
+
+def guarded_text(metric: dict[str, Any], decision: dict[str, Any]) -> str:
+    """Return the limits for acceptance, moved in by w = r·U; nothing without guard band or uncertainty."""
+    if decision["rule"] != "guard_band" or metric["uncertainty"] is None or not limits_text(metric["limits"]):
+        return ""
+    width = decision["guard_factor"] * metric["uncertainty"]
+    low, high = metric["limits"].get("min"), metric["limits"].get("max")
+    return "accept " + _range_text(
+        None if low is None else number(low + width, width), None if high is None else number(high - width, width)
+    )
+
+
+def _range_text(low: str | None, high: str | None) -> str:
     if low is not None and high is not None:
-        return minus(f"{low:g} … {high:g}")
+        return minus(f"{low} … {high}")
     if low is not None:
-        return minus(f"≥ {low:g}")
-    return minus(f"≤ {high:g}") if high is not None else ""
+        return minus(f"≥ {low}")
+    return minus(f"≤ {high}") if high is not None else ""
 
 
 def metric_name(metric: dict[str, Any]) -> str:

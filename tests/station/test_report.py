@@ -10,7 +10,8 @@ from station.bench.request import load_job
 from station.record.check import RECORD_DTYPE
 from station.record.history import conditions_of
 from station.record.left_state import left_action, left_text
-from station.reports.html_page import guarded_text, report_html
+from station.reports.html_page import report_html
+from station.reports.result_text import guarded_text
 
 RUN = {
     "started": "2026-01-02T03:04:05.000+00:00",
@@ -79,6 +80,6 @@ def test_temperatures_and_zeroes_are_in_the_report() -> None:
 
 def test_guard_banded_limits_are_numbers() -> None:
     metric = {"uncertainty": 0.1, "limits": {"min": None, "max": 1.0}}
-    assert guarded_text(metric, {"rule": "guard_band", "guard_factor": 0.5}) == "accept ≤ 0.95, w = 0.05"
+    assert guarded_text(metric, {"rule": "guard_band", "guard_factor": 0.5}) == "accept ≤ 0.950"
     assert guarded_text(metric, {"rule": "simple", "guard_factor": 0.0}) == ""
     assert guarded_text(metric | {"uncertainty": None}, {"rule": "guard_band", "guard_factor": 0.5}) == ""

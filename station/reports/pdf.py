@@ -143,7 +143,7 @@ def _metrics(result: dict[str, Any], content: Content) -> list[Any]:
             )
         )
     heads = ("metric", "", "value", "", "unit", "limit", "", "definition")
-    table = grid(heads, rows, (30, 4, 14, 15, 16, 14, 24, 54))
+    table = grid(heads, rows, (30, 4, 14, 15, 16, 26, 22, 44))
     said = paragraph(f"{rule_text(result)} {content.uncertainty}", "soft")
     return [*heading("Metrics"), table, Spacer(1, 3), said]
 

@@ -7,17 +7,20 @@ wrong the lines may be for a unit that was not calibrated.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+from analysis import Verdict
 from analysis.quadrants import QUADRANTS
 from recipes.calibration_schema import LEAST_UNITS
 from recipes.section import LONGEST_NAME
 from station.commands.blocks import DIGITS, day_of, due_day, flow, print_block, rounded, scalar
+from station.commands.stored_metric import objection
 from station.errors import StationError
-from station.record.run_record import RunRecord
+from station.record.run_record import RESULT, RunRecord
 from station.record.seal import alterations
 from station.record.store import Store
 
@@ -31,7 +34,8 @@ def calibration(runs: Sequence[str], data: Path, *, due: str | None, as_json: bo
     """Print the torque ratio that runs measured as an entry of `calibrations` in a bench file; return 0.
 
     Raises:
-        StationError: a run has measured none or was altered, a unit stands twice, or benches or models differ.
+        StationError: a run has measured none, was altered or is invalid, a unit stands twice, benches or models
+            differ.
 
     """
     records = [Store(data).find(run) for run in runs]
@@ -73,8 +77,22 @@ def _stored(record: RunRecord) -> Stored:
         raise StationError(
             f"{record.id}: the run measured no torque ratio; needed is a complete run of a recipe with a step calibrate"
         )
+    _refuse_invalid(record)
     stored: Stored = record.read_json(CALIBRATION)
     return stored
+
+
+def _refuse_invalid(record: RunRecord) -> None:
+    """Refuse lines that nobody may rely on; of a unit that missed its limits they are right, and another's not."""
+    result = record.read_json(RESULT)
+    if result.get("scenario"):
+        raise StationError(f"{record.id}: faults were injected ({result['scenario']}); nothing is taken from it")
+    if said := objection(result):
+        raise StationError(f"{record.id}: {said}; nothing is taken from it. Measure again")
+    if result["verdict"] != Verdict.PASS:
+        sys.stderr.write(
+            f"WARNING  {record.id}: its unit is {result['verdict']}, and its friction counts as that of a good one\n"
+        )
 
 
 def _check_alike(found: Sequence[Stored], serials: Sequence[str], records: Sequence[RunRecord]) -> None:

@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
+from station.commands.out_file import refuse_early, writing
 from station.errors import StationError
 from station.faults.exit_judge import Measured
 from station.faults.exit_rows import EXITS
@@ -19,7 +20,7 @@ def exits(names: list[str], path: Path | None, workers: int, *, as_json: bool) -
     """Measure the exits and say each; 0 when all keep their bounds, 1 when not.
 
     Raises:
-        StationError: there is no such exit, or a page of some of them was asked for.
+        StationError: there is no such exit, a page of some of them was asked for, or it cannot be written.
 
     """
     known = [row.id for row in EXITS]
@@ -28,6 +29,7 @@ def exits(names: list[str], path: Path | None, workers: int, *, as_json: bool) -
         raise StationError(f"{', '.join(unknown)}: no such exit; allowed are {', '.join(known)}")
     if names and path is not None:
         raise StationError("--page: the page shows all exits; leave the ids out")
+    refuse_early(path, "--page")
     chosen = names or known
     found: dict[str, Measured | None] = {}
     with ProcessPoolExecutor(workers) as pool:
@@ -37,7 +39,8 @@ def exits(names: list[str], path: Path | None, workers: int, *, as_json: bool) -
                 sys.stdout.write(line(name, one) + "\n")
                 sys.stdout.flush()
     if path is not None:
-        path.write_text(page(found), encoding="utf-8")
+        with writing(path, "--page"):
+            path.write_text(page(found), encoding="utf-8")
     if as_json:
         sys.stdout.write(json.dumps({name: one and asdict(one) for name, one in found.items()}) + "\n")
     bad = [name for name, one in found.items() if one is None or one.wrong]

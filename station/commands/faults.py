@@ -17,6 +17,7 @@ from drivers.virtual.scenario import OF_THE_RECORD, Scenario
 from recipes import Problem, RecipeError, find_bench, load_bench
 from station.bench.assemble_virtual import check_clock, choose_unit, load_scenario
 from station.bench.request import Job, find_profile, load_job
+from station.commands.out_file import refuse_early, writing
 from station.errors import StationError
 from station.faults.judge import first_action, first_alarm, judge, low_from
 from station.faults.matrix import LOW_SHARE_OF_RATED, RECIPE, Cell, cells, run_matrix
@@ -187,6 +188,7 @@ def wires_matrix(names: list[str], data: Path | None, page: Path | None, *, as_j
     if not chosen:
         sys.stderr.write(f"no row that is run over wires is called like {', '.join(names)}\n")
         return 2
+    refuse_early(page, "--page")
     begin = time.monotonic()
 
     def show(found: WireCell) -> None:
@@ -203,7 +205,8 @@ def wires_matrix(names: list[str], data: Path | None, page: Path | None, *, as_j
         found = run_wires_matrix(chosen, folder, _nothing, show)
     bad = [item for item in found if item.cell.wrong]
     if page is not None:
-        page.write_text(wires_markdown([item.cell for item in found]), encoding="utf-8")
+        with writing(page, "--page"):
+            page.write_text(wires_markdown([item.cell for item in found]), encoding="utf-8")
     if as_json:
         rows = [asdict(item.cell) | {"fault": ROWS[item.cell.row].name, "repeated": item.repeated} for item in found]
         sys.stdout.write(json.dumps(rows) + "\n")
@@ -222,6 +225,8 @@ def matrix(names: list[str], html: Path | None, page: Path | None, workers: int,
     if not chosen:
         sys.stderr.write(f"no row is called like {', '.join(names)}; see 'lostmotion faults matrix --help'\n")
         return 2
+    refuse_early(html, "--html")
+    refuse_early(page, "--page")
     begin = time.monotonic()
 
     def show(cell: Cell) -> None:
@@ -235,9 +240,11 @@ def matrix(names: list[str], html: Path | None, page: Path | None, workers: int,
     took_s = time.monotonic() - begin
     bad = [cell for cell in found if cell.wrong]
     if html is not None:
-        write_page(html, found, took_s)
+        with writing(html, "--html"):
+            write_page(html, found, took_s)
     if page is not None:
-        page.write_text(markdown(found), encoding="utf-8")
+        with writing(page, "--page"):
+            page.write_text(markdown(found), encoding="utf-8")
     if as_json:
         sys.stdout.write(json.dumps([asdict(cell) | {"fault": ROWS[cell.row].name} for cell in found]) + "\n")
     else:

@@ -1,4 +1,4 @@
-"""Files that a person names with `--out`: none of them is ever written over a record."""
+"""Files that a person names with `--out`, `--page` or `--html`: none of them is ever written over a record."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ OF_A_RUN = (MANIFEST, "samples.json")
 """Files that a run's folder has from its start."""
 
 
-def refuse_records(path: Path) -> None:
-    """Refuse a file that would lie in a run's folder, or in place of the index.
+def refuse_records(path: Path, option: str = "--out") -> None:
+    """Refuse a file that would lie in a run's folder, or in place of the index; option: what named it.
 
     Raises:
         StationError: it would.
@@ -24,13 +24,29 @@ def refuse_records(path: Path) -> None:
     there = path.resolve()
     run = next((folder for folder in there.parents if all((folder / name).is_file() for name in OF_A_RUN)), None)
     if run is not None:
-        raise StationError(f"--out {path}: lies in the folder of run {run.name}, which stays as it is. Choose another")
+        raise StationError(
+            f"{option} {path}: lies in the folder of run {run.name}, which stays as it is. Choose another"
+        )
     if there.name == INDEX:
-        raise StationError(f"--out {path}: {INDEX} is what vouches for the runs beside it. Choose another name")
+        raise StationError(f"{option} {path}: {INDEX} is what vouches for the runs beside it. Choose another name")
+
+
+def refuse_early(path: Path | None, option: str) -> None:
+    """Refuse a file that could not be written at the end, before what takes minutes begins; None is no file.
+
+    Raises:
+        StationError: it would lie in a record, or its folder is not there.
+
+    """
+    if path is None:
+        return
+    refuse_records(path, option)
+    if not path.parent.is_dir():
+        raise StationError(f"{option} {path}: there is no folder {path.parent}. Make it, or choose another")
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
+def writing(path: Path, option: str = "--out") -> Iterator[None]:
     """Tell what a file or folder of this name was refused for.
 
     Raises:
@@ -40,4 +56,4 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StationError(f"{path}: cannot be written: {error.strerror or error}. Choose another --out") from error
+        raise StationError(f"{path}: cannot be written: {error.strerror or error}. Choose another {option}") from error

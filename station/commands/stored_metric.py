@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple
@@ -102,6 +103,12 @@ def read_metric(run: RunRecord, ask: Ask) -> StoredMetric | str | None:
     return StoredMetric(found, metric, kind)
 
 
+def objection(result: Mapping[str, Any]) -> str:
+    """Return why a result's measurement was invalid, in its own words; '' where it was not."""
+    said = (str(reason) for reason in result["reasons"])
+    return next((reason for reason in said if reason.startswith("measurement invalid")), "")
+
+
 def _kind(manifest: dict[str, Any], result: dict[str, Any]) -> Kind:
     torque = next((stage for stage in result.get("stages") or () if stage.get("stage") == "output torque"), None)
     source = "" if torque is None else CONVERTED if torque["applied"] else MEASURED
@@ -114,7 +121,7 @@ def _usable(run: RunRecord, manifest: dict[str, Any]) -> tuple[str, dict[str, An
     if alterations(run, samples=False):
         return "altered", None
     result: dict[str, Any] = run.read_json(RESULT)
-    if any(str(reason).startswith("measurement invalid") for reason in result["reasons"]):
+    if objection(result):
         return "whose measurement was invalid", None
     return "", result
 

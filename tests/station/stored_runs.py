@@ -53,6 +53,7 @@ def store_run(
     shown = [dict(one) | ({"verdict": None} if verdict != "PASS" else {}) for one in metrics]
     result = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
     result |= {"reasons": list(reasons), "bench": {"name": "b"}, "unit": {"virtual": None}, "clock": "real"}
+    result |= {} if scenario is None else {"scenario": scenario}
     result |= {} if converted is None else {"stages": [{"stage": "output torque", "applied": converted}]}
     run.write_json("result.json", result)
     if calibration is not None:

@@ -23,6 +23,12 @@ WRITERS = {
 }
 """Every command with --out."""
 
+PAGES = {
+    "matrix": (("faults", "matrix"), ("--html", "--page")),
+    "exits": (("faults", "exits"), ("--page",)),
+}
+"""Every command that writes a page at its end, and its options."""
+
 FOLDERS = ("report",)
 """Those whose --out is a folder: a file is written into it."""
 
@@ -36,16 +42,35 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def with_out(group: Any) -> Iterator[str]:
+def with_option(group: Any, *names: str) -> Iterator[str]:
     for name, command in group.commands.items():
         if hasattr(command, "commands"):
-            yield from with_out(command)
-        elif any("--out" in option.opts for option in command.params):
+            yield from with_option(command, *names)
+        elif any(option in one.opts for one in command.params for option in names):
             yield name
 
 
-def test_every_command_with_out_is_here() -> None:
-    assert set(with_out(typer.main.get_command(app))) == set(WRITERS)
+def test_every_command_that_writes_a_file_is_here() -> None:
+    whole = typer.main.get_command(app)
+    assert set(with_option(whole, "--out")) == set(WRITERS)
+    assert set(with_option(whole, "--page", "--html")) == set(PAGES)
+
+
+@pytest.mark.parametrize(("words", "options"), PAGES.values(), ids=PAGES)
+def test_a_page_that_cannot_be_written_is_refused_before_minutes_of_work(
+    run: Path, words: tuple[str, ...], options: tuple[str, ...]
+) -> None:
+    before = content(run.parent)
+    places = {
+        run / "result.json": f"lies in the folder of run {run.name}",
+        run.parent / "no" / "x": "there is no folder",
+    }
+    for option in options:
+        for place, told in places.items():
+            refused = here(*words, option, str(place))
+            assert (refused.exit_code, refused.out) == (2, "")
+            assert f"{option} {place}: {told}" in refused.err
+    assert content(run.parent) == before
 
 
 @pytest.mark.parametrize("place", ["result.json", "profiles/new.json", "profiles"])

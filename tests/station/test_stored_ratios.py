@@ -134,6 +134,23 @@ def test_whatever_the_serial_number_the_entry_is_read_back(tmp_path: Path, seria
     assert parse_bench(bench_of(command(tmp_path, str(run.folder))), "b.yaml").calibrations
 
 
+def test_nothing_is_taken_from_an_invalid_measurement(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drifted = store_run(data, "U3", VALUES, calibration=ratio(-12.0), reasons=["measurement invalid: drift: 2 %"])
+    faulted = store_run(data, "U4", VALUES, calibration=ratio(-12.0), scenario="torque_offset")
+    for run, told in (
+        (drifted, "measurement invalid: drift: 2 %"),
+        (faulted, r"faults were injected \(torque_offset\)"),
+    ):
+        with pytest.raises(StationError, match=f"{run.id}: {told}; nothing is taken from it"):
+            command(data, "U0", "U1", str(run.folder))
+    assert not capsys.readouterr().err
+    near = store_run(data, "U5", VALUES, calibration=ratio(-12.0), reasons=["lost_motion is within its guard band"])
+    assert command(data, "U0", "U1", str(near.folder))
+    assert capsys.readouterr().err == (
+        f"WARNING  {near.id}: its unit is NOT DECIDABLE, and its friction counts as that of a good one\n"
+    )
+
+
 def test_nothing_is_taken_from_an_altered_record(data: Path) -> None:
     (path,) = data.glob("*U1*/calibration.json")
     path.write_text(path.read_text(encoding="utf-8").replace("-14.0", "-11.0"), encoding="utf-8")

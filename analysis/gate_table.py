@@ -7,11 +7,22 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from analysis import calibration_gates, cycle_gates, drive_gates, fixture_gates, loop_gates, record_gates, torque_gates
+from analysis import (
+    calibration_gates,
+    cycle_gates,
+    drive_gates,
+    fixture_gates,
+    loop_gates,
+    noise_gates,
+    ramp_end_gates,
+    record_gates,
+    torque_gates,
+)
 from analysis import gate_figures as figures
 from analysis.reading import Figure
 
 CHECK_RATIO = "compare the ratio in the recipe with the unit's plate, then check range and gain of both torque sensors"
+CHECK_SCALES = "check units and scale of angles and torques, then the stiffness in the recipe"
 
 
 class Gate(NamedTuple):
@@ -114,6 +125,26 @@ GATES: dict[str, Gate] = {
         "torque and angle lag differently",
         "load slower, set both channels to the same filter, or name the bench that knows them",
     ),
+    "late_torque": _row(
+        "torque by which a ramp runs on while the output torque is late or early behind the wind-up, by the ends of "
+        "the ramps, of the reference torque",
+        "%", 0.25, ramp_end_gates.late_torque,
+        "torque and wind-up do not come to rest together at the ends of the ramps",
+        "set the filters of torque and angles as in the bench file, or give their lags there",
+    ),
+    "noise_low": _row(
+        "noise of a torque in the measured cycles over that declared of its sensor; the quieter one", "%", 33.0,
+        noise_gates.noise_low,
+        "the torque has less noise than its sensor",
+        "measure without a filter behind the sensor, which takes from the play of the loop; where the sensor is better "
+        "than the bench file says, mend its noise there", least=True, configurable=False,
+    ),
+    "noise_high": _row(
+        "noise of a torque in the measured cycles over that declared of its sensor; the noisier one", "%", 300.0,
+        noise_gates.noise_high,
+        "the torque has more noise than its sensor", "check cables, earthing and the resolution of the channel",
+        configurable=False,
+    ),
     "ramp_rate": _row(
         "deviation from the steady rate that nine tenths of a branch stay within", "%", 50.0, figures.ramp_rate,
         "the load does not follow a steady ramp", "check the drive, or load slower",
@@ -177,12 +208,18 @@ GATES: dict[str, Gate] = {
         "most of what is judged would be what the fixture leaves",
         "check stiffness and curve of the fixture in the bench file, or clamp the unit stiffer",
     ),
-    "stiffness_agreement": _row(
-        "factor between the stiffness of the loop (secant in the middle of each side) and unit_under_test.stiffness of "
-        "the recipe, whichever is larger over the other",
-        "1", 2.0, loop_gates.stiffness_agreement,
-        "the loop is not as stiff as the recipe declares this unit",
-        "check units and scale of angles and torques, then the stiffness in the recipe", configurable=False,
+    "stiffness_low": _row(
+        "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
+        "softer side",
+        "1", 0.5, loop_gates.stiffness_low,
+        "the loop is softer than the recipe declares this unit, by more than any defect", CHECK_SCALES, least=True,
+        configurable=False,
+    ),
+    "stiffness_high": _row(
+        "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
+        "stiffer side",
+        "1", 1.5, loop_gates.stiffness_high,
+        "the loop is stiffer than any unit of this kind", CHECK_SCALES, configurable=False,
     ),
     "loss": _row(
         "energy of the cycle that loses least, of the rectangle of torque and wind-up around its loop", "%", 1.0,

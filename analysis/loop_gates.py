@@ -6,6 +6,7 @@ Each returns a Reading, or the reason in words why the figure does not apply her
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from analysis.loop import Loop
 from analysis.measured import Measured
@@ -16,27 +17,36 @@ SECANT = (0.25, 0.75)
 
 
 @of_measured
-def stiffness_agreement(found: Measured) -> Reading | str:
-    """Factor between the secant stiffness of the loops and that of the catalogue, one or more; the worse side.
+def stiffness_low(found: Measured) -> Reading | str:
+    """Secant stiffness of the loops over that of the catalogue; the softer side."""
+    if found.angles == "given":
+        return "a wind-up that was made elsewhere may hold its fixture, and be softer than the unit by any factor"
+    return _stiffness(found, min)
+
+
+@of_measured
+def stiffness_high(found: Measured) -> Reading | str:
+    """Secant stiffness of the loops over that of the catalogue; the stiffer side."""
+    return _stiffness(found, max)
+
+
+def _stiffness(found: Measured, side: Callable[[list[float]], float]) -> Reading | str:
+    """Return the stiffness of the side over the declared one.
 
     A factor tells a wrong unit or scale of angle or torque, which every metric of the loop carries unseen.
     """
     declared = found.method.catalogue_stiffness_nm_per_arcmin
     if declared is None:
         return "no stiffness is declared for the unit"
-    secants = [_secant_nm_per_arcmin(loop, side) for loop in found.loops for side in (1, -1)]
+    secants = [_secant_nm_per_arcmin(loop, way) for loop in found.loops for way in (1, -1)]
     if any(one is None for one in secants):
         return "a loop does not pass through zero torque"
-    ratios = [one / declared for one in secants if one is not None]
-    # A wind-up that was made elsewhere may hold its fixture: softer than the unit by any factor, but never stiffer.
-    by_itself = found.angles != "given"
-    factors = [max(one, 1.0 / one if by_itself else one) if one > 0.0 else math.inf for one in ratios]
-    worst = max(range(len(factors)), key=factors.__getitem__)
+    worst = side([one for one in secants if one is not None])
     words = (
-        f"the loop has {ratios[worst] * declared:.3g} N·m/arcmin, and the recipe declares {declared:g} for this unit: "
+        f"the loop has {worst:.3g} N·m/arcmin, and the recipe declares {declared:g} for this unit: "
         "an angle or a torque is in another unit or scale"
     )
-    return Reading(factors[worst], words)
+    return Reading(worst / declared, words)
 
 
 def _secant_nm_per_arcmin(loop: Loop, side: int) -> float | None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from analysis.alignment import Skew
 from analysis.branches import Blocks
@@ -59,7 +59,7 @@ class Evidence:
     """All that validity gates look at; `measured` is None when the trace could not be evaluated at all.
 
     noise_declared: a bench is known whose sensors have noise. torque_out_zero_nm: limit that is declared of the zero of
-    the output torque [N·m]; 0 where nothing is.
+    the output torque [N·m]; 0 where nothing is. torque_noise_nm: standard deviation declared of a torque channel.
     """
 
     measured: Measured | None
@@ -67,3 +67,4 @@ class Evidence:
     objections: tuple[str, ...] = ()
     noise_declared: bool = False
     torque_out_zero_nm: float = 0.0
+    torque_noise_nm: Mapping[str, float] = field(default_factory=dict)

@@ -103,9 +103,7 @@ def analyse(
     rows = [definition(one) for one in wanted]
     with np.errstate(all="ignore"):
         found = measure(trace, method, with_ratio=any(row.estimate is None for row in rows))
-        noisy = figures is not None and figures.noisy
-        zero_nm = 0.0 if figures is None else figures.torque_out_zero_nm
-        gates = judge_gates(Evidence(found, facts, tuple(invalid), noisy, zero_nm), method.gate_limits)
+        gates = judge_gates(_evidence(found, facts, tuple(invalid), figures), method.gate_limits)
         problems = gate_reasons(gates, tuple(invalid))
         by_output = [] if figures is None else _loops_by_output(found)
         errors, stage = measurement_of(found, figures, by_output=by_output, draws=draws)
@@ -121,6 +119,14 @@ def analyse(
     verdict, reasons = _overall(metrics, problems)
     ratio = found.quadrants if isinstance(found.quadrants, Quadrants) else None
     return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, (*found.stages, stage), gates)
+
+
+def _evidence(
+    found: Measured, facts: RunFacts | None, invalid: tuple[str, ...], figures: SensorFigures | None
+) -> Evidence:
+    if figures is None:
+        return Evidence(found, facts, invalid)
+    return Evidence(found, facts, invalid, figures.noisy, figures.torque_out_zero_nm, figures.torque_noise_nm)
 
 
 def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measured:

@@ -171,6 +171,7 @@ class Validity(Section):
     repeat_fraction: Fraction = 0.02
     repeated_samples_fraction: Fraction = 0.2
     lag_fraction: Fraction = 0.01
+    late_torque_fraction: Fraction = 0.0025
     ramp_rate_fraction: Fraction = 0.5
     points_per_bin: Annotated[int, Field(ge=1, le=100000)] = 3
     monotone_loading_fraction: Fraction = 0.05

@@ -140,9 +140,18 @@ class SensorFigures:
         return any(noise > 0.0 for noise in (*torques, *angles))
 
     @property
+    def torque_noise_nm(self) -> dict[str, float]:
+        """Standard deviation of the noise of both torque channels, N·m; 0 without such a sensor."""
+        return {"torque_in_nm": _noise_nm(self.torque_in), "torque_out_nm": _noise_nm(self.torque_out)}
+
+    @property
     def torque_out_zero_nm(self) -> float:
         """Limit of what the tare leaves of the zero of the output torque, N·m; 0 without that sensor."""
         return 0.0 if self.torque_out is None else self.torque_out.zero_fraction * self.torque_out.full_scale_nm
+
+
+def _noise_nm(sensor: TorqueFigures | None) -> float:
+    return 0.0 if sensor is None else sensor.noise_fraction * sensor.full_scale_nm
 
 
 def _numbers(figures: object) -> dict[str, float]:

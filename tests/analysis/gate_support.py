@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from reference_unit import ARC, RATIO, ReferenceUnit, bench_trace, exact_trace
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from analysis import (
@@ -223,6 +224,15 @@ def calibrated_without(torque_nm: float) -> dict[str, Any]:
     return {"trace": kept(GOOD, ~lost), "method": CONVERTED}
 
 
+def angles_times(factor: float) -> dict[str, Any]:
+    return changed(angle_in_rad=factor * GOOD.angle_in_rad, angle_out_rad=factor * GOOD.angle_out_rad)
+
+
+def late(values: np.ndarray, lag_s: float) -> np.ndarray:
+    """A channel that is late by a time."""
+    return np.interp(GOOD.t_s - lag_s, GOOD.t_s, values)
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -238,6 +248,9 @@ BAD: dict[str, Bad] = {
     "copied_cycles": copied_cycle,
     "repeated_samples": lambda: each_row(2),
     "lag": lambda: {"method": dataclasses.replace(KNOWN, lags_s=LAGS | {"torque_out_nm": 0.2})},
+    "late_torque": lambda: changed(torque_out_nm=late(GOOD.torque_out_nm, 0.025)),
+    "noise_low": lambda: changed(torque_out_nm=uniform_filter1d(GOOD.torque_out_nm, 9)),
+    "noise_high": lambda: changed(torque_in_nm=np.round(GOOD.torque_in_nm, 1)),
     "ramp_rate": uneven_ramp,
     "points_per_bin": sparse,
     "monotone_loading": back_and_forth,
@@ -254,9 +267,8 @@ BAD: dict[str, Bad] = {
     },
     "locked_motion": slipped,
     "fixture_share": lambda: loaded_alone(dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=300.0)),
-    "stiffness_agreement": lambda: changed(
-        angle_in_rad=GOOD.angle_in_rad / 60.0, angle_out_rad=GOOD.angle_out_rad / 60.0
-    ),
+    "stiffness_low": lambda: angles_times(60.0),
+    "stiffness_high": lambda: angles_times(1.0 / 60.0),
     "loss": nearly_one_curve,
     "calibrated_turn": lambda: calibrated_to(500.0),
     "calibrated_gap": lambda: calibrated_without(5.0),

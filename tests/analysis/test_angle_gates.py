@@ -154,17 +154,20 @@ def test_a_slip_at_the_turn_that_the_gate_lets_pass_makes_no_pass(slip_arcmin: f
 
 
 @pytest.mark.parametrize("scale", [0.4, 0.6, 1.0, 1.7, 2.3])
-def test_a_wrong_scale_of_the_angle_is_seen_from_a_factor_of_two(scale: float) -> None:
-    passed = 0.5 < scale < 2.0
-    found = of(judged(**changed(angle_in_rad=scale * GOOD.angle_in_rad)), "stiffness_agreement")
-    assert found.passed is passed
-    assert ("and the recipe declares 100 for this unit" in found.text) is not passed
+def test_a_wrong_scale_of_the_angle_is_seen_where_no_unit_is_like_it(scale: float) -> None:
+    gates = judged(**changed(angle_in_rad=scale * GOOD.angle_in_rad))
+    found = {name: of(gates, name) for name in ("stiffness_low", "stiffness_high")}
+    failed = [name for name, gate in found.items() if gate.passed is False]
+    assert failed == (["stiffness_low"] if scale > 2.0 else ["stiffness_high"] if scale < 1.0 / 1.5 else [])
+    assert all("and the recipe declares 100 for this unit" in found[name].text for name in failed)
 
 
 def test_without_a_declared_stiffness_its_gate_says_so() -> None:
-    found = of(judged(method=dataclasses.replace(KNOWN, catalogue_stiffness_nm_per_arcmin=None)), "stiffness_agreement")
-    assert (found.passed, found.figure) == (None, None)
-    assert "no stiffness is declared" in found.text
+    gates = judged(method=dataclasses.replace(KNOWN, catalogue_stiffness_nm_per_arcmin=None))
+    for name in ("stiffness_low", "stiffness_high"):
+        found = of(gates, name)
+        assert (found.passed, found.figure) == (None, None)
+        assert "no stiffness is declared" in found.text
 
 
 def test_a_windup_that_does_not_change_is_told_in_plain_words() -> None:

@@ -96,11 +96,11 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     why = {one.id: one.text for one in result.gates if one.passed is None}
     assert set(why) == {
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "drift", "repeat",
-        "copied_cycles", "repeated_samples", "lag", "ramp_rate",
+        "copied_cycles", "repeated_samples", "lag", "late_torque", "noise_low", "noise_high", "ramp_rate",
         "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
         "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines",
         "torque_out_zero", "calibrated_turn", "calibrated_gap", "calibrated_zero", "drive_torque_agreement",
-        "drive_torque_gap", "locked_compliance",
+        "drive_torque_gap", "locked_compliance", "stiffness_low",
     }  # fmt: skip
     assert "one cycle" in why["drift"]
     assert "no time" in why["ramp_rate"]
@@ -141,10 +141,10 @@ def test_gates_are_plain_data() -> None:
 
 
 def test_rows_written_several_times_are_no_measurements() -> None:
-    """Twenty of each make the uncertainty smaller, and nothing else shows it; a few held samples do not matter."""
+    """Twenty of each make the uncertainty smaller; a few held samples do not matter."""
     twenty = judged(**each_row(20))
     assert twenty.metrics[0].headline.uncertainty < GOOD_RUN.metrics[0].headline.uncertainty
-    assert [one.id for one in twenty.gates if one.passed is False] == ["repeated_samples"]
+    assert [one.id for one in twenty.gates if one.passed is False] == ["repeated_samples", "noise_low"]
     found = of(twenty, "repeated_samples")
     assert (found.figure, twenty.verdict) == (pytest.approx(95.0, abs=0.1), Verdict.NOT_DECIDABLE)
     assert "cycle 1, rising branch" in found.text

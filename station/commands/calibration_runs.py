@@ -23,7 +23,10 @@ from station.record.seal import alterations
 CALIBRATION = "calibration.json"
 
 ONE_UNIT_WITHIN = 3.0
-"""Standard uncertainties of their difference within which two lines are those of one unit: 99.7 % of a repeat are."""
+"""Standard uncertainties of their difference within which two lines are those of one unit.
+
+A repeat has each of its eight coefficients there 997 times of 1000; two units of the virtual lot are 160 apart.
+"""
 
 ONE_RECIPE = (
     "lines of two recipes differ by what the recipes do, and not by the units. Name runs of one recipe and revision"

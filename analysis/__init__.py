@@ -19,7 +19,7 @@ from analysis.quadrant_fit import fit_quadrants
 from analysis.quadrants import Quadrants, TorqueLine
 from analysis.runs import commanded_runs
 from analysis.segment_fit import MeanCurve
-from analysis.segment_names import UNUSED, segment_name
+from analysis.segment_names import UNUSED, segment_name, segment_names
 from analysis.stages import STAGES, Figure, StageRecord
 from analysis.torque_ratio import RatioFit, fit_torque_ratio
 from analysis.trace import SegmentInfo, Trace
@@ -76,5 +76,6 @@ __all__ = [
     "read_trace",
     "reducer_stiffness",
     "segment_name",
+    "segment_names",
     "series_stiffness",
 ]

@@ -48,7 +48,8 @@ class Run:
 def commanded_runs(trace: Trace) -> list[Run]:
     """Return the runs of a trace with a segment table, in order of time.
 
-    Neighbouring ramps of the same role, direction and cycle are one run; a dwell between them (steps) is left out.
+    Neighbours of the same role, direction and cycle are one run: steps, each a piece, and so is each hold that belongs
+    to the branch; a dwell between them is left out.
     """
     if trace.segment is None or not trace.segments:
         return []

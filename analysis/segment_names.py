@@ -2,12 +2,15 @@
 
 The column `segment` (or `branch`) holds "forward" or "return" (the cycle counts up whenever forward or return comes
 again), or "role direction cycle" as `segment_name` writes it, for example "measure -1 2", or "unused": a row that is no
-sample of the loop, and is left out. Whole numbers say only that the load profile is not known, and turning points are
-then found on the curve.
+sample of the loop, and is left out. A branch in steps has a fourth number, which counts its ramps and holds:
+"measure -1 2 3"; without it they would be one unsteady ramp. Whole numbers say only that the load profile is not
+known, and turning points are then found on the curve.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,21 @@ UNUSED = "unused"
 def segment_name(info: SegmentInfo) -> str:
     """Write a segment as text for a file: "role direction cycle"."""
     return f"{info.role} {info.direction:+d} {info.cycle}"
+
+
+def segment_names(order: Sequence[int], table: Mapping[int, SegmentInfo]) -> dict[int, str]:
+    """Return the name of each segment id, by which a reader finds every change of segment again.
+
+    Neighbours of one role, direction and cycle are numbered from 1: ramps and holds of a branch in steps.
+
+    order: the ids as they follow each other in the rows.
+    """
+    names: dict[int, str] = {}
+    for name, group in groupby(order, key=lambda key: segment_name(table[key])):
+        alike = list(group)
+        steps = [f" {number}" for number in range(1, len(alike) + 1)] if len(alike) > 1 else [""]
+        names |= {key: name + step for key, step in zip(alike, steps, strict=True)}
+    return names
 
 
 def read_segments(column: Any, file: Path, name: str) -> tuple[BoolArray, IntArray | None, dict[int, SegmentInfo]]:
@@ -81,13 +99,14 @@ def read_segments(column: Any, file: Path, name: str) -> tuple[BoolArray, IntArr
 
 def _parse(text: str, where: str) -> SegmentInfo:
     role, *numbers = text.split() or [""]
-    if role in ROLES and len(numbers) <= 2 and all(_is_whole(number) for number in numbers):
+    if role in ROLES and len(numbers) <= 3 and all(_is_whole(number) for number in numbers):
         direction, cycle = (*(int(number) for number in numbers), 0, 0)[:2]
         if direction in (-1, 0, 1):
             return SegmentInfo(role, direction, cycle)
     raise AnalysisError(
         f"{where}: found '{text}'; allowed are {', '.join(BRANCH_NAMES)}, {UNUSED}, whole numbers, or a role "
-        f"({', '.join(ROLES)}) with direction (-1, 0, 1) and cycle, as in 'measure -1 2'"
+        f"({', '.join(ROLES)}) with direction (-1, 0, 1) and cycle, as in 'measure -1 2', "
+        "and a number that counts the ramps and holds of a branch in steps"
     )
 
 

@@ -60,6 +60,17 @@ def quick_run(stored_once: Callable[..., Stored]) -> Stored:
 
 
 @pytest.fixture(scope="session")
+def shipped_run(stored_once: Callable[..., Stored], quick_run: Stored) -> Callable[[str], Stored]:
+    """Run a shipped recipe, by its name, with the unit and the bench that it is for."""
+    made = {"rv-40e-121-quick": quick_run}
+
+    def run(name: str) -> Stored:
+        return made.get(name) or stored_once(f"shipped-{name}", name, "--serial", "SN 1", "--no-report")
+
+    return run
+
+
+@pytest.fixture(scope="session")
 def worn_run(stored_once: Callable[..., Stored]) -> Stored:
     """The shipped quick recipe with a worn unit: FAIL."""
     recipe = ROOT / "recipes" / "rv-40e-121-quick.yaml"

@@ -89,13 +89,9 @@ _register()
 
 def _print_version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value
     if asked:
-        import importlib.metadata  # noqa: PLC0415 - only for this option
+        from station.version import version  # noqa: PLC0415 - only for this option
 
-        try:
-            version = importlib.metadata.version("lostmotion")
-        except importlib.metadata.PackageNotFoundError:
-            version = "from its source folder"
-        typer.echo(f"lostmotion {version}")
+        typer.echo(f"lostmotion {version()}")
         raise typer.Exit
 
 

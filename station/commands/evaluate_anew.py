@@ -19,6 +19,7 @@ from station.results.export_origin import Origin, origin_of
 from station.results.run_analysis import evaluate_run
 from station.results.trace_origin import check_recipe_fits, objections_to_bench
 from station.run.conclusion import NOT_DECIDABLE
+from station.version import version
 from station.wall_clock import WALL_CLOCK
 
 
@@ -91,7 +92,8 @@ def _with_origin(result: dict[str, Any], origin: Origin, bench_name: str | None)
     original = origin.run["verdict"]
     judged: dict[str, Any] = {}
     if not reevaluated and not origin.objections and result["verdict"] != original:
-        judged = _unlike_the_run(result, original, origin.run)
+        again = f"Export run {origin.run['id']} again, and look at what 'lostmotion analyze' says of the run itself"
+        judged = _unlike_the_run(result, original, origin.run, again)
     bench = None
     if other_bench and bench_name is not None:
         named = load_bench(find_bench(bench_name)).bench
@@ -137,7 +139,8 @@ def reevaluate(
     plain = _with_warnings(_judged_by_preset(found.to_dict(), recipe, preset), recipe, recipe_file, bench)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:
-        plain |= _unlike_the_run(plain | {"reasons": list(found.reasons)}, original, manifest)
+        again = "Measure again, and report the record as a defect of the program"
+        plain |= _unlike_the_run(plain | {"reasons": list(found.reasons)}, original, manifest, again)
     return {
         "run": run.id,
         "serial": manifest["serial"],
@@ -198,9 +201,17 @@ def _judged_without_bench(plain: dict[str, Any], bench: Bench | None) -> dict[st
     return plain | {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
 
 
-def _unlike_the_run(plain: dict[str, Any], original: str, run: dict[str, Any]) -> dict[str, Any]:
-    """Return verdict and reasons of an evaluation by the run's own recipe and bench that gives another verdict."""
-    software = f"it was made by lostmotion {run['software']['version']}. Compare the versions, then measure again"
+def _unlike_the_run(plain: dict[str, Any], original: str, run: dict[str, Any], again: str) -> dict[str, Any]:
+    """Return verdict and reasons of an evaluation by the run's own recipe and bench that gives another verdict.
+
+    again: what to do where the version is not what makes the difference.
+    """
+    was, now = run["software"]["version"], version()
+    software = (
+        f"both by lostmotion {now}. {again}"
+        if was == now
+        else f"by lostmotion {was} then, and by {now} now. Evaluate it by {was}, or measure again"
+    )
     said = f"the run's own verdict is {original}, evaluated anew it is {plain['verdict']}: {software}"
     return {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
 

@@ -11,7 +11,7 @@ import jinja2
 
 from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
 from station.reports.headline import badges, ending_text, headline, remaining_reasons
-from station.reports.result_notes import within_uncertainty
+from station.reports.result_notes import one_sided, within_uncertainty
 from station.reports.result_text import (
     guarded_text,
     limits_text,
@@ -62,11 +62,11 @@ def completed(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def rule_text(result: dict[str, Any]) -> str:
-    """Return the rule of decision in a sentence, with its factor, and what it decided within the uncertainty."""
+    """Return the rule of decision in a sentence, with its factor, and what it decided on one side or within U."""
     decision = result["decision"]
     factor = f" Here r = {decision['guard_factor']:g}." if decision["rule"] == "guard_band" else ""
-    near = "".join(f" {note[0].upper()}{note[1:]}." for note in within_uncertainty(result))
-    return RULES[decision["rule"]] + factor + near
+    notes = one_sided(result) + within_uncertainty(result)
+    return RULES[decision["rule"]] + factor + "".join(f" {note[0].upper()}{note[1:]}." for note in notes)
 
 
 def explained(metric: dict[str, Any]) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 from typing import Any
 
 from analysis import GATES, Decision, Verdict, is_loose, judge
+from analysis.metric_definition import SIDED
 from station.reports.content import figure_text, uncertainty_kind
 from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
 
@@ -18,6 +19,9 @@ RECIPE_NOTE = "recipe "
 
 FAULTS_NOTE = "faults were injected"
 """How the note begins that names the scenario of a run."""
+
+ONE_SIDE = tuple({side} for side in SIDED)
+"""Sides of a metric that was judged on one of its two."""
 
 MOST_NOTES = 4
 
@@ -35,6 +39,7 @@ def note_lines(result: Mapping[str, Any]) -> list[str]:
     applied = [stage for stage in stages if stage.get("applied")]
     notes = (
         fault_notes(result)
+        + one_sided(result)
         + within_uncertainty(result)
         + loose_limits(result)
         + [note for note in notes if not note.startswith(FAULTS_NOTE)]
@@ -48,6 +53,28 @@ def fault_notes(result: Mapping[str, Any]) -> list[str]:
     """Return one note that names the scenario by which faults were injected; none where none were."""
     said = [str(note) for note in result.get("notes") or () if str(note).startswith(FAULTS_NOTE)]
     return said or ([f"{FAULTS_NOTE}: {result['scenario']}"] if result.get("scenario") else [])
+
+
+def one_sided(result: Mapping[str, Any]) -> list[str]:
+    """Return one note on the metrics with a limit that were judged on one side of the two they have; none where none.
+
+    The side that was not asked for may be the bad one. A metric of the whole loop has one side, `both`, and is not
+    meant; nor is one that the recipe asks for on each side by itself, with limits of their own.
+    """
+    sides: defaultdict[str, set[str]] = defaultdict(set)
+    limited = [metric for metric in result.get("metrics") or () if _has_limit(metric)]
+    for metric in limited:
+        sides[_whole_name(metric)] |= set(metric.get("sides") or ())
+    alone = [metric_name(metric) for metric in limited if sides[_whole_name(metric)] in ONE_SIDE]
+    return [f"judged on one side alone: {', '.join(alone)}"] if alone else []
+
+
+def _has_limit(metric: Mapping[str, Any]) -> bool:
+    return any(limit is not None for limit in (metric.get("limits") or {}).values())
+
+
+def _whole_name(metric: Mapping[str, Any]) -> str:
+    return metric_name({**metric, "side": ""})
 
 
 def within_uncertainty(result: Mapping[str, Any]) -> list[str]:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from analysis import UNUSED, segment_name
+from analysis import UNUSED, segment_names
 from analysis.trace import CHANNELS
 from controller.image import IMAGE_FIELDS, ORDERS_FIELDS
 from recipes import Bench
@@ -78,12 +78,18 @@ def trace_columns(table: Table, segments: list[dict[str, Any]], bench: Bench) ->
         Column(name, "trace", units[AS_RECORDED.get(name, name)], CHANNELS[name] + less.get(name, ""), values)
         for name, values in measured_channels(table, bench).items()
     ]
-    names = {key: segment_name(info) for key, info in segment_table(segments).items()}
-    # A row without a name cannot be evaluated: its segment is not in the program.
     there, rows = np.unique(table["orders"]["segment"], return_inverse=True)
+    known, used = segment_table(segments), evaluated(table)
+    # Segments of a program follow each other by their number; one without a sample does not part its neighbours.
+    seen = np.unique(rows[used])
+    names = segment_names([int(key) for key in there[seen] if int(key) in known], known)
+    # A row without a name cannot be evaluated: its segment is not in the program.
     texts = np.array([names.get(int(key), UNUSED) for key in there], dtype=np.str_)[rows]
-    meaning = f"role, direction of torque and cycle; {UNUSED}: not measuring, or a scan without a new sample"
-    return [*found, Column("segment", "trace", "", meaning, np.where(evaluated(table), texts, UNUSED))]
+    meaning = (
+        "role, direction of torque and cycle, and what counts the ramps and holds of a branch in steps; "
+        f"{UNUSED}: not measuring, or a scan without a new sample"
+    )
+    return [*found, Column("segment", "trace", "", meaning, np.where(used, texts, UNUSED))]
 
 
 def write_parquet(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:

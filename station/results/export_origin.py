@@ -53,7 +53,10 @@ def for_analysis(run: RunRecord, table: Table) -> tuple[Sequence[Column], dict[s
 
 
 def fingerprint_of(trace: Trace) -> str:
-    """Return the SHA-256 over all channels of a trace and the segment of each sample, as hexadecimal digits."""
+    """Return the SHA-256 over all channels of a trace and the segment of each sample, as hexadecimal digits.
+
+    Where a branch has steps, the rows are part of it at which a new one begins.
+    """
     digest = hashlib.sha256()
     for name in CHANNELS:
         values = getattr(trace, name)
@@ -63,6 +66,9 @@ def fingerprint_of(trace: Trace) -> str:
         infos = [trace.segments[int(key)] for key in ids]
         rows = np.array([(ROLES.index(one.role), one.direction, one.cycle) for one in infos], dtype=np.int64)
         digest.update(rows[places].tobytes())
+        starts = np.flatnonzero(np.diff(trace.segment)) + 1
+        alike = (rows[places[starts]] == rows[places[starts - 1]]).all(axis=1)
+        digest.update(starts[alike].astype(np.int64).tobytes())
     return digest.hexdigest()
 
 

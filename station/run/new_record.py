@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import platform
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +10,7 @@ from station.bench.request import Job, Source
 from station.record.program_file import PROGRAM, plain_program
 from station.record.run_record import RunRecord
 from station.record.store import Store
+from station.version import version
 
 
 class Wanted(NamedTuple):
@@ -48,7 +48,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         },
         "software": {
             "name": "lostmotion",
-            "version": _version(),
+            "version": version(),
             "python": platform.python_version(),
             "platform": platform.platform(),
         },
@@ -67,10 +67,3 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
     record = Store(data).create(wanted.serial, manifest, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record
-
-
-def _version() -> str:
-    try:
-        return importlib.metadata.version("lostmotion")
-    except importlib.metadata.PackageNotFoundError:
-        return "from its source folder"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from published import DATA
 from reference_unit import ARC
 
-from analysis import AnalysisError, SegmentInfo, Trace, read_trace, segment_name
+from analysis import AnalysisError, SegmentInfo, Trace, read_trace, segment_name, segment_names
 
 
 def written(folder: Path, content: bytes | str) -> Path:
@@ -67,6 +67,20 @@ def test_segments_survive_a_file(tmp_path: Path) -> None:
     rows = "\n".join(f"{number},{segment_name(info)}" for number, info in enumerate(infos))
     trace = read_trace(written(tmp_path, f"t_s,segment\n{rows}\n"))
     assert [trace.segments[key] for key in range(3)] == infos
+
+
+def test_ramps_and_holds_of_a_branch_in_steps_are_numbered_where_they_meet(tmp_path: Path) -> None:
+    down, up = SegmentInfo("measure", -1, 1), SegmentInfo("measure", 1, 1)
+    table = {1: down, 2: down, 3: down, 4: SegmentInfo("dwell"), 5: up, 7: down}
+    names = segment_names([1, 2, 3, 4, 5, 7], table)
+    steps = [f"measure -1 1 {number}" for number in (1, 2, 3)]
+    assert list(names.values()) == [*steps, "dwell +0 0", "measure +1 1", "measure -1 1"]
+    assert segment_names([1, 3, 5], table)[3] == "measure -1 1 2"
+    rows = "\n".join(f"{number},{name}" for number, name in enumerate(names.values()))
+    trace = read_trace(written(tmp_path, f"t_s,segment\n{rows}\n"))
+    assert list(trace.segments.values()) == [table[key] for key in names]
+    assert trace.segment is not None
+    assert len(set(trace.segment.tolist())) == len(names)
 
 
 def test_rows_that_are_no_samples_of_the_loop_are_left_out(tmp_path: Path) -> None:

@@ -11,12 +11,15 @@ import pyarrow.parquet as pq
 import pytest
 from lostmotion_command import COMMAND, ROOT
 
+from analysis import read_trace
+from recipes import shipped_recipes
 from station.commands.loop_source import trace_source
 from station.errors import StationError
 from station.record.check import read_table
 from station.record.scan_record import RECORD_BYTES
 from station.record.store import Store
 from station.results.export import FORMATS, sidecar
+from station.results.export_origin import fingerprint_of
 
 
 def test_export_in_each_format_and_of_a_damaged_run(lostmotion, stored, tmp_path):
@@ -64,6 +67,56 @@ def test_an_exported_run_is_evaluated_as_the_run_is(lostmotion, quick_run, tmp_p
     shown = lostmotion("analyze", str(path), *how).out
     assert "VIRTUAL TIME" in shown
     assert f"exported from run {record.name} of unit SN 1" in " ".join(shown.split())
+
+
+OTHER_RECIPES = sorted(set(shipped_recipes()) - {"rv-40e-121-quick"})
+STEPPED = "rv-40e-121-measurement"
+
+
+@pytest.mark.parametrize("name", OTHER_RECIPES)
+def test_whatever_the_recipe_the_export_of_its_run_is_evaluated_as_the_run_is(lostmotion, shipped_run, tmp_path, name):
+    """What a recipe loads by, ramps, steps or a speed, must be in the file: gates and metrics go by it."""
+    record, path = shipped_run(name).record, tmp_path / "run.parquet"
+    assert lostmotion("export", str(record), "--out", str(path)).exit_code == 0
+    how = ("--recipe", str(record / "recipe.yaml"), "--bench", str(record / "bench.yaml"))
+    ran = lostmotion("analyze", str(path), *how, "--json")
+    own = json.loads((record / "result.json").read_text(encoding="utf-8"))
+    assert {key: ran.json[key] for key in SAME} == {key: own[key] for key in SAME}
+    assert (ran.json["verdict"], ran.json["origin"]["changed"], ran.json["reevaluated"]) == ("PASS", False, False)
+
+
+def test_the_steps_of_a_branch_are_numbered_and_belong_to_the_trace(lostmotion, shipped_run, tmp_path):
+    """Eleven steps to the peak: 22 ramps and 21 holds from peak to peak; a branch in one ramp has no such number."""
+    record, path = shipped_run(STEPPED).record, tmp_path / "run.parquet"
+    assert lostmotion("export", str(record), "--out", str(path)).exit_code == 0
+    names = {text for text in pq.read_table(path)["segment"].to_pylist() if text.startswith("measure")}
+    stepped = {text for text in names if len(text.split()) == 4}
+    assert {int(text.split()[3]) for text in stepped} == set(range(1, 44))
+    assert names - stepped == {f"measure {sign}1 {cycle}" for sign in "+-" for cycle in (1, 2, 3)}
+
+
+def test_a_file_that_has_lost_its_steps_is_told_with_the_way_out(lostmotion, shipped_run, tmp_path):
+    """As a version before steps were numbered wrote it: the same trace, by its own account, and another verdict."""
+    record, path = shipped_run(STEPPED).record, tmp_path / "run.parquet"
+    assert lostmotion("export", str(record), "--out", str(path)).exit_code == 0
+    table = pq.read_table(path)
+    place = table.schema.get_field_index("segment")
+    texts = [" ".join(text.split()[:3]) for text in table["segment"].to_pylist()]
+    run = json.loads(table.schema.metadata[b"lostmotion"])
+    bare = table.set_column(place, "segment", [texts])
+    how = ("--recipe", STEPPED, "--bench", "virtual", "--json")
+    pq.write_table(bare, path)
+    assert lostmotion("analyze", str(path), *how).json["origin"]["changed"]
+    run["trace"] = fingerprint_of(read_trace(path))
+    pq.write_table(bare.replace_schema_metadata({b"lostmotion": json.dumps(run)}), path)
+    ran = lostmotion("analyze", str(path), *how)
+    assert (ran.exit_code, ran.json["verdict"], ran.json["origin"]["changed"]) == (3, "NOT DECIDABLE", False)
+    assert "evaluated anew it is NOT DECIDABLE: both by lostmotion" in ran.json["reasons"][0]
+    assert f"Export run {record.name} again" in ran.json["reasons"][0]
+    run["software"]["version"] = "0.0.9"
+    pq.write_table(bare.replace_schema_metadata({b"lostmotion": json.dumps(run)}), path)
+    reason = lostmotion("analyze", str(path), *how).json["reasons"][0]
+    assert "by lostmotion 0.0.9 then, and by" in reason
 
 
 def quick_csv(lostmotion, quick_run, folder):

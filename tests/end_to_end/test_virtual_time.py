@@ -51,8 +51,8 @@ def test_calibrated_input_torque_recovers_them_too(lostmotion, tmp_path):
 
 
 @pytest.mark.parametrize("name", BENCH_RECIPES)
-def test_recipe_of_each_bench_passes_its_unit_and_recovers_its_figures(lostmotion, name):
-    ran = lostmotion("run", recipe(name), "--virtual-time", "--json", "--serial", "SN1")
+def test_recipe_of_each_bench_passes_its_unit_and_recovers_its_figures(shipped_run, name):
+    ran = shipped_run(name).ran
     found = (ran.exit_code, ran.json["state"], ran.json["verdict"])
     assert found == (0, "complete", "PASS"), ran.json["reasons"]
     assert {key: metric(ran.json, *key) for key in BENCH_RECIPES[name]} == BENCH_RECIPES[name]

@@ -37,22 +37,31 @@ def store_run(
     converted: bool | None = None,
     scenario: str | None = None,
     calibration: Mapping[str, Any] | None = None,
+    virtual: str | None = None,
+    failed: str | None = None,
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
-    calibration: the torque ratio that it measured.
+    calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
     """
-    manifest: dict[str, Any] = {"bench": {"name": "b", "sha256": ""}, "unit": {"model": "RV", "virtual": None}}
+    manifest: dict[str, Any] = {"bench": {"name": "b", "sha256": ""}, "unit": {"model": "RV", "virtual": virtual}}
     manifest |= {"recipe": {"name": recipe, "revision": revision, "sha256": ""}, "clock": "real", "verdict": None}
     manifest |= {} if operator is None else {"operator": operator}
     manifest |= {} if scenario is None else {"scenario": scenario}
     run = Store(data).create(serial, manifest, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
     run.samples.touch()
     sha = {part: fingerprint(run.folder / f"{part}.yaml")["sha256"] for part in ("recipe", "bench")}
-    verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS"
-    shown = [dict(one) | ({"verdict": None} if verdict != "PASS" else {}) for one in metrics]
+    verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS" if failed is None else "FAIL"
+    shown = [
+        dict(one) | ({} if verdict == "PASS" else {"verdict": None if failed is None else "FAIL"}) for one in metrics
+    ]
     result = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
-    result |= {"reasons": list(reasons), "bench": {"name": "b"}, "unit": {"virtual": None}, "clock": "real"}
+    result |= {
+        "reasons": [*reasons, *([] if failed is None else [failed])],
+        "bench": {"name": "b"},
+        "unit": {"virtual": virtual},
+        "clock": "real",
+    }
     result |= {} if scenario is None else {"scenario": scenario}
     result |= {} if converted is None else {"stages": [{"stage": "output torque", "applied": converted}]}
     run.write_json("result.json", result)

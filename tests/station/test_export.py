@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from scipy.io import loadmat
 from station_samples import IMAGE, ORDERS
 
 from analysis import SegmentInfo, read_trace
+from analysis.runs import commanded_runs
 from analysis.trace import CHANNELS
 from controller.faults import FAULTS
 from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, State
@@ -221,6 +223,25 @@ def test_the_analysis_reads_the_file_as_the_trace_of_the_run(name: str, tmp_path
     assert infos == [own.segments[key] for key in own.segment.tolist()]
     assert set(infos) == {SegmentInfo("calibrate", 1, 0), SegmentInfo("measure", -1, 3)}
     assert fingerprint_of(trace) == fingerprint_of(own)
+
+
+STEPS = [
+    {"index": 1, "role": "measure", "direction": 1, "cycle": 1},
+    {"index": 2, "role": "measure", "direction": 1, "cycle": 1},
+]
+
+
+@pytest.mark.parametrize("name", ["csv", "parquet", "tdms"])
+def test_every_step_of_a_branch_is_a_piece_of_it_in_the_file_as_in_the_run(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"run.{name}"
+    FORMATS[name](path, columns_of(table(), 1_000_000, trace_columns(table(), STEPS, BENCH)), RUN)
+    trace, own = read_trace(path), trace_of(table(), STEPS, BENCH, 1_000_000, "run")
+    (found,), (measured,) = commanded_runs(trace), commanded_runs(own)
+    assert found == measured
+    assert len(found.pieces) == 5
+    assert fingerprint_of(trace) == fingerprint_of(own)
+    one_piece = replace(own, segment=np.ones(own.samples, dtype=np.int64))
+    assert fingerprint_of(one_piece) != fingerprint_of(own)
 
 
 def test_a_channel_that_the_bench_does_not_have_is_no_channel_of_the_trace(tmp_path: Path) -> None:

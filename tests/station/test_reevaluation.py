@@ -89,6 +89,13 @@ def test_a_recipe_with_another_ratio_is_refused(failed: RunRecord, tmp_path: Pat
         reevaluate(failed, changed_recipe(tmp_path, ("ratio: 121", "ratio: 151")), None)
 
 
+def test_a_recipe_that_judges_one_side_of_a_metric_is_told_so(failed: RunRecord, tmp_path: Path) -> None:
+    one = changed_recipe(tmp_path, ("{id: spring_constant,", '{id: spring_constant, side: "-",'))
+    shown = here("analyze", str(failed.folder), "--recipe", one).out
+    assert "judged on one side alone: spring_constant side −\n" in shown
+    assert "judged on one side" not in here("analyze", str(failed.folder)).out
+
+
 CURVE = """  curve:
     {id: old, made: 2019-01-01, due: 2020-01-01, angles: both,
      points: [{torque: -500 N·m, deflection: -4 arcmin}, {torque: 500 N·m, deflection: 4 arcmin}]}

@@ -117,3 +117,34 @@ def test_what_simple_acceptance_decides_within_its_uncertainty_is_said(rule: str
     )
     assert note_lines(result) == ([said] if rule == "simple" else [])
     assert (said[1:] in rule_text(result)) == (rule == "simple")
+
+
+def sided(name: str, *sides: str, limit: float | None = 108.0, **changes: Any) -> dict[str, Any]:
+    """A metric of a result whose sides are those; the first one is its headline."""
+    row = {"value": 115.0, "uncertainty": 0.5, "verdict": "PASS"}
+    found: dict[str, Any] = {"id": name, "branch": "mean", "torque_nm": None, "choices": [], "side": sides[0]}
+    found |= {"limits": {"min": limit, "max": None}, "sides": dict.fromkeys(sides, row)}
+    return found | changes
+
+
+@pytest.mark.parametrize(
+    ("metrics", "said"),
+    [
+        ([sided("spring_constant", "-"), sided("k1", "+", branch="load")], "spring_constant side −, k1 load side +"),
+        ([sided("spring_constant", "+", "-")], ""),
+        ([sided("windup", "both")], ""),
+        ([sided("gear_clearance", "both", "+", "-")], ""),
+        ([sided("spring_constant", "-", limit=None)], ""),
+        ([sided("torque_ratio_offset", "-", limit=0.0)], "torque_ratio_offset side −"),
+        ([sided("spring_constant", "-"), sided("spring_constant", "+")], ""),
+        ([sided("spring_constant", "-"), sided("spring_constant", "+", limit=None)], "spring_constant side −"),
+        ([sided("k1", "-", branch="load"), sided("k1", "+", branch="unload")], "k1 load side −, k1 unload side +"),
+        ([{key: value for key, value in sided("k1", "-").items() if key not in ("sides", "choices")}], ""),
+        ([{key: value for key, value in sided("k1", "-").items() if key != "limits"}], ""),
+    ],
+)
+def test_what_was_judged_on_one_side_of_two_is_said(metrics: list[dict[str, Any]], said: str) -> None:
+    """The other side of such a metric may be weak, and the verdict is a PASS: a reader must see what it did not see."""
+    result = {"decision": {"rule": "guard_band", "guard_factor": 1.0}, "metrics": metrics}
+    assert note_lines(result) == ([f"judged on one side alone: {said}"] if said else [])
+    assert (f"Judged on one side alone: {said}." in rule_text(result)) == bool(said)

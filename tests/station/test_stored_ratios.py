@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import re
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,13 @@ from station.errors import StationError
 
 VALUES = [metric(0.4)]
 OFFSETS = (-13.0, -14.0, -15.6)
+U_OFFSET_NM, U_SLOPE = 0.12, 0.06
 RECIPE = Path(__file__).parents[2] / "recipes" / "rv-40e-121-inverse.yaml"
 
 
 def ratio(offset_nm: float, *, bench: str = "virtual", model: str = "RV-40E-121") -> dict[str, Any]:
     """What a run keeps of the torque ratio that it measured."""
-    fit = {"u_slope": 0.06, "u_offset_nm": 0.12, "correlation": -0.8, "residual_sd_nm": 0.3, "r_squared": 1.0}
+    fit = {"u_slope": U_SLOPE, "u_offset_nm": U_OFFSET_NM, "correlation": -0.8, "residual_sd_nm": 0.3, "r_squared": 1.0}
     lines = {
         name: fit | {"slope": 94.0 + number + offset_nm / 100.0, "offset_nm": offset_nm + number}
         for number, name in enumerate(QUADRANTS)
@@ -121,6 +123,62 @@ def test_one_unit_under_two_serial_numbers_is_no_second_unit(data: Path) -> None
     twins = block[block.index("      - serial: U0") :].replace("serial: U", "serial: W")
     with pytest.raises(RecipeError, match="found the same lines for unit U0 and unit W0"):
         parse_bench(bench_of(block + twins), "b.yaml")
+
+
+@pytest.mark.parametrize(
+    ("offset_nm", "slope", "told"),
+    [
+        (0.0, 0.0, "to the last digit"),
+        (1e-9, 0.0, "within 3 standard uncertainties in every quadrant"),
+        (0.50, 0.0, "within 3 standard uncertainties in every quadrant"),
+        (-0.50, 0.25, "within 3 standard uncertainties in every quadrant"),
+        (0.52, 0.0, None),
+        (0.0, 0.26, None),
+    ],
+)
+def test_lines_as_a_repeat_has_them_are_those_of_one_unit(
+    data: Path, offset_nm: float, slope: float, told: str | None
+) -> None:
+    """Three standard uncertainties of the difference are 0.509 N·m and 0.2546; one coefficient beyond is enough."""
+    again = ratio(OFFSETS[0])
+    again["quadrants"]["unload_negative"]["offset_nm"] += offset_nm
+    again["quadrants"]["load_positive"]["slope"] += slope
+    run = store_run(data, "V0", VALUES, calibration=again, day=9)
+    if told is None:
+        assert command(data, "U0", "U1", "V0")
+        return
+    with pytest.raises(
+        StationError, match=f"{run.id}: found the lines of .*U0, {told}.*needed is a run of another unit"
+    ):
+        command(data, "U0", "U1", "V0")
+
+
+def test_a_virtual_unit_is_one_whatever_its_serial_numbers_are(tmp_path: Path) -> None:
+    for number, unit in enumerate(("P1:1", "P1:2", "P1:1", "P1:3")):
+        store_run(tmp_path, f"U{number}", VALUES, calibration=ratio(-13.0 - number), day=number, virtual=unit)
+    with pytest.raises(StationError, match=r"U2: found the virtual unit P1:1, as in .*U0; needed is .*another unit"):
+        command(tmp_path, "U0", "U1", "U2")
+    assert command(tmp_path, "U0", "U1", "U3")
+
+
+def test_runs_of_several_recipes_or_revisions_have_no_mean(data: Path) -> None:
+    store_run(data, "U5", VALUES, calibration=ratio(-12.0), day=9, recipe="quick")
+    store_run(data, "U6", VALUES, calibration=ratio(-12.0), day=10, revision=2)
+    for serial, told in (("U5", "quick revision 1"), ("U6", "inverse revision 2")):
+        with pytest.raises(
+            StationError, match=f"{serial}: found recipe {told}; .*U0 is of recipe inverse revision 1, and"
+        ):
+            command(data, "U0", "U1", serial)
+
+
+def test_nothing_is_taken_from_a_unit_that_failed(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its lines are good, but its friction may be the defect: as that of a good unit it would hide another's play."""
+    why = "torque_ratio_offset, side +: -28 N·m is below the limit of -25 N·m"
+    run = store_run(data, "U5", VALUES, calibration=ratio(-28.0), failed=why)
+    for runs in (["U0", "U1", "U5"], ["U5"]):
+        with pytest.raises(StationError, match=re.escape(f"{run.id}: its unit failed: {why}; its friction may be")):
+            command(data, *runs)
+    assert not capsys.readouterr().err
 
 
 @pytest.mark.parametrize("serial", ["4711", "0123", "1e3", "true", "A B/7 #2", "LOT: 3", "ß-0", "9" * 128])

@@ -129,17 +129,17 @@ def test_one_unit_under_two_serial_numbers_is_no_second_unit(data: Path) -> None
     ("offset_nm", "slope", "told"),
     [
         (0.0, 0.0, "to the last digit"),
-        (1e-9, 0.0, "within 3 standard uncertainties in every quadrant"),
-        (0.50, 0.0, "within 3 standard uncertainties in every quadrant"),
-        (-0.50, 0.25, "within 3 standard uncertainties in every quadrant"),
-        (0.52, 0.0, None),
-        (0.0, 0.26, None),
+        (1e-9, 0.0, "within 5 standard uncertainties in every quadrant"),
+        (0.84, 0.0, "within 5 standard uncertainties in every quadrant"),
+        (-0.84, 0.42, "within 5 standard uncertainties in every quadrant"),
+        (0.86, 0.0, None),
+        (0.0, 0.43, None),
     ],
 )
 def test_lines_as_a_repeat_has_them_are_those_of_one_unit(
     data: Path, offset_nm: float, slope: float, told: str | None
 ) -> None:
-    """Three standard uncertainties of the difference are 0.509 N·m and 0.2546; one coefficient beyond is enough."""
+    """Five standard uncertainties of the difference are 0.849 N·m and 0.4243; one coefficient beyond is enough."""
     again = ratio(OFFSETS[0])
     again["quadrants"]["unload_negative"]["offset_nm"] += offset_nm
     again["quadrants"]["load_positive"]["slope"] += slope

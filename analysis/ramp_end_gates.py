@@ -18,8 +18,11 @@ from analysis.trace import Trace
 from analysis.units import FloatArray
 from analysis.windup import measured_windup
 
-BEFORE_S, AFTER_S = 0.35, 0.2
-"""What is looked at before and after the end of a ramp; of a shorter dwell as much as there is."""
+BEFORE_S, AFTER_S = (0.15, 0.35), 0.2
+"""What is looked at before and after the end of a ramp, at least and at most; of a dwell as much as there is."""
+
+BEFORE_SHARE = 0.04
+"""Share of the torque at the end that is looked at before it: over more of it the unit's stiffness grows."""
 
 LEAST_AFTER_S = 0.08
 """A dwell that is shorter does not show where the ramp ended."""
@@ -27,8 +30,8 @@ LEAST_AFTER_S = 0.08
 STEP_S = 1e-3
 """Time between the points that are compared, unless the samples are further apart."""
 
-SMOOTH_S = 0.02
-"""Time over which the speed of the wind-up is averaged."""
+SMOOTH_S = 0.01
+"""Time over which torque and wind-up are averaged."""
 
 TRIED = np.linspace(-0.5, 0.5, 101)
 """Delays of the torque that are tried, in parts of what is looked at after the end; the best is refined between them.
@@ -58,7 +61,7 @@ def late_torque(found: Measured) -> Reading | str:
         return "not measured: the torque at the output is not in the trace"
     ends = list(ramp_ends(trace, measured_windup(trace, found.method).arcmin))
     if len(ends) < LEAST_ENDS:
-        return f"not measured: {len(ends)} ramps of {BEFORE_S:g} s end in a dwell, and {LEAST_ENDS} are needed"
+        return f"not measured: {len(ends)} ramps of {BEFORE_S[1]:g} s end in a dwell, and {LEAST_ENDS} are needed"
     late_s = float(np.median([one.late_s for one in ends]))
     rate_nm_s = max(abs(one.rate_nm_s) for one in ends)
     words = (
@@ -77,7 +80,7 @@ def ramp_ends(trace: Trace, windup_arcmin: FloatArray) -> Iterator[RampEnd]:
     for start, end, stop in zip(starts, borders.tolist(), stops, strict=True):
         before, after = (trace.segments[int(trace.segment[row])] for row in (end - 1, end))
         ramp_s, dwell_s = (float(trace.t_s[last] - trace.t_s[first]) for first, last in ((start, end), (end, stop - 1)))
-        if before.direction and not after.direction and ramp_s >= BEFORE_S and dwell_s >= LEAST_AFTER_S:
+        if before.direction and not after.direction and ramp_s >= BEFORE_S[1] and dwell_s >= LEAST_AFTER_S:
             rows = slice(start, stop)
             channels = (trace.t_s[rows], trace.torque_out_nm[rows], windup_arcmin[rows])
             found = _ramp_end(*channels, end_s=float(trace.t_s[end]), after_s=min(AFTER_S, dwell_s))
@@ -93,26 +96,29 @@ def _ramp_end(
     The torque is a straight function of the wind-up and of the creep that sets in as the ramp ends; for as long as is
     looked at, that is the time that the wind-up has lost on its ramp.
     """
+    from_nm, to_nm = np.interp([end_s - BEFORE_S[1], end_s], t_s, torque_nm)
+    rate_nm_s = float(to_nm - from_nm) / BEFORE_S[1]
+    if not rate_nm_s:
+        return None
+    before_s = float(np.clip(BEFORE_SHARE * abs(to_nm / rate_nm_s), *BEFORE_S))
     step_s = max(STEP_S, float(np.median(np.diff(t_s))))
     width = max(1, round(SMOOTH_S / step_s))
     margin_s = 0.5 * after_s + width * step_s
-    wide_s = np.arange(end_s - BEFORE_S - margin_s, end_s + after_s + margin_s, step_s)
+    wide_s = np.arange(end_s - before_s - margin_s, end_s + after_s + margin_s, step_s)
     # Both are averaged alike: as they were recorded, the noise of a torque would be least between two samples.
     mean = np.ones(width) / width
     windup, torque = (
         np.convolve(np.interp(wide_s, t_s, values), mean, "same") for values in (windup_arcmin, torque_nm)
     )
-    inside = (wide_s >= end_s - BEFORE_S) & (wide_s < end_s + after_s)
+    inside = (wide_s >= end_s - before_s) & (wide_s < end_s + after_s)
     at_s, speed, windup = wide_s[inside], np.gradient(windup, step_s)[inside], windup[inside]
-    third = at_s.size // 3
-    on_ramp = float(np.median(speed[:third]))
+    on_ramp = float(np.median(speed[: at_s.size // 3]))
     if not on_ramp or speed[-1] / on_ramp > SLOWED:
         return None
     straight = np.stack([np.ones_like(windup), windup - windup.mean()], axis=1)
     creep = np.cumsum(1.0 - speed / on_ramp)
     torques = np.stack([np.interp(at_s + late_s, wide_s, torque) for late_s in after_s * TRIED])
     late, grows = _least(torques, np.column_stack([straight, creep]))
-    rate_nm_s = float(np.polyfit(at_s[:third], np.interp(at_s[:third], wide_s, torque), 1)[0])
     if grows * rate_nm_s > 0.0:
         # No unit's torque goes on rising while its wind-up stands: that is a channel with a slow filter.
         late, _ = _least(torques, straight)

@@ -15,25 +15,14 @@ from analysis import Result, SegmentInfo, segment_name
 from analysis.method import Method
 from station.errors import RecordError
 from station.record.run_record import RunRecord
-from station.reports.result_text import metric_name, minus, number, uncertainty_text, unit_text
+from station.reports.budget_rows import BudgetTable, budget_tables
+from station.reports.result_text import figure_text, metric_name, minus
 from station.reports.timing_tables import TimingTables, timing_proof, timing_tables
 
 LOOP_CSV = "loop.csv"
-LEAST_SHARE = 0.005
-"""Contributions below this share of the variance are summed in one line; result.json has all of them."""
-
 PASSED: dict[bool | None, str] = {True: "in order", False: "FAILED", None: "not checked"}
 
 Row = tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class BudgetTable:
-    """Uncertainty budget of one metric: rows of `BUDGET_HEADS`."""
-
-    metric: str
-    expanded: str
-    rows: tuple[Row, ...]
 
 
 @dataclass(frozen=True)
@@ -59,7 +48,6 @@ class Content:
 
 
 LINE_HEADS = ("quadrant", "C [N·m]", "m", "u(C)", "u(m)", "correlation", "s [N·m]", "points", "flagged")
-BUDGET_HEADS = ("source", "distribution", "u", "sensitivity", "contribution", "share")
 GATE_HEADS = ("gate", "what was found", "")
 
 
@@ -107,45 +95,6 @@ WITH_FIGURES = {
     "untimed": "every source of the uncertainty budget but delay and drift, for the trace has no time",
 }
 """Kinds of an uncertainty that comes from declared figures, and what it holds."""
-
-
-def figure_text(value: Any, unit: str = "", digits: int = 5) -> str:
-    """Return any figure of the record as text: numbers with five digits, a dash for none."""
-    if value is None:
-        return "–"
-    text = (
-        minus(f"{value:.{digits}g}") if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
-    )
-    return f"{text} {unit_text(unit)}".rstrip()
-
-
-def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ...]:
-    """Return the budget of each metric that has one, the largest share first."""
-    found = []
-    for metric in metrics:
-        rows = sorted(metric.get("budget") or (), key=lambda row: -float(row.get("share") or 0.0))
-        if not rows:
-            continue
-        shown = [row for row in rows if float(row.get("share") or 0.0) >= LEAST_SHARE]
-        table = [
-            (
-                str(row.get("text") or row.get("quantity")),
-                str(row.get("distribution") or "–"),
-                figure_text(row.get("u"), str(row.get("unit") or ""), 3),
-                figure_text(row.get("sensitivity"), "", 3),
-                figure_text(row.get("contribution"), metric["unit"], 3),
-                "–" if row.get("share") is None else f"{row['share']:.1%}",
-            )
-            for row in shown
-        ]
-        if len(shown) < len(rows):
-            left = [row for row in rows if row not in shown]
-            names = ", ".join(str(row.get("quantity")).replace("_", " ") for row in left)
-            share = sum(float(row.get("share") or 0.0) for row in left)
-            table.append((f"less than {LEAST_SHARE:.1%} each: {names}", "", "", "", "", f"{share:.1%}"))
-        expanded = f"{number(metric['value'], metric['uncertainty'])} {uncertainty_text(dict(metric))}"
-        found.append(BudgetTable(metric_name(dict(metric)), f"{expanded} {unit_text(metric['unit'])}", tuple(table)))
-    return tuple(found)
 
 
 def shown_gates(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -9,8 +9,10 @@ from typing import Any
 
 import jinja2
 
-from station.reports.content import BUDGET_HEADS, GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
+from station.reports.budget_rows import BUDGET_HEADS
+from station.reports.content import GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
 from station.reports.headline import badges, ending_text, headline, remaining_reasons
+from station.reports.metric_sides import side_rows
 from station.reports.result_notes import one_sided, within_uncertainty
 from station.reports.result_text import (
     guarded_text,
@@ -21,7 +23,7 @@ from station.reports.result_text import (
     spread_text,
     unit_text,
 )
-from station.reports.result_view import all_rows, timing_line
+from station.reports.result_view import timing_line
 from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -74,12 +76,12 @@ def explained(metric: dict[str, Any]) -> str:
     parts = [metric["definition"]]
     if metric.get("estimator"):
         parts[0] += f"; by {metric['estimator']}"
-    values = metric.get("per_cycle") or []
-    if len(values) > 1:
-        shown = ", ".join(number(value, (metric["uncertainty"] or 0.0) / 10) for value in values)
-        side = f" (side {side_text(metric)})" if side_text(metric) else ""
-        parts.append(f"cycles{side} {shown}; s = {metric.get('standard_deviation') or 0.0:.2g}")
-    elif metric.get("cycles"):
+    sides = [row for row in metric.get("rows") or side_rows(metric) if len(row.get("per_cycle") or ()) > 1]
+    for row in sides:
+        shown = ", ".join(number(value, (row["uncertainty"] or 0.0) / 10) for value in row["per_cycle"])
+        side = f" (side {side_text(row)})" if side_text(row) else ""
+        parts.append(f"cycles{side} {shown}; s = {row.get('standard_deviation') or 0.0:.2g}")
+    if not sides and metric.get("cycles"):
         parts.append(f"{metric['cycles']} {'cycle' if metric['cycles'] == 1 else 'cycles'}")
     return ". ".join(parts)
 
@@ -87,7 +89,7 @@ def explained(metric: dict[str, Any]) -> str:
 def metric_groups(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return one entry per metric, those with a limit first; its `rows` are its sides, the one that judges first."""
     ordered = sorted(metrics, key=lambda metric: metric["verdict"] is None)
-    return [metric | {"rows": all_rows([metric]), "name": metric_name(metric | {"side": "both"})} for metric in ordered]
+    return [metric | {"rows": side_rows(metric), "name": metric_name(metric | {"side": "both"})} for metric in ordered]
 
 
 def side_text(row: dict[str, Any]) -> str:

@@ -7,7 +7,8 @@ from typing import Any
 
 from reportlab.platypus import KeepTogether, Spacer
 
-from station.reports.content import BUDGET_HEADS, LINE_HEADS, Content
+from station.reports.budget_rows import BUDGET_HEADS
+from station.reports.content import LINE_HEADS, Content
 from station.reports.pdf_layout import grid, heading, paragraph, picture, section
 from station.reports.result_view import timing_line
 from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS, TimingTables

@@ -8,8 +8,8 @@ from typing import Any
 
 from analysis import GATES, Decision, Verdict, is_loose, judge
 from analysis.metric_definition import SIDED
-from station.reports.content import figure_text, uncertainty_kind
-from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
+from station.reports.content import uncertainty_kind
+from station.reports.result_text import figure_text, limits_text, metric_name, number, uncertainty_text
 
 CORRECTIONS = ("time alignment", "drift", "fixture")
 """Stages that move what was measured, and are named when they did."""

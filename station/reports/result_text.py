@@ -81,3 +81,13 @@ def spread_text(row: dict[str, Any]) -> str:
     """Return the expanded uncertainty of a row as it stands in a table; what `no U` means stands below it."""
     said = uncertainty_text(row)
     return "no U" if said == NO_UNCERTAINTY else said
+
+
+def figure_text(value: Any, unit: str = "", digits: int = 5) -> str:
+    """Return any figure of the record as text: numbers with five digits, a dash for none."""
+    if value is None:
+        return "–"
+    text = (
+        minus(f"{value:.{digits}g}") if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    )
+    return f"{text} {unit_text(unit)}".rstrip()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -15,48 +14,14 @@ from rich.text import Text
 
 from station.record.run_record import RunRecord
 from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
+from station.reports.metric_sides import judging_rows, side_rows
 from station.reports.result_notes import gate_lines, note_lines, summary_line
 from station.reports.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
 from station.reports.timing_tables import timing_details, timing_proof
 
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
 HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
-SEVERITY = {"FAIL": 0, "NOT DECIDABLE": 1, "PASS": 2}
 BADGE_STYLE = "bold white on magenta"
-
-
-def _side_rows(metric: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return a metric as one row per side, the one that judges first."""
-    sides = metric.get("sides") or {}
-    headline = sides.get(metric["side"], metric)
-    rows = [metric | {"verdict": headline.get("verdict")}]
-    rows += [
-        metric
-        | {"side": side, "value": found["value"], "uncertainty": found["uncertainty"], "verdict": found["verdict"]}
-        for side, found in sides.items()
-        if side != metric["side"]
-    ]
-    return sorted(rows, key=_goodness)
-
-
-def _goodness(row: dict[str, Any]) -> tuple[int, float]:
-    """Order rows by how near they are to refusal: verdict first, then the distance to the nearest limit."""
-    limits, value = row.get("limits") or {}, row["value"]
-    low, high = limits.get("min"), limits.get("max")
-    if value is None:
-        return SEVERITY.get(row["verdict"] or "", len(SEVERITY)), -inf
-    room = min(inf if low is None else value - low, inf if high is None else high - value)
-    return SEVERITY.get(row["verdict"] or "", len(SEVERITY)), room
-
-
-def all_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the metrics as rows, every side of each; of the sides the one that judges first."""
-    return [row for metric in metrics for row in _side_rows(metric)]
-
-
-def judging_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return one row per metric: the side that is nearest to refusal, or beyond it."""
-    return [_side_rows(metric)[0] for metric in metrics]
 
 
 def metrics_table(metrics: list[dict[str, Any]]) -> Table:
@@ -91,7 +56,7 @@ def definitions_table(metrics: list[dict[str, Any]]) -> Table:
 
 def _add_defined(table: Table, metric: dict[str, Any]) -> None:
     """Add a metric: a line per side, and below them what the numbers are."""
-    for row in _side_rows(metric):
+    for row in side_rows(metric):
         head = Text.assemble(
             metric_name(row),
             "   ",

@@ -25,7 +25,8 @@ from station.errors import StationError
 from station.record.run_conditions import housing_temperature_c, lock_position_deg
 from station.record.run_record import RunRecord
 from station.record.store import Store
-from station.reports.content import budget_tables, gate_rows, shown_gates, stage_rows, uncertainty_kind
+from station.reports.budget_rows import budget_tables
+from station.reports.content import gate_rows, shown_gates, stage_rows, uncertainty_kind
 from station.reports.headline import virtual_badges
 from station.reports.illustrate import Shown, illustrate
 from station.reports.pdf_evidence import provenance_rows
@@ -287,8 +288,10 @@ def test_gates_budgets_and_stages_become_rows() -> None:
     assert (table.metric, table.expanded) == ("windup", "9.00 ± 0.20 arcmin")
     assert table.rows == (
         ("gain", "normal, k = 2", "0.001", "−9", "0.1 arcmin", "100.0%"),
-        ("less than 0.5% each: q", "", "", "", "", "0.0%"),
+        ("1 of less than 0.5% each: q", "", "", "", "1e−09 arcmin", "0.0%"),
+        ("all: u = √Σ contribution², U = 2·u = 0.2 arcmin", "", "", "", "0.1 arcmin", "100.0%"),
     )
+    assert table.small == (("small", "–", "1e−09 rad", "1", "1e−09 arcmin", "0.0%"),)
     assert shown_gates({"metrics": [], "gates": gates}) == gates[2:]
     assert shown_gates({"metrics": [metric], "gates": gates}) == gates
     stages = [

@@ -13,8 +13,9 @@ from controller.image import State
 from station.bench.request import load_job
 from station.commands.terminal_plot import Canvas, nice_ceiling, plot
 from station.record.scan_record import pack
+from station.reports.metric_sides import all_rows, judging_rows
 from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
-from station.reports.result_view import alarm_lines, all_rows, judging_rows
+from station.reports.result_view import alarm_lines
 from station.run.live import STATE_WORDS, LiveReader, LiveView, alarm_texts
 from station.run.progress import STATE_COLOURS, clock, panel
 

@@ -1,0 +1,80 @@
+"""Uncertainty budgets as rows of text: of every side of every metric, with all that U is computed from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from station.reports.metric_sides import side_rows
+from station.reports.result_text import figure_text, metric_name, number, uncertainty_text, unit_text
+
+BUDGET_HEADS = ("source", "distribution", "u", "sensitivity", "contribution", "share")
+
+LEAST_SHARE = 0.005
+"""Contributions below this share of the variance are summed in one line; the page has them all below it."""
+
+DIGITS = 4
+"""Digits of the figures: two more than U is printed with, so that U can be computed again from them."""
+
+COVERAGE = 2.0
+"""Coverage factor of results that do not state it."""
+
+Row = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BudgetTable:
+    """Uncertainty budget of one side of a metric: rows of `BUDGET_HEADS`.
+
+    rows: the large contributions, then the sum of the small ones and that of all. small: the small ones one by one.
+    """
+
+    metric: str
+    expanded: str
+    rows: tuple[Row, ...]
+    small: tuple[Row, ...] = ()
+
+
+def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ...]:
+    """Return the budget of each side that has one: of each metric the side that judges first."""
+    rows = [row for metric in metrics for row in side_rows(dict(metric))]
+    return tuple(_table(row) for row in rows if row.get("budget"))
+
+
+def _table(metric: dict[str, Any]) -> BudgetTable:
+    sources = sorted(metric["budget"], key=lambda row: -float(row.get("share") or 0.0))
+    large = [row for row in sources if float(row.get("share") or 0.0) >= LEAST_SHARE]
+    small = sources[len(large) :]
+    table = [_row(row, metric["unit"]) for row in large]
+    if small:
+        names = ", ".join(str(row.get("quantity")).replace("_", " ") for row in small)
+        share = sum(float(row.get("share") or 0.0) for row in small)
+        summed = figure_text(_root_sum(small), metric["unit"], DIGITS)
+        table.append((f"{len(small)} of less than {LEAST_SHARE:.1%} each: {names}", "", "", "", summed, f"{share:.1%}"))
+    factor = float(metric.get("coverage_factor") or COVERAGE)
+    u = _root_sum(sources)
+    expanded = figure_text(factor * u, metric["unit"], DIGITS)
+    total = f"all: u = √Σ contribution², U = {factor:g}·u = {expanded}"
+    table.append((total, "", "", "", figure_text(u, metric["unit"], DIGITS), "100.0%"))
+    stated = f"{number(metric['value'], metric['uncertainty'])} {uncertainty_text(metric)} {unit_text(metric['unit'])}"
+    return BudgetTable(
+        metric_name(metric), stated.rstrip(), tuple(table), tuple(_row(row, metric["unit"]) for row in small)
+    )
+
+
+def _row(row: Mapping[str, Any], unit: str) -> Row:
+    share = row.get("share")
+    return (
+        str(row.get("text") or row.get("quantity")),
+        str(row.get("distribution") or "–"),
+        figure_text(row.get("u"), str(row.get("unit") or ""), DIGITS),
+        figure_text(row.get("sensitivity"), "", DIGITS),
+        figure_text(row.get("contribution"), unit, DIGITS),
+        "–" if share is None else f"{share:.1%}" if share >= LEAST_SHARE or share == 0 else f"{share:.1g}",
+    )
+
+
+def _root_sum(rows: Sequence[Mapping[str, Any]]) -> float:
+    return math.hypot(*(float(row.get("contribution") or 0.0) for row in rows))

@@ -1,0 +1,89 @@
+"""What a report states is computed again from the page alone, by nothing but what the page says."""
+
+from __future__ import annotations
+
+import math
+import re
+from html import unescape
+from typing import Any
+
+import pytest
+
+from station.record.run_record import RunRecord
+from station.reports.budget_rows import budget_tables
+from station.reports.html_page import explained
+from station.reports.metric_sides import side_rows
+from station.reports.result_text import metric_name
+
+
+@pytest.fixture(scope="module")
+def page(quick_run: Any) -> str:
+    found: str = (quick_run.record / "report.html").read_text(encoding="utf-8")
+    return found
+
+
+def cells(html: str) -> list[list[str]]:
+    """Return the rows of the tables in a piece of the page, as text."""
+    rows = re.findall(r"<tr>(<td.*?)</tr>", html, re.DOTALL)
+    return [[unescape(one) for one in re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL)] for row in rows]
+
+
+def figure(text: str) -> float:
+    return float(text.split(maxsplit=1)[0].replace("−", "-"))
+
+
+def budgets(page: str) -> dict[str, tuple[str, list[list[str]]]]:
+    """Return the budgets of the page by metric: what is stated, and every row."""
+    section = page.partition("<h2>Uncertainty budgets</h2>")[2].partition("<h2>")[0]
+    found = re.findall(r'<h3>(.*?) <span class="soft">= (.*?)</span></h3>(.*?)(?=<h3>|$)', section, re.DOTALL)
+    return {unescape(name): (stated, cells(table)) for name, stated, table in found}
+
+
+def test_every_side_has_its_budget_and_gives_its_u(page: str, quick_run: Any) -> None:
+    metrics = RunRecord(quick_run.record).read_json("result.json")["metrics"]
+    known = [row for metric in metrics for row in side_rows(metric) if row["uncertainty"] is not None]
+    found = budgets(page)
+    assert list(found) == [metric_name(row) for row in known]
+    assert len(found) > len(metrics)
+    for row in known:
+        stated, rows = found[metric_name(row)]
+        single = [one for one in rows if one[1]]
+        assert len(single) == len(row["budget"])
+        expanded = 2.0 * math.hypot(*(figure(one[4]) for one in single))
+        printed = re.search(r"± ([0-9.]+)", stated)
+        assert printed is not None
+        decimals = len(printed[1].partition(".")[2])
+        assert f"{expanded:.{decimals}f}" == printed[1], metric_name(row)
+        total = re.search(r"U = 2·u = ([0-9.e-]+)", rows[[one[0][:4] for one in rows].index("all:")][0])
+        assert total is not None
+        assert float(total[1]) == pytest.approx(row["uncertainty"], rel=1e-3)
+        summed = [one for one in rows if not one[1] and not one[0].startswith("all:")]
+        large = rows[: len(rows) - len(summed) - 1 - (int(summed[0][0].split()[0]) if summed else 0)]
+        assert 2.0 * math.hypot(*(figure(one[4]) for one in large + summed)) == pytest.approx(expanded, rel=1e-3)
+        for one in single:
+            assert figure(one[4]) == pytest.approx(abs(figure(one[2]) * figure(one[3])), rel=2e-3, abs=1e-12)
+
+
+def side(value: float, share: float) -> dict[str, Any]:
+    row = {"quantity": "q", "u": 0.1, "unit": "1", "sensitivity": value, "contribution": 0.1 * value, "share": share}
+    return {
+        "value": value,
+        "uncertainty": 0.2 * value,
+        "budget": [row],
+        "standard_deviation": value / 100,
+        "per_cycle": [value, value],
+        "verdict": "PASS",
+    }
+
+
+def test_the_side_that_judges_comes_first_each_with_its_own_figures() -> None:
+    sides = {"+": side(1.0, 1.0), "-": side(3.0, 1.0)}
+    metric = {"id": "backlash", "branch": "width", "side": "+", "unit": "arcmin", "definition": "width"}
+    metric |= {"limits": {"min": None, "max": 5.0}, "coverage_factor": 2.0, "sides": sides} | sides["+"]
+    tables = budget_tables([metric])
+    assert [(one.metric, one.expanded) for one in tables] == [
+        ("backlash side −", "3.00 ± 0.60 arcmin"),
+        ("backlash side +", "1.00 ± 0.20 arcmin"),
+    ]
+    assert [one.rows[0][4] for one in tables] == ["0.3 arcmin", "0.1 arcmin"]
+    assert explained(metric) == "width. cycles (side −) 3.000, 3.000; s = 0.03. cycles (side +) 1.000, 1.000; s = 0.01"

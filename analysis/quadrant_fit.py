@@ -47,9 +47,10 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
             "calibrate in the sequence, or give a stored calibration"
         )
     peak = max(float(np.abs(run.take(torque_out)).max()) for run in calibration)
-    fits = fit_lines(trace, calibration)
+    points = line_points(trace, calibration)
+    fits = {name: fit_torque_ratio(*pairs) for name, pairs in points.items()}
     lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
-    steady = Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)
+    steady = Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits, points=points)
     branches = whole_branches(trace, calibration, peak)
     length = fit_transition(branches, steady, peak)
     if length is None:
@@ -63,10 +64,15 @@ def fit_lines(trace: Trace, runs: Sequence[Run]) -> dict[str, RatioFit]:
 
     Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
     """
+    return {name: fit_torque_ratio(*pairs) for name, pairs in line_points(trace, runs).items()}
+
+
+def line_points(trace: Trace, runs: Sequence[Run]) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return the input and output torques [N·m] that the line of each quadrant is fitted to; raises as `fit_lines`."""
     torque_in = trace.channel("torque_in_nm", "the torque ratio")
     torque_out = trace.channel("torque_out_nm", "the torque ratio")
     peak = max(float(np.abs(run.take(torque_out)).max()) for run in runs)
-    fits = {}
+    points = {}
     for name in QUADRANTS:
         sign = 1 if name.endswith("positive") else -1
         loading = name.startswith("load")
@@ -77,8 +83,8 @@ def fit_lines(trace: Trace, runs: Sequence[Run]) -> dict[str, RatioFit]:
                 f"{trace.source}: torque ratio: quadrant {name} has {x.size} points; needed are 3 or more; calibrate "
                 "up and down on both sides of zero"
             )
-        fits[name] = fit_torque_ratio(x, y)
-    return fits
+        points[name] = (x, y)
+    return points
 
 
 def _points(

@@ -13,11 +13,13 @@ from typing import Any
 
 from analysis import Result, SegmentInfo, segment_name
 from analysis.method import Method
-from station.errors import RecordError
+from station.bench.request import Job
 from station.record.run_record import RunRecord
 from station.reports.budget_rows import BudgetTable, budget_tables
 from station.reports.result_text import figure_text, metric_name, minus
 from station.reports.timing_tables import TimingTables, timing_proof, timing_tables
+from station.reports.torque_ratio_rows import calibration_rows, line_rows, lines_title, ratio_csv
+from station.results.evaluation import method_of, newest_calibration
 
 LOOP_CSV = "loop.csv"
 PASSED: dict[bool | None, str] = {True: "in order", False: "FAILED", None: "not checked"}
@@ -30,8 +32,8 @@ class Content:
     """Sections of a report; an empty one is not shown.
 
     gates: (id, words with figure and limit, said). stages: (name, words, figures). fits and method: (name, text).
-    lines: torque ratio per quadrant. calibrations: (id, text). checksums: (file, bytes, SHA-256).
-    loop: the branches as CSV, which `analyze` reads.
+    lines: torque ratio per quadrant; lines_of: whose they are. calibrations: (id, text).
+    checksums: (file, bytes, SHA-256). loop: the branches as CSV, which `analyze` reads. ratio: the points of the lines.
     """
 
     uncertainty: str
@@ -40,33 +42,38 @@ class Content:
     stages: tuple[Row, ...] = ()
     method: tuple[Row, ...] = ()
     lines: tuple[Row, ...] = ()
+    lines_of: str = ""
     fits: tuple[Row, ...] = ()
     calibrations: tuple[Row, ...] = ()
     checksums: tuple[Row, ...] = ()
     loop: bytes = b""
+    ratio: bytes = b""
     timing: TimingTables = field(default_factory=TimingTables)
 
 
-LINE_HEADS = ("quadrant", "C [N·m]", "m", "u(C)", "u(m)", "correlation", "s [N·m]", "points", "flagged")
 GATE_HEADS = ("gate", "what was found", "")
 
 
-def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | None, method: Method) -> Content:
+def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | None, job: Job) -> Content:
     """Return the sections of a run's report; what the record or the result lacks is left out."""
     manifest = record.manifest()
+    method = method_of(job.recipe, job.bench)
+    stored = None if method.quadrants is None else newest_calibration(job.recipe, job.bench)
     return Content(
         uncertainty=uncertainty_kind(result["metrics"]),
         budgets=budget_tables(result["metrics"]),
         gates=gate_rows(shown_gates(result)),
         stages=stage_rows(result.get("stages") or ()),
         method=() if analysis is None else _method_rows(method),
-        lines=() if analysis is None else _line_rows(analysis),
+        lines=line_rows(analysis, stored),
+        lines_of=lines_title(record, stored),
         fits=() if analysis is None else _fit_rows(analysis),
-        calibrations=_calibrations(record, method),
+        calibrations=calibration_rows(record, stored, job.bench),
         checksums=tuple(
             (name, str(found["bytes"]), str(found["sha256"])) for name, found in (manifest.get("files") or {}).items()
         ),
         loop=b"" if analysis is None else loop_csv(analysis),
+        ratio=ratio_csv(analysis),
         timing=timing_tables(timing_proof(record)),
     )
 
@@ -143,24 +150,6 @@ def _method_rows(method: Method) -> tuple[Row, ...]:
     )
 
 
-def _line_rows(analysis: Result) -> tuple[Row, ...]:
-    fits = {} if analysis.quadrants is None else analysis.quadrants.fits
-    return tuple(
-        (
-            name.replace("_", " "),
-            minus(f"{fit.offset_nm:.6f}"),
-            f"{fit.slope:.6f}",
-            f"{fit.u_offset_nm:.2g}",
-            f"{fit.u_slope:.2g}",
-            minus(f"{fit.correlation:.4f}"),
-            f"{fit.residual_sd_nm:.3g}",
-            str(fit.points),
-            str(fit.flagged.size),
-        )
-        for name, fit in fits.items()
-    )
-
-
 def _fit_rows(analysis: Result) -> tuple[Row, ...]:
     """Return the fitted mean curve of the first cycle: coefficients in rising powers of torque."""
     fit = analysis.curves.fit
@@ -186,20 +175,6 @@ def _fit_rows(analysis: Result) -> tuple[Row, ...]:
 
 def _term(value: float, power: int) -> str:
     return minus(f"{value:.9g}") + ("", "·T", "·T²")[power]
-
-
-def _calibrations(record: RunRecord, method: Method) -> tuple[Row, ...]:
-    """Return the calibrations that the run measured or used."""
-    if record.has("calibration.json"):
-        try:
-            found = record.read_json("calibration.json")
-            text = f"torque ratio of {found['model']}, measured by this run on {str(found['made'])[:10]}"
-            return ((str(found["id"]), text),)
-        except (RecordError, KeyError, TypeError):
-            return (("calibration.json", "is damaged"),)
-    if method.quadrants is not None:
-        return (("stored", "torque ratio of the bench file, as run; its lines stand there"),)
-    return ()
 
 
 def loop_csv(analysis: Result) -> bytes:

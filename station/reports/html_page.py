@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 
 from station.reports.budget_rows import BUDGET_HEADS
-from station.reports.content import GATE_HEADS, LINE_HEADS, LOOP_CSV, Content, uncertainty_kind
+from station.reports.content import GATE_HEADS, LOOP_CSV, Content, uncertainty_kind
 from station.reports.headline import badges, ending_text, headline, remaining_reasons
 from station.reports.metric_sides import side_rows
 from station.reports.result_notes import one_sided, within_uncertainty
@@ -25,6 +25,7 @@ from station.reports.result_text import (
 )
 from station.reports.result_view import timing_line
 from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS
+from station.reports.torque_ratio_rows import LINE_HEADS, RATIO_CSV
 
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
@@ -144,7 +145,8 @@ def report_html(
     result = completed(result)
     content = content or Content(uncertainty_kind(result["metrics"]))
     encoded = {name: (PICTURES[name], base64.b64encode(picture).decode()) for name, picture in pictures.items()}
-    data = {name: text.encode() for name, text in files.items()} | ({LOOP_CSV: content.loop} if content.loop else {})
+    data = {name: text.encode() for name, text in files.items()}
+    data |= {name: table for name, table in ((LOOP_CSV, content.loop), (RATIO_CSV, content.ratio)) if table}
     page = (
         _environment()
         .get_template(TEMPLATE)

@@ -57,7 +57,7 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
         events = [json.loads(line) for line in text.splitlines()]
     except (OSError, ValueError) as error:
         raise RecordError(f"{record.folder}: no report: {error}") from error
-    content = content_of(record, shown.result, shown.analysis, method_of(shown.job.recipe, shown.job.bench))
+    content = content_of(record, shown.result, shown.analysis, shown.job)
     conditions = conditions_of(read_table(record.samples), shown.job.program)
     html = report_html(shown.result, record.manifest(), events, files, pictures, conditions=conditions, content=content)
     return html, report_pdf(shown.result, record.manifest(), content, pictures, conditions)

@@ -8,10 +8,11 @@ from typing import Any
 from reportlab.platypus import KeepTogether, Spacer
 
 from station.reports.budget_rows import BUDGET_HEADS
-from station.reports.content import LINE_HEADS, Content
+from station.reports.content import Content
 from station.reports.pdf_layout import grid, heading, paragraph, picture, section
 from station.reports.result_view import timing_line
 from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS, TimingTables
+from station.reports.torque_ratio_rows import LINE_HEADS
 
 
 def budget_parts(content: Content) -> list[Any]:
@@ -34,8 +35,8 @@ def evaluation_parts(result: dict[str, Any], content: Content, pictures: dict[st
     if content.method or content.fits:
         parts += [Spacer(1, 4), grid(("", ""), [*content.method, *content.fits], (45, 115))]
     if content.lines:
-        parts += [paragraph("Torque ratio T_out = C + m·T_in", "subhead")]
-        parts += [grid(LINE_HEADS, content.lines, (26, 20, 18, 14, 14, 18, 14, 12, 13))]
+        title = paragraph(f"Torque ratio T_out = C + m·T_in, {content.lines_of}", "subhead")
+        parts += [KeepTogether([title, grid(LINE_HEADS, content.lines, (26, 20, 18, 14, 14, 18, 14, 12, 13))])]
     if "residuals.png" in pictures:
         parts += [Spacer(1, 6), picture(pictures["residuals.png"])]
     return [*heading("How it was evaluated"), *parts] if parts else []

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import base64
+import csv
+import io
 import math
 import re
 from html import unescape
 from typing import Any
 
+import numpy as np
 import pytest
 
 from station.record.run_record import RunRecord
@@ -62,6 +66,37 @@ def test_every_side_has_its_budget_and_gives_its_u(page: str, quick_run: Any) ->
         assert 2.0 * math.hypot(*(figure(one[4]) for one in large + summed)) == pytest.approx(expanded, rel=1e-3)
         for one in single:
             assert figure(one[4]) == pytest.approx(abs(figure(one[2]) * figure(one[3])), rel=2e-3, abs=1e-12)
+
+
+def torque_ratio_points(page: str) -> dict[str, list[tuple[float, float]]]:
+    """Return the points of torque_ratio.csv of the page by quadrant."""
+    found = re.search(r'download="torque_ratio.csv" href="data:text/plain;base64,([^"]+)"', page)
+    assert found is not None
+    points: dict[str, list[tuple[float, float]]] = {}
+    for row in csv.DictReader(io.StringIO(base64.b64decode(found[1]).decode())):
+        points.setdefault(row["quadrant"], []).append((float(row["torque_in_nm"]), float(row["torque_out_nm"])))
+    return points
+
+
+def test_the_lines_of_the_torque_ratio_are_fitted_again(page: str, quick_run: Any) -> None:
+    points = torque_ratio_points(page)
+    table = cells(page.partition("<h3>Torque ratio")[2].partition("</table>")[0])
+    assert [row[0].replace(" ", "_") for row in table] == list(points)
+    fitted = {}
+    for row in table:
+        x, y = np.array(points[row[0].replace(" ", "_")]).T
+        (slope, offset), *_ = np.linalg.lstsq(np.stack([x, np.ones(x.size)], axis=1), y, rcond=None)
+        left = y - offset - slope * x
+        s = math.sqrt(float(left @ left) / (x.size - 2))
+        assert (f"{offset:.6f}".replace("-", "−"), f"{slope:.6f}") == (row[1], row[2])
+        assert (f"{s:.3g}", str(x.size)) == (row[6], row[7])
+        assert f"{s / math.sqrt(float(np.square(x - x.mean()).sum())):.2g}" == row[4]
+        fitted[row[0]] = (slope, offset)
+    metrics = {one["id"]: one["sides"] for one in RunRecord(quick_run.record).read_json("result.json")["metrics"]}
+    for sign, name, turn in (("+", "load positive", 1.0), ("-", "load negative", -1.0)):
+        slope, offset = fitted[name]
+        assert slope == pytest.approx(metrics["torque_ratio_slope"][sign]["value"], rel=1e-8)
+        assert turn * offset == pytest.approx(metrics["torque_ratio_offset"][sign]["value"], rel=1e-7)
 
 
 def side(value: float, share: float) -> dict[str, Any]:

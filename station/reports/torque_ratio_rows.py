@@ -1,0 +1,109 @@
+"""The torque ratio of a run as rows of text: its lines, the points they were fitted to, and whose calibration it is."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from typing import Any
+
+from analysis import Result
+from analysis.quadrants import QUADRANTS
+from recipes import Bench, Calibration
+from station.errors import RecordError
+from station.record.run_record import RunRecord
+from station.reports.result_text import minus
+
+RATIO_CSV = "torque_ratio.csv"
+
+LINE_HEADS = ("quadrant", "C [N·m]", "m", "u(C)", "u(m)", "correlation", "s [N·m]", "points", "flagged")
+
+ASSUMED = "a line without uncertainties is taken as known to 0.5 % of its slope and 0.5 N·m"
+
+Row = tuple[str, ...]
+
+
+def line_rows(analysis: Result | None, stored: Calibration | None) -> tuple[Row, ...]:
+    """Return the four lines as rows of `LINE_HEADS`: those that were fitted, or those of the stored calibration."""
+    if analysis is None:
+        return ()
+    fits = {} if analysis.quadrants is None else analysis.quadrants.fits
+    if stored is not None and not fits:
+        return tuple(_row(name, getattr(stored, name).model_dump(), "–", "–") for name in QUADRANTS)
+    return tuple(_row(name, vars(fit), str(fit.points), str(fit.flagged.size)) for name, fit in fits.items())
+
+
+def _row(name: str, line: Mapping[str, Any], points: str, flagged: str) -> Row:
+    formats = {
+        "offset_nm": ".6f", "slope": ".6f", "u_offset_nm": ".2g", "u_slope": ".2g", "correlation": ".4f",
+        "residual_sd_nm": ".3g",
+    }  # fmt: skip
+    figures = ("–" if line[key] is None else minus(f"{line[key]:{how}}") for key, how in formats.items())
+    return (name.replace("_", " "), *figures, points, flagged)
+
+
+def ratio_csv(analysis: Result | None) -> bytes:
+    """Return as CSV the points that the lines of this run were fitted to; empty where none was."""
+    if analysis is None or analysis.quadrants is None or not analysis.quadrants.points:
+        return b""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(("quadrant", "torque_in_nm", "torque_out_nm"))
+    for name, (torque_in, torque_out) in analysis.quadrants.points.items():
+        pairs = zip(torque_in.tolist(), torque_out.tolist(), strict=True)
+        writer.writerows((name, f"{x:.10g}", f"{y:.10g}") for x, y in pairs)
+    return stream.getvalue().encode()
+
+
+def lines_title(record: RunRecord, stored: Calibration | None) -> str:
+    """Return what stands above the lines: whose they are."""
+    if stored is not None:
+        return f"stored calibration {stored.id}"
+    made = _measured(record)
+    return f"calibration {made['id']} of this run" if made and "id" in made else "measured by this run"
+
+
+def calibration_rows(record: RunRecord, stored: Calibration | None, bench: Bench) -> tuple[Row, ...]:
+    """Return the calibrations that the run measured or used: id and text."""
+    rows: list[Row] = []
+    if stored is not None:
+        rows.append((stored.id, _stored_text(stored, bench)))
+    made = _measured(record)
+    try:
+        if made is not None:
+            where = made.get("bench") or {}
+            on = f" on bench {where['name']} revision {where['revision']}" if where else ""
+            text = f"torque ratio of {made['model']}{on}, measured by this run on {str(made['made'])[:10]}"
+            rows.append((str(made["id"]), text))
+    except (KeyError, TypeError):
+        rows.append(("calibration.json", "is damaged"))
+    return tuple(rows)
+
+
+def _stored_text(stored: Calibration, bench: Bench) -> str:
+    parts = [
+        f"torque ratio of {stored.model}, stored in bench {bench.bench.name} revision {bench.bench.revision}",
+        f"made {stored.made}, due {stored.due}",
+    ]
+    if stored.units:
+        serials = ", ".join(unit.serial for unit in stored.units)
+        parts.append(f"mean of {len(stored.units)} units ({serials}), whose own lines are in bench.yaml")
+    if stored.transition_rad is None:
+        parts.append("without a transition: the stretch after a reversal is masked")
+    else:
+        parts.append(f"transition {stored.transition_rad:.4g} rad at the input")
+    lines = [getattr(stored, name) for name in QUADRANTS]
+    if any(line.u_slope is None or line.u_offset_nm is None for line in lines):
+        parts.append(ASSUMED)
+    return "; ".join(parts)
+
+
+def _measured(record: RunRecord) -> dict[str, Any] | None:
+    """Return what calibration.json says, an empty one where it is damaged; None where there is none."""
+    if not record.has("calibration.json"):
+        return None
+    try:
+        found = record.read_json("calibration.json")
+    except RecordError:
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -21,6 +21,9 @@ DIGITS = 4
 COVERAGE = 2.0
 """Coverage factor of results that do not state it."""
 
+OF_BACKLASH = "grade"
+"""Metric whose budget is that of another quantity: of the backlash that the grade is read off, in arcmin."""
+
 Row = tuple[str, ...]
 
 
@@ -44,24 +47,25 @@ def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ..
 
 
 def _table(metric: dict[str, Any]) -> BudgetTable:
+    graded = metric["id"] == OF_BACKLASH
+    unit = "arcmin" if graded else metric["unit"]
     sources = sorted(metric["budget"], key=lambda row: -float(row.get("share") or 0.0))
     large = [row for row in sources if float(row.get("share") or 0.0) >= LEAST_SHARE]
     small = sources[len(large) :]
-    table = [_row(row, metric["unit"]) for row in large]
+    table = [_row(row, unit) for row in large]
     if small:
         names = ", ".join(str(row.get("quantity")).replace("_", " ") for row in small)
         share = sum(float(row.get("share") or 0.0) for row in small)
-        summed = figure_text(_root_sum(small), metric["unit"], DIGITS)
+        summed = figure_text(_root_sum(small), unit, DIGITS)
         table.append((f"{len(small)} of less than {LEAST_SHARE:.1%} each: {names}", "", "", "", summed, f"{share:.1%}"))
     factor = float(metric.get("coverage_factor") or COVERAGE)
     u = _root_sum(sources)
-    expanded = figure_text(factor * u, metric["unit"], DIGITS)
-    total = f"all: u = √Σ contribution², U = {factor:g}·u = {expanded}"
-    table.append((total, "", "", "", figure_text(u, metric["unit"], DIGITS), "100.0%"))
+    expanded = figure_text(factor * u, unit, DIGITS)
+    whole = "all, of the backlash that is graded" if graded else "all"
+    total = f"{whole}: u = √Σ contribution², U = {factor:g}·u = {expanded}"
+    table.append((total, "", "", "", figure_text(u, unit, DIGITS), "100.0%"))
     stated = f"{number(metric['value'], metric['uncertainty'])} {uncertainty_text(metric)} {unit_text(metric['unit'])}"
-    return BudgetTable(
-        metric_name(metric), stated.rstrip(), tuple(table), tuple(_row(row, metric["unit"]) for row in small)
-    )
+    return BudgetTable(metric_name(metric), stated.rstrip(), tuple(table), tuple(_row(row, unit) for row in small))
 
 
 def _row(row: Mapping[str, Any], unit: str) -> Row:

@@ -110,14 +110,15 @@ def shown_gates(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def gate_rows(gates: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:
-    """Return the validity gates, those that failed first."""
-    ordered = sorted(gates, key=lambda gate: {False: 0, None: 1, True: 2}[gate.get("passed")])
+    """Return the validity gates: those that failed, those in order, those that were not checked."""
+    ordered = sorted(gates, key=lambda gate: {False: 0, True: 1, None: 2}[gate.get("passed")])
     return tuple((str(gate.get("id", "")), _gate_words(gate), PASSED[gate.get("passed")]) for gate in ordered)
 
 
 def _gate_words(gate: Mapping[str, Any]) -> str:
     """Return the words of a gate; its figure and limit are in them, or stand behind them."""
     text, unit = str(gate.get("text") or ""), str(gate.get("unit") or "")
+    text = text.replace("not applicable: not ", "not ")  # a reason such as "not measured: …" says it already
     if gate.get("figure") is None or "allowed" in text:
         return text
     return f"{text}: {figure_text(gate['figure'], unit)}, limit {figure_text(gate.get('limit'), unit)}"

@@ -21,6 +21,7 @@ from station.reports.result_text import (
     minus,
     number,
     spread_text,
+    uncertainty_text,
     unit_text,
 )
 from station.reports.result_view import timing_line
@@ -84,7 +85,16 @@ def explained(metric: dict[str, Any]) -> str:
         parts.append(f"cycles{side} {shown}; s = {row.get('standard_deviation') or 0.0:.2g}")
     if not sides and metric.get("cycles"):
         parts.append(f"{metric['cycles']} {'cycle' if metric['cycles'] == 1 else 'cycles'}")
+    if metric.get("value_j") is not None:
+        parts.append(f"In joules: {_joules(metric)}")
     return ". ".join(parts)
+
+
+def _joules(metric: dict[str, Any]) -> str:
+    """Return an energy in J with its uncertainty, which has the same share of it in both units."""
+    share = (metric["uncertainty"] or 0.0) / metric["value"] if metric["value"] else 0.0
+    joules = {"value": metric["value_j"], "uncertainty": abs(share * metric["value_j"]) or None}
+    return f"{number(joules['value'], joules['uncertainty'])} {uncertainty_text(joules)}".rstrip() + " J"
 
 
 def metric_groups(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -130,7 +131,7 @@ def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
     low, high = (float(branch.at(np.array([at]))[0]) for branch in first)
     arrow = {"arrowstyle": "<->", "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
     inside.annotate("", (at, high), (at, low), arrowprops=arrow)
-    text = f"{abs(high - low):.3f}′"
+    text = width_text(curves.forward, curves.backward, at)
     # Above the upper branch: beside the arrow the mean curve passes.
     place: Any = {"xytext": (-4, 5), "textcoords": "offset points", "ha": "right", "va": "bottom"}
     inside.annotate(text, (at, max(low, high)), fontsize=8.5, fontweight="bold", **place)
@@ -139,7 +140,18 @@ def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
     inside.axhline(0, color=INK, linewidth=0.6)
     inside.axvline(0, color=INK, linewidth=0.6)
     inside.tick_params(labelsize=7.5)
-    inside.set_title("around zero, ±3 % shaded", fontsize=8, loc="left")
+    several = ", cycle 1" if len(curves.forward) > 1 else ""
+    inside.set_title(f"around zero{several}; ±3 % shaded", fontsize=8, loc="left")
+
+
+def width_text(rising: Sequence[Branch], falling: Sequence[Branch], torque_nm: float) -> str:
+    """Return the width of the loop at a torque: of several cycles their mean, as the table of the metrics has it."""
+    at = np.array([torque_nm])
+    pairs = [
+        pair for pair in zip(rising, falling, strict=True) if all(one.covers(torque_nm, torque_nm) for one in pair)
+    ]
+    widths = [float(down.at(at)[0] - up.at(at)[0]) for up, down in pairs]
+    return f"{abs(np.mean(widths)):.3f}′" + (f", mean of {len(widths)} cycles" if len(widths) > 1 else "")
 
 
 def _limits(inside: Axes, analysis: Result, at_nm: float, rising: Branch, falling: Branch) -> None:

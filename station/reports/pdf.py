@@ -143,9 +143,9 @@ def _metrics(result: dict[str, Any], content: Content) -> list[Any]:
             )
         )
     heads = ("metric", "", "value", "", "unit", "limit", "", "definition")
-    table = grid(heads, rows, (30, 4, 14, 15, 16, 26, 22, 44))
+    table = grid(heads, rows, (34, 4, 13, 14, 18, 24, 26, 47))
     said = paragraph(f"{rule_text(result)} {content.uncertainty}", "soft")
-    return [*heading("Metrics"), table, Spacer(1, 3), said]
+    return [*heading("Metrics", table), table, Spacer(1, 3), said]
 
 
 def _tag(verdict: str | None) -> Any:
@@ -161,7 +161,8 @@ def _gates(content: Content) -> list[Any]:
         for place, row in enumerate(content.gates, 1)
         if row[-1] == "FAILED"
     ]
-    return [*heading("Is the measurement valid?"), grid(GATE_HEADS, content.gates, (30, 110, 18), red)]
+    table = grid(GATE_HEADS, content.gates, (30, 110, 18), red)
+    return [*heading("Is the measurement valid?", table), table]
 
 
 def _alarms(result: dict[str, Any]) -> list[Any]:
@@ -177,4 +178,5 @@ def _alarms(result: dict[str, Any]) -> list[Any]:
         rows.append((f"{alarm['t_s']:.3f} s", str(alarm["state"]), what, reaction, str(alarm["next_action"])))
         colours.append(("BACKGROUND", (0, place), (-1, place), WASH if is_note(alarm) else RED))
     heads = ("time", "state", "what happened", "reaction", "what to do next")
-    return [*heading("Alarms and notes"), grid(heads, rows, (15, 16, 60, 15, 50), colours)]
+    table = grid(heads, rows, (15, 16, 60, 15, 50), colours)
+    return [*heading("Alarms and notes", table), table]

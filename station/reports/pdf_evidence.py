@@ -7,7 +7,7 @@ from typing import Any
 
 from reportlab.platypus import KeepTogether, Spacer
 
-from station.reports.budget_rows import BUDGET_HEADS
+from station.reports.budget_rows import BUDGET_HEADS, BudgetTable
 from station.reports.content import Content
 from station.reports.pdf_layout import grid, heading, paragraph, picture, section
 from station.reports.result_view import timing_line
@@ -17,11 +17,17 @@ from station.reports.torque_ratio_rows import LINE_HEADS
 
 def budget_parts(content: Content) -> list[Any]:
     """Return the uncertainty budget of every metric that has one, each as a table; nothing without any."""
-    parts: list[Any] = []
-    for budget in content.budgets:
-        table = grid(BUDGET_HEADS, budget.rows, (62, 21, 25, 18, 27, 12))
-        parts.append(KeepTogether([paragraph(f"{budget.metric} = {budget.expanded}", "subhead"), table]))
-    return [*heading("Uncertainty budgets"), *parts] if parts else []
+    tables = [_budget(budget) for budget in content.budgets]
+    if not tables:
+        return []
+    return [*heading("Uncertainty budgets", *tables[0], whole=True), *(KeepTogether(parts) for parts in tables)]
+
+
+def _budget(budget: BudgetTable) -> list[Any]:
+    """Return the budget of one side: its name and its table; the words of sums go over the figures they have not."""
+    wide = [("SPAN", (0, place), (3, place)) for place, row in enumerate(budget.rows, 1) if not any(row[1:4])]
+    title = paragraph(f"{budget.metric} = {budget.expanded}", "subhead")
+    return [title, grid(BUDGET_HEADS, budget.rows, (62, 21, 25, 18, 27, 12), wide)]
 
 
 def evaluation_parts(result: dict[str, Any], content: Content, pictures: dict[str, bytes]) -> list[Any]:
@@ -39,7 +45,7 @@ def evaluation_parts(result: dict[str, Any], content: Content, pictures: dict[st
         parts += [KeepTogether([title, grid(LINE_HEADS, content.lines, (26, 20, 18, 14, 14, 18, 14, 12, 13))])]
     if "residuals.png" in pictures:
         parts += [Spacer(1, 6), picture(pictures["residuals.png"])]
-    return [*heading("How it was evaluated"), *parts] if parts else []
+    return [*heading("How it was evaluated", parts[0]), *parts] if parts else []
 
 
 def timing_parts(
@@ -111,10 +117,12 @@ def provenance_parts(
     """Return what was run by whom and with what, and the checksums to check it again by."""
     rows = provenance_rows(result, run, conditions)
     rows += [(f"calibration {name}", text) for name, text in content.calibrations]
-    parts = [*heading("What was run"), grid(("", ""), rows, (35, 125))]
+    table = grid(("", ""), rows, (35, 125))
+    parts = [*heading("What was run", table), table]
     if content.checksums:
         sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]
-        parts += [*heading("To check it again"), grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))]
+        table = grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))
+        parts += [*heading("To check it again", table), table]
         word = "analyze" if result["metrics"] else "show"
         parts.append(paragraph(f"lostmotion {word} {result['run']} reads these files again.", "soft"))
     return parts

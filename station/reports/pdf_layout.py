@@ -37,6 +37,12 @@ WIDTH_PT = A4[0] - 2 * MARGIN_PT
 LEAST_BELOW_HEADING = 35 * mm
 """A heading with less room than this below it goes to the next page."""
 
+MOST_BELOW_HEADING = 180 * mm
+"""What is higher than this is divided: no page has much more room."""
+
+SPACES_PT = 24.0
+"""Spaces before and after a heading and what follows it, at most."""
+
 INK, SOFT, LINE, WASH, RED = (HexColor(one) for one in ("#1f2933", "#66727f", "#d9dee4", "#f5f7f9", "#fdecea"))
 VERDICT_COLOURS = {
     "PASS": HexColor("#1b7f3b"),
@@ -87,10 +93,24 @@ def section(title: str, *parts: Any) -> list[Any]:
     return [KeepTogether([paragraph(title, "head"), rule, *parts[:1]]), *parts[1:]]
 
 
-def heading(title: str) -> list[Any]:
-    """Return a heading for what may be longer than a page."""
+def heading(title: str, *first: Any, whole: bool = False) -> list[Any]:
+    """Return a heading for what may be longer than a page; it stays with `first`.
+
+    whole: `first` is kept together; otherwise the heading stays with the first row of a table.
+    """
     rule = HRFlowable(width="100%", thickness=1.2, color=INK, spaceBefore=0, spaceAfter=4)
-    return [CondPageBreak(LEAST_BELOW_HEADING), KeepTogether([paragraph(title, "head"), rule])]
+    head = [paragraph(title, "head"), rule]
+    needed = SPACES_PT + sum(_height(part, whole=whole) for part in (*head, *first))
+    return [CondPageBreak(min(max(LEAST_BELOW_HEADING, needed), MOST_BELOW_HEADING)), KeepTogether(head)]
+
+
+def _height(part: Any, *, whole: bool) -> float:
+    """Return what a part needs to begin on a page: all of it, or of a table its heads and first row."""
+    height: float = part.wrap(WIDTH_PT, A4[1])[1]
+    if whole or not isinstance(part, Table):
+        return height
+    rows: list[float] = part._rowHeights[: part.repeatRows + 1]  # noqa: SLF001 - the library tells heights nowhere else
+    return sum(rows)
 
 
 def grid(

@@ -8,14 +8,18 @@ import io
 import math
 import re
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from lostmotion_command import here
 
+from analysis.branches import Branch
 from station.record.run_record import RunRecord
 from station.reports.budget_rows import budget_tables
 from station.reports.html_page import explained
+from station.reports.loop_plot import width_text
 from station.reports.metric_sides import side_rows
 from station.reports.result_text import metric_name
 
@@ -28,6 +32,8 @@ def page(quick_run: Any) -> str:
 
 def cells(html: str) -> list[list[str]]:
     """Return the rows of the tables in a piece of the page, as text."""
+    wide = '<td colspan="4">([^<]*)</td>'
+    html = re.sub(wide, r"<td>\1</td><td></td><td></td><td></td>", html)
     rows = re.findall(r"<tr>(<td.*?)</tr>", html, re.DOTALL)
     return [[unescape(one) for one in re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL)] for row in rows]
 
@@ -43,8 +49,15 @@ def budgets(page: str) -> dict[str, tuple[str, list[list[str]]]]:
     return {unescape(name): (stated, cells(table)) for name, stated, table in found}
 
 
-def test_every_side_has_its_budget_and_gives_its_u(page: str, quick_run: Any) -> None:
-    metrics = RunRecord(quick_run.record).read_json("result.json")["metrics"]
+RECIPES = ("rv-40e-121-quick", "rv-40e-121-output", "rv-40e-121-measurement")
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_every_side_has_its_budget_and_gives_its_u(recipe: str, shipped_run: Any, tmp_path: Path) -> None:
+    record = shipped_run(recipe).record
+    assert here("report", str(record), "--out", str(tmp_path)).exit_code == 0
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    metrics = RunRecord(record).read_json("result.json")["metrics"]
     known = [row for metric in metrics for row in side_rows(metric) if row["uncertainty"] is not None]
     found = budgets(page)
     assert list(found) == [metric_name(row) for row in known]
@@ -54,14 +67,20 @@ def test_every_side_has_its_budget_and_gives_its_u(page: str, quick_run: Any) ->
         single = [one for one in rows if one[1]]
         assert len(single) == len(row["budget"])
         expanded = 2.0 * math.hypot(*(figure(one[4]) for one in single))
-        printed = re.search(r"± ([0-9.]+)", stated)
+        total = next(one for one in rows if one[0].startswith("all"))
+        printed, computed = re.search(r"± ([0-9.]+)", stated), re.search(r"U = 2·u = ([0-9.e−]+)", total[0])
         assert printed is not None
-        decimals = len(printed[1].partition(".")[2])
-        assert f"{expanded:.{decimals}f}" == printed[1], metric_name(row)
-        total = re.search(r"U = 2·u = ([0-9.e-]+)", rows[[one[0][:4] for one in rows].index("all:")][0])
-        assert total is not None
-        assert float(total[1]) == pytest.approx(row["uncertainty"], rel=1e-3)
-        summed = [one for one in rows if not one[1] and not one[0].startswith("all:")]
+        assert computed is not None
+        assert figure(computed[1]) == pytest.approx(expanded, rel=1e-3)
+        assert figure(total[4]) == pytest.approx(expanded / 2.0, rel=1e-3)
+        if row["id"] == "grade":
+            assert total[4].endswith(" arcmin")
+            assert "of the backlash that is graded" in total[0]
+        else:
+            decimals = len(printed[1].partition(".")[2])
+            assert f"{expanded:.{decimals}f}" == printed[1], metric_name(row)
+            assert expanded == pytest.approx(row["uncertainty"], rel=1e-3)
+        summed = [one for one in rows if not one[1] and not one[0].startswith("all")]
         large = rows[: len(rows) - len(summed) - 1 - (int(summed[0][0].split()[0]) if summed else 0)]
         assert 2.0 * math.hypot(*(figure(one[4]) for one in large + summed)) == pytest.approx(expanded, rel=1e-3)
         for one in single:
@@ -122,3 +141,19 @@ def test_the_side_that_judges_comes_first_each_with_its_own_figures() -> None:
     ]
     assert [one.rows[0][4] for one in tables] == ["0.3 arcmin", "0.1 arcmin"]
     assert explained(metric) == "width. cycles (side −) 3.000, 3.000; s = 0.03. cycles (side +) 1.000, 1.000; s = 0.01"
+
+
+def test_an_energy_is_told_in_joules_too() -> None:
+    metric = {"id": "hysteresis_energy", "branch": "width", "side": "both", "unit": "N·m·arcmin", "definition": "area"}
+    metric |= {"limits": {}, "value": 312.0, "uncertainty": 2.7, "value_j": 312.0 * math.pi / 10_800, "verdict": None}
+    assert explained(metric) == "area. In joules: 0.09076 ± 0.00079 J"
+    assert explained(metric | {"uncertainty": None}) == "area. In joules: 0.09076 J"
+    assert explained(metric | {"value": 0.0, "value_j": 0.0}) == "area. In joules: 0 J"
+
+
+def test_the_picture_has_the_width_that_the_table_has() -> None:
+    torque = np.linspace(-20.0, 20.0, 41)
+    zero = Branch(torque, torque / 100.0)
+    falling = [Branch(torque, torque / 100.0 + width) for width in (0.9, 1.0)]
+    assert width_text([zero, zero], falling, 12.0) == "0.950′, mean of 2 cycles"
+    assert width_text([zero], falling[:1], 12.0) == "0.900′"

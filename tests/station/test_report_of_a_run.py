@@ -252,15 +252,16 @@ def test_a_file_that_is_no_model_is_told(text: str, tmp_path: Path) -> None:
 
 
 def test_gates_budgets_and_stages_become_rows() -> None:
+    unmeasured = "width: not applicable: not measured: no sensor"
     gates = [
         {"id": "a", "figure": 1.0, "limit": 2.0, "unit": "%", "passed": True, "text": "fine"},
-        {"id": "b", "figure": None, "limit": 2.0, "unit": "%", "passed": None, "text": "no sensor"},
+        {"id": "b", "figure": None, "limit": 2.0, "unit": "%", "passed": None, "text": unmeasured},
         {"id": "c", "figure": 3.0, "limit": 2.0, "unit": "1", "passed": False, "text": "too much"},
     ]
     assert gate_rows(gates) == (
         ("c", "too much: 3, limit 2", "FAILED"),
-        ("b", "no sensor", "not checked"),
         ("a", "fine: 1 %, limit 2 %", "in order"),
+        ("b", "width: not measured: no sensor", "not checked"),
     )
     budget = [
         {

@@ -118,6 +118,31 @@ def test_the_lines_of_the_torque_ratio_are_fitted_again(page: str, quick_run: An
         assert turn * offset == pytest.approx(metrics["torque_ratio_offset"][sign]["value"], rel=1e-7)
 
 
+WITHOUT_VERDICT = {
+    "rv-40e-121-quick": "torque_ratio_offset, side +: could not be evaluated",
+    "rv-40e-121-output": "measurement invalid: locked_angle",
+    "rv-40e-121-measurement": "measurement invalid: loop_closure",
+}
+"""What docs/reports.md says of why `loop.csv` of a recipe has no verdict."""
+
+
+@pytest.mark.parametrize("recipe", WITHOUT_VERDICT)
+def test_the_loop_of_a_page_has_values_and_no_verdict(recipe: str, shipped_run: Any, tmp_path: Path) -> None:
+    record = shipped_run(recipe).record
+    here("report", str(record), "--out", str(tmp_path))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for name, content in re.findall(r'download="([^"]+)" href="data:text/plain;base64,([^"]+)"', page):
+        (tmp_path / name).write_bytes(base64.b64decode(content))
+    again = here("analyze", str(tmp_path / "loop.csv"), "--recipe", str(tmp_path / "recipe.yaml"), "--json").json
+    assert again["verdict"] == "NOT DECIDABLE"
+    assert any(reason.startswith(WITHOUT_VERDICT[recipe]) for reason in again["reasons"])
+    values = {metric_name(row): row["value"] for metric in again["metrics"] for row in side_rows(metric)}
+    for metric in RunRecord(record).read_json("result.json")["metrics"]:
+        if not metric["id"].startswith("torque_ratio"):
+            for row in side_rows(metric):
+                assert values[metric_name(row)] == pytest.approx(row["value"], rel=1e-4), metric_name(row)
+
+
 def side(value: float, share: float) -> dict[str, Any]:
     row = {"quantity": "q", "u": 0.1, "unit": "1", "sensitivity": value, "contribution": 0.1 * value, "share": share}
     return {

@@ -235,6 +235,8 @@ def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[st
                 "r_squared": fit.r_squared,
                 "points": fit.points,
                 "flagged": int(fit.flagged.size),
+                "theil_sen_slope": fit.theil_sen_slope,
+                "theil_sen_offset_nm": fit.theil_sen_offset_nm,
             }
             for name, fit in quadrants.fits.items()
         },

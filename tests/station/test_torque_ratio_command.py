@@ -185,6 +185,7 @@ def test_a_run_has_its_own_lines(quick_run: Any, tmp_path: Path) -> None:
             key: kept[key] for key in ("slope", "offset_nm", "u_slope", "points")
         }
         assert len(line["flagged"]) == kept["flagged"]
+        assert line["theil_sen"] == {"offset_nm": kept["theil_sen_offset_nm"], "slope": kept["theil_sen_slope"]}
         assert len(line["targets"]) == (1 if line["quadrant"].endswith("positive") else 0)
 
 

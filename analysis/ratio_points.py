@@ -21,6 +21,9 @@ ABOUT_ZERO = 0.05
 COMES_DOWN = 0.1
 """Share of the largest output torque by which a table may come down; more, and it was unloaded in between."""
 
+LEAST_SLOPE = 1.0
+"""Output over input torque of a reducer of the smallest ratio, with its friction."""
+
 MANY_POINTS = 1000
 """A table made by hand has fewer; samples of a recording repeat each other's errors, which a fit does not know."""
 
@@ -50,6 +53,11 @@ def fit_points(trace: Trace, rows: IntArray) -> RatioFit:
 def doubts(fit: RatioFit, rows: IntArray) -> Sequence[str]:
     """Return in words what a table of points shows that one line does not fit."""
     found = []
+    if fit.slope < LEAST_SLOPE:
+        found.append(
+            f"slope {fit.slope:.4g}: a reducer gives more torque than it takes, {LEAST_SLOPE:g} times or more; look "
+            "whether the columns are exchanged, a sensor stands still, or one of them counts the other way"
+        )
     row = _comes_down(fit.outputs_nm)
     if row is not None:
         found.append(

@@ -146,6 +146,13 @@ def test_points_of_loading_and_unloading_in_one_table_are_told(tmp_path: Path) -
     assert found(PUBLISHED)["notes"] == []
 
 
+@pytest.mark.parametrize("rows", ["80,1\n175,2\n270,3\n", "1,33\n2,33\n3,33\n", "1,-80\n2,-175\n3,-270\n"])
+def test_torques_that_are_no_reducers_are_told(tmp_path: Path, rows: str) -> None:
+    """Exchanged columns, a sensor that stands still, one that counts the other way."""
+    (note,) = found(table(tmp_path, HEAD + rows))["notes"]
+    assert "a reducer gives more torque than it takes" in note
+
+
 def test_a_recording_is_no_table_of_points(tmp_path: Path) -> None:
     rows = "".join(f"{x:.5f},{94.7 * x - 13.9:.5f}\n" for x in np.linspace(0.2, 4.5, 1200))
     (note,) = found(table(tmp_path, HEAD + rows))["notes"]

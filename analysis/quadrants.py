@@ -94,7 +94,6 @@ class Quadrants:
 
     zero_nm: what the output sensor reads where no torque is. There friction goes over from unloading to loading, within
     zero_transition_rad (None: as much shorter than L as less friction changes there).
-    points: by line, the input and output torques [N·m] that it was fitted to.
     left: by direction of motion, what lines and transition leave over while calibrating; it is taken off. Lines without
     fits are of another run, with another tare and perhaps another turn: nothing is taken off by them.
     """
@@ -107,7 +106,6 @@ class Quadrants:
     zero_nm: float = 0.0
     zero_transition_rad: float | None = None
     fits: Mapping[str, RatioFit] = field(default_factory=dict)
-    points: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
     left: Mapping[int, Leftovers] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -44,13 +44,13 @@ def _row(name: str, line: Mapping[str, Any], points: str, flagged: str) -> Row:
 
 def ratio_csv(analysis: Result | None) -> bytes:
     """Return as CSV the points that the lines of this run were fitted to; empty where none was."""
-    if analysis is None or analysis.quadrants is None or not analysis.quadrants.points:
+    if analysis is None or analysis.quadrants is None or not analysis.quadrants.fits:
         return b""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(("quadrant", "torque_in_nm", "torque_out_nm"))
-    for name, (torque_in, torque_out) in analysis.quadrants.points.items():
-        pairs = zip(torque_in.tolist(), torque_out.tolist(), strict=True)
+    for name, fit in analysis.quadrants.fits.items():
+        pairs = zip(fit.inputs_nm.tolist(), fit.outputs_nm.tolist(), strict=True)
         writer.writerows((name, f"{x:.10g}", f"{y:.10g}") for x, y in pairs)
     return stream.getvalue().encode()
 

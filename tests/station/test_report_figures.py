@@ -97,7 +97,7 @@ def torque_ratio_points(page: str) -> dict[str, list[tuple[float, float]]]:
     return points
 
 
-def test_the_lines_of_the_torque_ratio_are_fitted_again(page: str, quick_run: Any) -> None:
+def test_the_lines_of_the_torque_ratio_are_fitted_again(page: str, quick_run: Any, tmp_path: Path) -> None:
     points = torque_ratio_points(page)
     table = cells(page.partition("<h3>Torque ratio")[2].partition("</table>")[0])
     assert [row[0].replace(" ", "_") for row in table] == list(points)
@@ -111,6 +111,11 @@ def test_the_lines_of_the_torque_ratio_are_fitted_again(page: str, quick_run: An
         assert (f"{s:.3g}", str(x.size)) == (row[6], row[7])
         assert f"{s / math.sqrt(float(np.square(x - x.mean()).sum())):.2g}" == row[4]
         fitted[row[0]] = (slope, offset)
+        alone = tmp_path / "alone.csv"
+        alone.write_text("\n".join(["torque_in_nm,torque_out_nm", *(f"{a},{b}" for a, b in zip(x, y, strict=True))]))
+        (line,) = here("torque-ratio", str(alone), "--json").json["lines"]
+        assert (f"{line['u_slope']:.2g}", f"{line['u_offset_nm']:.2g}") == (row[4], row[3])
+        assert f"{line['correlation']:.4f}".replace("-", "−") == row[5]
     metrics = {one["id"]: one["sides"] for one in RunRecord(quick_run.record).read_json("result.json")["metrics"]}
     for sign, name, turn in (("+", "load positive", 1.0), ("-", "load negative", -1.0)):
         slope, offset = fitted[name]

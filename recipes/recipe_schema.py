@@ -252,12 +252,6 @@ class Recipe(Section):
         mine = {metric.key(reference_nm) for _, metric in own}
         return [*own, *(entry for key, entry in found.items() if key not in mine)]
 
-    def wanted_of_preset(self, name: str) -> list[MetricWanted]:
-        """Return the metrics of one preset; a limit that the recipe gives for the same definition holds."""
-        reference_nm = self.measurement.reference_torque_nm
-        mine = {metric.key(reference_nm): metric for metric in self.metrics}
-        return [mine.get(metric.key(reference_nm), metric) for metric in preset_metrics(name)]
-
     def problem(self, option: OptionPath, found: str, allowed: str, hint: str = "") -> Problem:
         """Return a problem at one of the options, with its place when the recipe was loaded from a file."""
         if self._source is None:

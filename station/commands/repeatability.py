@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from analysis.repeatability import LEAST_RUNS, repeatability
+from recipes import Selection
 from station.commands.evaluate_anew import elsewhere, known_preset, reevaluate
 from station.errors import StationError
 from station.record.store import Store
@@ -67,11 +68,11 @@ def _result(name: str, recipe: str | None, preset: str | None, data: Path) -> di
     if path.is_file():
         if recipe is None:
             raise StationError(f"{name}: --recipe is missing: it says how the trace is evaluated")
-        return elsewhere(path, recipe, None, preset)
+        return elsewhere(path, recipe, None, Selection(preset))
     run = Store(data).find(name)
     if run.state() != "complete":
         raise StationError(f"{run.id}: the run is {run.state()}; needed are complete runs. Leave it out")
-    result = reevaluate(run, recipe, None, preset)
+    result = reevaluate(run, recipe, None, Selection(preset))
     if result.get("altered"):
         raise StationError(f"{run.id}: the record was altered: it counts for nothing. Leave it out")
     return result

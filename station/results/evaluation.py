@@ -23,7 +23,7 @@ from analysis import (
 )
 from analysis.trace import ROLES
 from controller.image import State
-from recipes import Bench, Calibration, Recipe
+from recipes import OWN, Bench, Calibration, Recipe, Selection, selected
 from recipes.section import option_name
 from station.bench.assemble import CHANNEL_OF_SENSOR, channels
 from station.bench.figures import figures_of
@@ -116,9 +116,8 @@ def _stored_quadrants(stored: Calibration) -> Quadrants:
     return Quadrants(lines[0], lines[1], lines[2], lines[3], transition_rad=stored.transition_rad)
 
 
-def wanted_of(recipe: Recipe, preset: str | None = None) -> list[MetricWanted]:
-    """Return the metrics that the recipe asks for, or those of one preset, with the recipe's limits."""
-    asked = [metric for _, metric in recipe.wanted()] if preset is None else recipe.wanted_of_preset(preset)
+def wanted_of(recipe: Recipe, selection: Selection = OWN) -> list[MetricWanted]:
+    """Return the metrics that the recipe asks for, or the chosen ones, with the recipe's limits."""
     return [
         MetricWanted(
             id=one.id,
@@ -131,7 +130,7 @@ def wanted_of(recipe: Recipe, preset: str | None = None) -> list[MetricWanted]:
             min=one.min,
             max=one.max,
         )
-        for one in asked
+        for one in selected(recipe, selection)
     ]
 
 
@@ -193,15 +192,15 @@ def evaluate_trace(  # noqa: PLR0917 - what was measured, by what, on what, and 
     bench: Bench,
     objections: list[str],
     facts: RunFacts | None = None,
-    preset: str | None = None,
+    selection: Selection = OWN,
     *,
     draws: int = 0,
 ) -> Result:
     """Evaluate and judge; `objections` speak against the record as a whole, `facts` say how it was recorded.
 
-    preset: report its metrics instead of the recipe's. draws: of Monte Carlo beside the uncertainty budget.
+    selection: metrics to report instead of the recipe's. draws: of Monte Carlo beside the uncertainty budget.
     """
-    method, wanted = method_of(recipe, bench), wanted_of(recipe, preset)
+    method, wanted = method_of(recipe, bench), wanted_of(recipe, selection)
     figures = figures_for(recipe, bench)
     rule = decision_of(recipe)
     return analyse(trace, method, wanted, rule, objections, facts=facts, figures=figures, draws=draws)

@@ -61,8 +61,8 @@ def test_trace_from_elsewhere_has_a_budget_only_with_its_bench(tmp_path: Path) -
     columns["segment"] = [names[int(key)] for key in trace.segment]
     file = tmp_path / "trace.csv"
     pa_csv.write_csv(pa.table(columns), file)
-    alone = elsewhere(file, "rv-40e-121-quick", None, None)
-    known = elsewhere(file, "rv-40e-121-quick", "virtual", None, draws=20)
+    alone = elsewhere(file, "rv-40e-121-quick", None)
+    known = elsewhere(file, "rv-40e-121-quick", "virtual", draws=20)
     assert {metric["uncertainty_kind"] for metric in alone["metrics"]} == {"repeatability"}
     assert any("repeatability only" in note for note in alone["notes"])
     assert {metric["uncertainty_kind"] for metric in known["metrics"]} == {"budget"}

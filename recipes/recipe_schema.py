@@ -70,6 +70,12 @@ class Measurement(Section):
 
     output_torque: Literal["reaction", "calibrated"]
     calibration: Literal["measured", "stored"] = "measured"
+    alignment: Literal["declared", "two_speeds", "report"] = Field(
+        default="declared",
+        description="`declared` by the lags of the bench file, `two_speeds` by cycles of different speed, or `report`: "
+        "nothing is moved",
+    )
+    """How torque and angles are put on one clock."""
     reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)
     break_torque_nm: TorqueOfReference | None = None
     """Of the six-segment fit, where the linear middle ends."""

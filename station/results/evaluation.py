@@ -41,6 +41,9 @@ ZEROES = {
 }
 """Channel of a trace, which is a field of the image as well, and the order that is subtracted from it."""
 
+ALIGNMENTS = {"declared": "correct", "two_speeds": "two_speeds", "report": "report"}
+"""How a recipe says that channels are put on one clock, and how the method does."""
+
 AS_RECORDED = {"temperature_c": "housing_temp_c", "drive_torque_nm": "drive_torque_nm"}
 """Channel of a trace, and the field of the image that it is."""
 
@@ -84,6 +87,7 @@ def method_fields(recipe: Recipe) -> dict[str, Any]:
         "reference_torque_nm": measurement.reference_torque_nm,
         "loading": recipe.loading,
         "output_torque": measurement.output_torque,
+        "alignment": ALIGNMENTS[measurement.alignment],
         "break_torque_nm": measurement.break_torque_nm,
         "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
         "stiffness_break_t2_nm": measurement.break_torque_t2_nm,

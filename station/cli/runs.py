@@ -67,7 +67,7 @@ def analyze(
     metric: ChosenMetricOption = None,
     monte_carlo: Annotated[
         int,
-        typer.Option("--monte-carlo", metavar="N", min=0, max=100_000, help="Draws beside the budget, into the JSON."),
+        typer.Option("--monte-carlo", metavar="N", min=0, max=100_000, help="Draws beside the budget, 50 or more."),
     ] = 0,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,

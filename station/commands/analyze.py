@@ -10,6 +10,7 @@ from typing import Any
 from recipes import OWN, Selection
 from station.bench.request import trace_file
 from station.commands.evaluate_anew import elsewhere, known_preset, reevaluate
+from station.commands.monte_carlo_table import check_draws, show_monte_carlo
 from station.commands.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.commands.show import stored_result
 from station.errors import StationError
@@ -41,6 +42,7 @@ def analyze(
     """
     if selection.preset is not None:
         known_preset(selection.preset)
+    check_draws(draws)
     path = trace_file(trace)
     if path is not None:
         if recipe is None:
@@ -58,6 +60,8 @@ def analyze(
     heading = reevaluation_heading(result)
     if heading:
         console.print(heading, style="bold magenta", highlight=False, soft_wrap=True)
+    if draws and result["metrics"]:
+        show_monte_carlo(console, result["metrics"])
     show_result(console, result)
     if heading:
         # The verdict is the last thing on the screen: whose it is stands below it as well.

@@ -14,8 +14,8 @@ LEAST_DRAWS = 50
 """An interval of 95.45 % has one draw in 44 beyond each of its ends."""
 
 MEANS = (
-    "Monte Carlo, {draws} draws of all errors at once: its u, and the interval that holds 95.45 % of the draws, without "
-    "sensitivities and without k. The U of the budget, k·u with k = 2, is what decides."
+    "Monte Carlo, {draws} draws of all errors at once: its u, and the interval that holds 95.45 % of the draws, "
+    "without sensitivities and without k. The U of the budget, k·u with k = 2, is what decides."
 )
 NONE = "Monte Carlo: nothing to draw, for no figures of the sensors are known; name the bench they come from (--bench)"
 

@@ -133,14 +133,14 @@ GATES: dict[str, Gate] = {
         "set the filters of torque and angles as in the bench file, or give their lags there",
     ),
     "noise_low": _row(
-        "noise of a torque in the measured cycles over that declared of its sensor; the quieter one", "%", 33.0,
+        "noise of a torque in the quietest 50 samples of the cycles over that declared of its sensor", "%", 33.0,
         noise_gates.noise_low,
-        "the torque has less noise than its sensor",
+        "the torque has less noise than its sensor, at least for a while",
         "measure without a filter behind the sensor, which takes from the play of the loop; where the sensor is better "
         "than the bench file says, mend its noise there", least=True, configurable=False,
     ),
     "noise_high": _row(
-        "noise of a torque in the measured cycles over that declared of its sensor; the noisier one", "%", 300.0,
+        "noise of a torque in all cycles over that declared of its sensor; the noisier one", "%", 300.0,
         noise_gates.noise_high,
         "the torque has more noise than its sensor", "check cables, earthing and the resolution of the channel",
         configurable=False,

@@ -6,12 +6,14 @@ from the play of a loop; one with much more has a fault, or a coarser resolution
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from analysis.measured import Evidence, Measured
 from analysis.reading import NOT_EVALUATED, Reading
+from analysis.units import FloatArray
 
 SLOWEST_S = 0.005
 """Time between samples up to which what a sample has of its own is noise, and not the course of the torque."""
@@ -19,18 +21,24 @@ SLOWEST_S = 0.005
 SECOND_DIFFERENCE = 6.0
 """Variance of x(n−1) − 2·x(n) + x(n+1) of noise, in variances of the noise: 1 + 4 + 1."""
 
+BLOCK = 50
+"""Samples of which the noise is told where the quietest stretch counts: fewer would scatter below a third by chance."""
+
 
 def noise_low(evidence: Evidence) -> Reading | str:
-    """Measured over declared noise of the torque channel that has least of it, %."""
-    return _noise(evidence, min)
+    """Noise of the quietest 50 samples over the declared one, of the torque channel that has least of it, %.
+
+    A display that shows little torque as none, a channel that stands for a while: each has a stretch without noise.
+    """
+    return _noise(evidence, np.min)
 
 
 def noise_high(evidence: Evidence) -> Reading | str:
-    """Measured over declared noise of the torque channel that has most of it, %."""
-    return _noise(evidence, max)
+    """Noise over the declared one, of the torque channel that has most of it, %."""
+    return _noise(evidence, np.mean)
 
 
-def _noise(evidence: Evidence, side: Callable[[list[tuple[float, str]]], tuple[float, str]]) -> Reading | str:
+def _noise(evidence: Evidence, of_blocks: Callable[[FloatArray], float]) -> Reading | str:
     found = evidence.measured
     if found is None:
         return NOT_EVALUATED
@@ -41,15 +49,20 @@ def _noise(evidence: Evidence, side: Callable[[list[tuple[float, str]]], tuple[f
     time = found.trace.t_s
     if time is None or float(np.median(np.diff(time))) > SLOWEST_S:
         return f"not measured: with less than {1.0 / SLOWEST_S:g} samples per second noise is not told from the course"
-    ratio, name = side([(noise_nm(found, name) / declared[name], name) for name in there])
-    words = f"{name} has noise of {ratio * declared[name]:.2g} N·m, and {declared[name]:.2g} are declared"
-    return Reading(100.0 * ratio, words)
+    variances = {name: _variances(found, name) for name in there}
+    if not all(one.size for one in variances.values()):
+        return f"not measured: no branch has {BLOCK} samples"
+    ratios = {name: math.sqrt(of_blocks(one)) / declared[name] for name, one in variances.items()}
+    name = (min if of_blocks is np.min else max)(ratios, key=ratios.__getitem__)
+    words = f"{name} has noise of {ratios[name] * declared[name]:.2g} N·m, and {declared[name]:.2g} are declared"
+    return Reading(100.0 * ratios[name], words)
 
 
-def noise_nm(found: Measured, channel: str) -> float:
-    """Return the standard deviation of a torque channel's noise in the measured branches, N·m."""
+def _variances(found: Measured, channel: str) -> FloatArray:
+    """Return the variance of a torque channel's noise in each block of the measured branches, (N·m)²."""
     values = getattr(found.trace, channel)
-    pieces = [values[piece] for pair in found.pairs for one in pair for piece in one.run.pieces]
-    squares = [np.square(np.diff(piece, 2)) for piece in pieces if piece.size > 2]
-    count = sum(one.size for one in squares)
-    return float(np.sqrt(sum(float(one.sum()) for one in squares) / count / SECOND_DIFFERENCE)) if count else 0.0
+    blocks = []
+    for piece in (values[rows] for pair in found.pairs for one in pair for rows in one.run.pieces):
+        squares = np.square(np.diff(piece, 2)) / SECOND_DIFFERENCE
+        blocks.append(squares[: squares.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1))
+    return np.concatenate(blocks)

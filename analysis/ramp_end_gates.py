@@ -40,14 +40,14 @@ With a longer one the torque would go on rising for all that is seen, and any cr
 """
 
 LEAST_ENDS = 3
-"""Ends of ramps from which a delay is told: their median counts, for one of them may be disturbed."""
+"""Ends of ramps from which a delay is told: the median counts, for one of them may be disturbed."""
 
 SLOWED = 0.5
 """Share of its speed on the ramp below which the wind-up has come to rest."""
 
 
 class RampEnd(NamedTuple):
-    """One end of a ramp: delay of the torque behind the wind-up [s], and rate of the torque before it [N·m/s]."""
+    """One end of a ramp: delay of the torque behind the wind-up [s], and rate of its torque [N·m/s]."""
 
     late_s: float
     rate_nm_s: float
@@ -62,13 +62,11 @@ def late_torque(found: Measured) -> Reading | str:
     ends = list(ramp_ends(trace, measured_windup(trace, found.method).arcmin))
     if len(ends) < LEAST_ENDS:
         return f"not measured: {len(ends)} ramps of {BEFORE_S[1]:g} s end in a dwell, and {LEAST_ENDS} are needed"
-    late_s = float(np.median([one.late_s for one in ends]))
+    # Of a control that was given a late torque the ends differ among themselves, in both directions.
+    late_s = float(np.median([abs(one.late_s) for one in ends]))
     rate_nm_s = max(abs(one.rate_nm_s) for one in ends)
-    words = (
-        f"at the ends of {len(ends)} ramps the output torque comes to rest {abs(late_s) * 1e3:.2g} ms "
-        f"{'after' if late_s > 0.0 else 'before'} the wind-up"
-    )
-    return Reading(100.0 * abs(late_s) * rate_nm_s / found.method.reference_nm, words)
+    words = f"at the ends of {len(ends)} ramps the output torque comes to rest {late_s * 1e3:.2g} ms off the wind-up"
+    return Reading(100.0 * late_s * rate_nm_s / found.method.reference_nm, words)
 
 
 def ramp_ends(trace: Trace, windup_arcmin: FloatArray) -> Iterator[RampEnd]:
@@ -96,8 +94,12 @@ def _ramp_end(
     The torque is a straight function of the wind-up and of the creep that sets in as the ramp ends; for as long as is
     looked at, that is the time that the wind-up has lost on its ramp.
     """
-    from_nm, to_nm = np.interp([end_s - BEFORE_S[1], end_s], t_s, torque_nm)
-    rate_nm_s = float(to_nm - from_nm) / BEFORE_S[1]
+    # Of the last half: next to its end a control that was given a late torque has gone beyond, and comes back.
+    half_s = 0.5 * (end_s - float(t_s[0]))
+    (from_nm, to_nm), (from_arcmin, to_arcmin) = (
+        np.interp([end_s - half_s, end_s], t_s, values).tolist() for values in (torque_nm, windup_arcmin)
+    )
+    rate_nm_s = (to_nm - from_nm) / half_s
     if not rate_nm_s:
         return None
     before_s = float(np.clip(BEFORE_SHARE * abs(to_nm / rate_nm_s), *BEFORE_S))
@@ -112,7 +114,7 @@ def _ramp_end(
     )
     inside = (wide_s >= end_s - before_s) & (wide_s < end_s + after_s)
     at_s, speed, windup = wide_s[inside], np.gradient(windup, step_s)[inside], windup[inside]
-    on_ramp = float(np.median(speed[: at_s.size // 3]))
+    on_ramp = (to_arcmin - from_arcmin) / half_s
     if not on_ramp or speed[-1] / on_ramp > SLOWED:
         return None
     straight = np.stack([np.ones_like(windup), windup - windup.mean()], axis=1)

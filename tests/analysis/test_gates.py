@@ -10,6 +10,7 @@ import pytest
 from gate_support import (
     BAD,
     FACTS,
+    GOOD,
     GOOD_CONVERTED,
     GOOD_RUN,
     KNOWN,
@@ -18,6 +19,7 @@ from gate_support import (
     P1,
     WANTED,
     by_stored_lines,
+    changed,
     copied_cycle,
     each_row,
     judged,
@@ -138,6 +140,12 @@ def test_the_recipe_has_an_option_for_every_limit_with_the_same_default() -> Non
 def test_gates_are_plain_data() -> None:
     plain = json.loads(json.dumps(GOOD_RUN.to_dict()["gates"], allow_nan=False))
     assert [set(one) for one in plain] == [{"id", "figure", "limit", "unit", "passed", "text"}] * len(GATES)
+
+
+@pytest.mark.parametrize("hidden_nm", [0.0, 4.0])
+def test_a_display_that_shows_little_torque_as_none_is_seen(hidden_nm: float) -> None:
+    shown = np.sign(GOOD.torque_out_nm) * np.maximum(np.abs(GOOD.torque_out_nm) - hidden_nm, 0.0)
+    assert of(judged(**changed(torque_out_nm=shown)), "noise_low").passed is (hidden_nm == 0.0)
 
 
 def test_rows_written_several_times_are_no_measurements() -> None:

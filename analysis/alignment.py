@@ -42,7 +42,10 @@ LEAST_SAMPLES = 3
 SETTLED_S = 1e-5
 """Change of an estimated skew at which it is taken as found: less than a tenth of any scan period."""
 
-MOST_ROUNDS = 8
+SETTLED_SHARE = 0.25
+"""The same as a share of the estimate's standard error."""
+
+MOST_ROUNDS = 4
 """Rounds in which an estimate is refined."""
 
 
@@ -50,8 +53,8 @@ MOST_ROUNDS = 8
 class Skew:
     """Delay of the angle behind the torque, τ_angle − τ_torque [s]; None when it is not known.
 
-    corrected_s was taken out of the trace, left_s is still in it. u_s: standard error of one that was estimated; None
-    for one that was declared, or that two cycles alone show.
+    corrected_s was taken out of the trace, left_s is still in it. u_s: standard uncertainty of one that was
+    estimated, its standard error or what another round would change; None for one that was declared.
     """
 
     corrected_s: float | None
@@ -67,6 +70,11 @@ class SpeedSkew:
     skew_s: float
     standard_error_s: float | None
     width_arcmin: float
+
+    @property
+    def settled(self) -> bool:
+        """Say whether nothing is left of a skew beside what is known of it."""
+        return abs(self.skew_s) < max(SETTLED_S, SETTLED_SHARE * (self.standard_error_s or 0.0))
 
 
 def skew_from_speeds(speeds_arcmin_s: Sequence[float], widths_arcmin: Sequence[float]) -> SpeedSkew:
@@ -148,12 +156,11 @@ def align(trace: Trace, method: Method, estimated: SpeedSkew | None = None) -> t
     if estimated is not None:
         figures["standard error"] = Figure(estimated.standard_error_s, "s")
         figures["width at standstill"] = Figure(estimated.width_arcmin, "arcmin")
-    u_s = None if estimated is None else estimated.standard_error_s
     first = min(lags.values(), default=0.0)
     late = {name: lag - first for name, lag in lags.items() if lag - first > SAME_LAG_S}
     if not late:
         text = f"time alignment: {how}; all channels lag alike, nothing to move"
-        return trace, Skew(0.0, 0.0, StageRecord("time alignment", text, figures), u_s)
+        return trace, Skew(0.0, 0.0, StageRecord("time alignment", text, figures))
     words = ", ".join(f"{name} by {lag * 1e3:.3g} ms" for name, lag in late.items())
     if method.alignment == "report" or trace.t_s is None:
         why = "the trace has no time" if trace.t_s is None else "the method only reports it"
@@ -162,7 +169,7 @@ def align(trace: Trace, method: Method, estimated: SpeedSkew | None = None) -> t
     time = trace.t_s
     moved = {name: np.interp(time + lag, time, getattr(trace, name)) for name, lag in late.items()}
     text = f"time alignment: {how}; moved back: {words}"
-    return replace(trace, **moved), Skew(skew, 0.0, StageRecord("time alignment", text, figures, applied=True), u_s)
+    return replace(trace, **moved), Skew(skew, 0.0, StageRecord("time alignment", text, figures, applied=True))
 
 
 def _lags(there: Sequence[str], method: Method, estimated: SpeedSkew | None) -> tuple[dict[str, float] | None, str]:

@@ -22,6 +22,8 @@ from station.results.evaluation import ALIGNMENTS
 
 LAG_S = 0.05
 NOISE_NM = 0.2
+TRUE_ARCMIN = 0.94
+"""Width of the simulated unit's loop at ±3 %."""
 RESTS = 300
 """Samples of rest at the end of a block."""
 SHIPPED = find_recipe("rv-40e-121-inverse").read_text("utf-8")
@@ -91,6 +93,15 @@ def test_a_lag_is_found_and_taken_out_when_the_recipe_says_so(tmp_path: Path) ->
     quantities = {row["quantity"] for row in found["metrics"][0]["budget"]}
     assert "skew_estimate" in quantities
     assert "skew_estimate" not in {row["quantity"] for row in declared["metrics"][0]["budget"]}
+
+
+@pytest.mark.parametrize(("lag_s", "rates"), [(-0.05, (60.0, 240.0)), (0.3, (60.0, 240.0)), (0.005, (60.0, 75.0))])
+def test_what_is_left_of_any_lag_is_within_u(tmp_path: Path, lag_s: float, rates: tuple[float, float]) -> None:
+    """An angle that is late, a long delay, and speeds so near that noise decides when the estimate settles."""
+    found = elsewhere(late_trace(tmp_path, rates, lag_s), recipe(tmp_path, "two_speeds"), "virtual")
+    metric, stage = found["metrics"][0], read(found)[1]
+    assert stage["figures"]["angle behind torque"]["value"] == pytest.approx(-lag_s, rel=0.02, abs=3e-3)
+    assert metric["value"] == pytest.approx(TRUE_ARCMIN, abs=metric["uncertainty"])
 
 
 def test_a_trace_of_one_speed_says_what_is_missing(tmp_path: Path) -> None:

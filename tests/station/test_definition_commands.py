@@ -12,7 +12,7 @@ from lostmotion_command import here
 from shipped_copies import simple_acceptance
 
 from analysis import METRICS, Method, MetricWanted, analyse, read_trace
-from recipes import PRESETS, Selection, find_recipe, load_bench, parse_recipe
+from recipes import OWN, PRESETS, Selection, find_recipe, load_bench, parse_recipe
 from recipes.metric_schema import preset_metrics
 from station.commands.analyze import analyze
 from station.commands.evaluate_anew import elsewhere
@@ -65,7 +65,7 @@ def test_one_preset(printed: Print) -> None:
     [
         lambda: metrics("nabtesko", as_json=False),
         lambda: analyze(TRACE, RECIPE, None, NO_RUNS, as_json=True, selection=Selection("nabtesko")),
-        lambda: repeat([TRACE], RECIPE, "nabtesko", NO_RUNS, as_json=False),
+        lambda: repeat([TRACE], RECIPE, Selection("nabtesko"), NO_RUNS, as_json=False),
     ],
 )
 def test_an_unknown_preset_is_named(command: Callable[[], int]) -> None:
@@ -161,7 +161,7 @@ def repeats(tmp_path: Path) -> list[str]:
 
 
 def test_repeatability_over_runs(repeats: list[str], printed: Print) -> None:
-    found: Any = json.loads(printed(repeat, repeats, RECIPE, "nabtesco", NO_RUNS, as_json=True))
+    found: Any = json.loads(printed(repeat, repeats, RECIPE, Selection("nabtesco"), NO_RUNS, as_json=True))
     assert found["runs"] == repeats
     by_name = {(metric["id"], metric["side"]): metric for metric in found["metrics"]}
     backlash = by_name["backlash_width_zero", "both"]["repeatability"]
@@ -170,15 +170,19 @@ def test_repeatability_over_runs(repeats: list[str], printed: Print) -> None:
     assert backlash["sd_cycles"] is None
     assert set(by_name) == {("backlash_width_zero", "both"), ("lost_motion", "both"),
                             ("stiffness_50_100", "+"), ("stiffness_50_100", "-")}  # fmt: skip
-    shown = printed(repeat, repeats, RECIPE, "nabtesco", NO_RUNS, as_json=False)
+    shown = printed(repeat, repeats, RECIPE, Selection("nabtesco"), NO_RUNS, as_json=False)
     assert words(METRICS["lost_motion"].text) in words(shown)
+    done = here("repeatability", *repeats, "--recipe", RECIPE, "--metric", "lost_motion band=5%", "--json")
+    (single,) = done.json["metrics"]
+    assert (single["id"], single["choices"]) == ("lost_motion", ["band 5 %"])
+    assert single["repeatability"]["sd_runs"] > 0.0
 
 
 def test_one_run_is_no_repeat(repeats: list[str]) -> None:
     with pytest.raises(StationError, match="needed are 2 or more of one unit"):
-        repeat([repeats[0], repeats[0]], RECIPE, None, NO_RUNS, as_json=True)
+        repeat([repeats[0], repeats[0]], RECIPE, OWN, NO_RUNS, as_json=True)
     with pytest.raises(StationError, match="--recipe is missing"):
-        repeat(repeats, None, None, NO_RUNS, as_json=True)
+        repeat(repeats, None, OWN, NO_RUNS, as_json=True)
 
 
 SINGLE = ("windup", "stiffness_at torque=50 % branch=load", "spring_constant fit=three_region", "lost_motion band=5%")

@@ -135,8 +135,15 @@ def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measur
     with_ratio: the torque ratio is wanted for its own sake too. Raises AnalysisError for a trace without what the
     method needs.
     """
-    if method.alignment != "two_speeds":
-        return _stages(*align(trace, method), method, with_ratio=with_ratio)
+    if method.alignment == "two_speeds":
+        found = _by_two_speeds(trace, method, with_ratio=with_ratio)
+    else:
+        found = _stages(*align(trace, method), method, with_ratio=with_ratio)
+    return replace(found, recorded=trace)
+
+
+def _by_two_speeds(trace: Trace, method: Method, *, with_ratio: bool) -> Measured:
+    """Run the stages with the skew of torque and angle that the cycles themselves show."""
     found = _stages(*align(trace, replace(method, alignment="report")), method, with_ratio=with_ratio)
     left = estimated = skew_of_cycles(found.loops, found.pairs)
     for _ in range(MOST_ROUNDS):
@@ -174,7 +181,7 @@ def _stages(trace: Trace, skew: Skew, method: Method, *, with_ratio: bool) -> Me
         skew.record, windup.record, turning, virgin_quarter(runs), torque, drift.record, fixture,
         *branch_records(pairs_now, blocks, branches), reversal_record(loops), fit_record(loops),
     )  # fmt: skip
-    return Measured(trace, method, runs, windup.angles, skew, drift, quadrants, pairs_now, blocks, loops, stages)
+    return Measured(trace, method, runs, windup.angles, skew, drift, quadrants, pairs_now, blocks, loops, stages, trace)
 
 
 def _loops_by_output(found: Measured) -> Sequence[Loop]:

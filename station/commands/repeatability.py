@@ -91,7 +91,8 @@ def _same_unit(results: list[dict[str, Any]]) -> None:
             if _is(one) != _is(other) or len(results[0]["metrics"]) != len(result["metrics"]):
                 raise StationError(
                     f"{result['run'] or result['record']}: {metric_name(other)} where {results[0]['run']} has "
-                    f"{metric_name(one)}: evaluated by different definitions. Name one with --recipe, --preset or --metric",
+                    f"{metric_name(one)}: evaluated by different definitions. Name one with --recipe, --preset or "
+                    "--metric",
                 )
 
 

@@ -104,6 +104,15 @@ def test_what_is_left_of_any_lag_is_within_u(tmp_path: Path, lag_s: float, rates
     assert metric["value"] == pytest.approx(TRUE_ARCMIN, abs=metric["uncertainty"])
 
 
+def test_samples_that_are_moved_by_half_a_period_keep_the_noise_that_was_recorded(tmp_path: Path) -> None:
+    late = late_trace(tmp_path, (60.0, 240.0), 0.0505)
+    figures = []
+    for alignment in ("report", "two_speeds"):
+        gates = elsewhere(late, recipe(tmp_path, alignment), "virtual")["gates"]
+        figures.append([gate["figure"] for gate in gates if gate["id"] in ("noise_low", "noise_high")])
+    assert figures[1] == pytest.approx(figures[0])
+
+
 def test_a_trace_of_one_speed_says_what_is_missing(tmp_path: Path) -> None:
     with pytest.raises(AnalysisError, match="needed are two speeds that differ"):
         elsewhere(late_trace(tmp_path, (120.0,), LAG_S), recipe(tmp_path, "two_speeds"), "virtual")

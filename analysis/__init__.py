@@ -5,9 +5,10 @@ Beside this stand `analysis.models` (models of a reducer), `analysis.line` (stat
 """
 
 from analysis.branches import Branch
+from analysis.conversions import compensated_stiffness, fixture_stiffness
 from analysis.errors import AnalysisError
 from analysis.fixture import blank_curve
-from analysis.fixture_curve import FixtureCurve, reducer_stiffness, series_stiffness
+from analysis.fixture_curve import FixtureCurve
 from analysis.gates import GATES, GateResult, gate_reasons, is_loose, judge_gates
 from analysis.measured import Evidence, RunFacts
 from analysis.method import Decision, Method, MetricWanted
@@ -66,16 +67,16 @@ __all__ = [
     "analyse",
     "blank_curve",
     "commanded_runs",
+    "compensated_stiffness",
     "fit_quadrants",
     "fit_torque_ratio",
+    "fixture_stiffness",
     "gate_reasons",
     "is_loose",
     "judge",
     "judge_gates",
     "measure",
     "read_trace",
-    "reducer_stiffness",
     "segment_name",
     "segment_names",
-    "series_stiffness",
 ]

@@ -27,17 +27,27 @@ def nm_per_rad(stiffness_nm_per_arcmin: float) -> float:
 
 def series_stiffness(*stiffnesses: float) -> float:
     """Stiffness of springs behind one another, all referred to one shaft and in one unit: 1/K = Σ 1/K_n."""
-    return 1.0 / sum(1.0 / _above_zero(one, "stiffness") for one in stiffnesses)
+    compliance = sum(1.0 / _stiffness(one) for one in stiffnesses)
+    return 1.0 / compliance if compliance else math.inf
+
+
+def fixture_stiffness(output_side: float, input_side: float, ratio: float) -> float:
+    """Stiffness of a fixture at the output, 1/K = 1/K_1 + 1/(K_i i²), all in one unit.
+
+    output_side: K_1, of shaft and connections at the output; input_side: K_i, of shaft, coupling and lock at the input,
+    as it is there. Source: "inverse loading test system" and "stiffness characterization", 2.
+    """
+    return series_stiffness(output_side, stiffness_at_output(input_side, ratio))
 
 
 def compensated_stiffness(measured: float, output_side: float, input_side: float, ratio: float) -> float:
     """Stiffness of the unit alone, 1/K = 1/K_r − 1/K_1 − 1/(K_i i²), all in one unit.
 
-    measured: K_r, of unit and fixture together; output_side: K_1, of shaft and connections at the output; input_side:
-    K_i, of shaft and lock at the input. AnalysisError when the fixture alone is as soft as what was measured. Source:
-    "stiffness characterization", 2. It holds for a stiffness alone: for lost motion, correct the angle trace.
+    measured: K_r, of unit and fixture together; the others as in `fixture_stiffness`, infinite for a side that does not
+    give way. AnalysisError when the fixture alone is as soft as what was measured. It holds for a stiffness alone, as
+    one of a data sheet: for lost motion the angle trace is corrected (`fixture.parts` of a bench file).
     """
-    fixture = series_stiffness(output_side, stiffness_at_output(input_side, ratio))
+    fixture = fixture_stiffness(output_side, input_side, ratio)
     left = 1.0 / _above_zero(measured, "measured stiffness") - 1.0 / fixture
     if left <= 0.0:
         raise AnalysisError(
@@ -54,7 +64,7 @@ def angle_at_output(angle_at_input: float, ratio: float) -> float:
 
 def stiffness_at_output(stiffness_at_input: float, ratio: float) -> float:
     """Stiffness seen at the output of a spring at the input: i² times, in the same unit."""
-    return stiffness_at_input * _above_zero(ratio, "ratio") ** 2
+    return _stiffness(stiffness_at_input) * _above_zero(ratio, "ratio") ** 2
 
 
 def encoder_step_arcmin(lines: float, interpolation: float = 1.0) -> float:
@@ -63,6 +73,11 @@ def encoder_step_arcmin(lines: float, interpolation: float = 1.0) -> float:
     ×4 is what a quadrature counter gives. Raises AnalysisError for lines or interpolation that are not above zero.
     """
     return ARCMIN_PER_TURN / (_above_zero(lines, "lines") * _above_zero(interpolation, "interpolation"))
+
+
+def _stiffness(value: float) -> float:
+    """Return a stiffness; infinite is one that does not give way."""
+    return value if value == math.inf else _above_zero(value, "stiffness")
 
 
 def _above_zero(value: float, what: str) -> float:

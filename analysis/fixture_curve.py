@@ -1,7 +1,4 @@
-"""Deflection of a test fixture over torque, and stiffnesses in series.
-
-Sources: "static testing" and "inverse loading test system" (1/K_r = 1/K + 1/K_1 + 1/(K_i i²)).
-"""
+"""Deflection of a test fixture over torque, as a blank test gives it. Source: "static testing"."""
 
 from __future__ import annotations
 
@@ -61,33 +58,3 @@ class FixtureCurve:
         """Stiffness K_fixture(T) = T / deflection [N·m/arcmin]; infinite where nothing deflects."""
         deflection = float(self.at(np.array([torque_nm]))[0])
         return torque_nm / deflection if deflection else math.inf
-
-
-def reducer_stiffness(
-    measured: float, fixture: float = math.inf, at_input: float = math.inf, ratio: float = 1.0
-) -> float:
-    """Stiffness K of the reducer alone from the measured one K_r: 1/K_r = 1/K + 1/K_1 + 1/(K_i i²).
-
-    measured K_r, fixture K_1 at the output, at_input K_i of coupling and sensor at the input: the same unit, any.
-    ratio i. Raises AnalysisError when the parts alone are softer than what was measured, or a stiffness is not above 0.
-    """
-    for name, value in (("measured", measured), ("fixture", fixture), ("at_input", at_input), ("ratio", ratio)):
-        if not value > 0:
-            raise AnalysisError(f"stiffnesses in series: {name}: found {value:g}; needed is a number above zero")
-    compliance = 1.0 / measured - 1.0 / fixture - 1.0 / (at_input * ratio * ratio)
-    if compliance <= 0:
-        raise AnalysisError(
-            f"stiffnesses in series: fixture and input part together are as soft as the measured {measured:g}: nothing "
-            "is left for the reducer; measure the fixture again"
-        )
-    return 1.0 / compliance
-
-
-def series_stiffness(
-    reducer: float, fixture: float = math.inf, at_input: float = math.inf, ratio: float = 1.0
-) -> float:
-    """Stiffness K_r that is measured with a reducer K in series with its fixture: 1/K_r = 1/K + 1/K_1 + 1/(K_i i²)."""
-    for name, value in (("reducer", reducer), ("fixture", fixture), ("at_input", at_input), ("ratio", ratio)):
-        if not value > 0:
-            raise AnalysisError(f"stiffnesses in series: {name}: found {value:g}; needed is a number above zero")
-    return 1.0 / (1.0 / reducer + 1.0 / fixture + 1.0 / (at_input * ratio * ratio))

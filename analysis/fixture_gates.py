@@ -47,7 +47,7 @@ def locked_motion(found: Measured) -> Reading | str:
     torque, angle = _locked(found)
     offset, slope = np.polynomial.polynomial.polyfit(torque, angle, 1)
     slope = max(float(slope), 0.0)
-    stiffness = found.method.fixture_stiffness_nm_per_arcmin
+    stiffness = found.method.lock_nm_per_arcmin
     if stiffness is not None and found.method.loading == "input":
         slope = min(slope, SOFTER / stiffness)
     left = float(np.ptp(angle - offset - slope * torque))
@@ -61,7 +61,7 @@ def locked_compliance(found: Measured) -> Reading | str:
 
     An encoder that stands leaves the whole deflection in the wind-up, one with the wrong sign twice of it.
     """
-    stiffness = found.method.fixture_stiffness_nm_per_arcmin
+    stiffness = found.method.lock_nm_per_arcmin
     if stiffness is None or found.method.loading == "output":
         return "not measured: nothing is declared of how far the locked shaft gives way"
     torque, angle = _locked(found)

@@ -57,6 +57,8 @@ class Method:
     reference_torque_nm: what percentages refer to; the rated torque when None.
     fixture_stiffness_nm_per_arcmin: of lock and couplings; corrects the wind-up where the locked shaft's own angle is
     not in the trace (where it is, subtracting it has removed the deflection already).
+    locked_stiffness_nm_per_arcmin: of what the locked shaft's own encoder sees give way, for the gates on the lock; all
+    of the fixture when None.
     fixture_curve: the same as measured by a blank test; it comes before the stiffness.
     lags_s: delay of each channel behind what it measures, by channel; None when they are not known.
     alignment: "correct" moves channels by their lags, "two_speeds" estimates the skew of torque and angle from cycles
@@ -86,12 +88,14 @@ class Method:
     fixture: Literal["correct", "report"] = "correct"
     catalogue_stiffness_nm_per_arcmin: float | None = None
     gate_limits: Mapping[str, float] = field(default_factory=dict)
+    locked_stiffness_nm_per_arcmin: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is not positive, and names that are not known."""
         for name in ("ratio", "rated_torque_nm", "reference_torque_nm", "fixture_stiffness_nm_per_arcmin",
-                     "break_torque_nm", "fit_end_nm", "stiffness_break_t1_nm", "stiffness_break_t2_nm",
-                     "spring_step_nm", "reversal_exclusion", "catalogue_stiffness_nm_per_arcmin"):  # fmt: skip
+                     "locked_stiffness_nm_per_arcmin", "break_torque_nm", "fit_end_nm", "stiffness_break_t1_nm",
+                     "stiffness_break_t2_nm", "spring_step_nm", "reversal_exclusion",
+                     "catalogue_stiffness_nm_per_arcmin"):  # fmt: skip
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise AnalysisError(f"method: {name}: found {value}; needed is a number above zero")
@@ -117,6 +121,12 @@ class Method:
                 f"method: break torques of the three-segment stiffness T1 {first:g}, T2 {second:g} and reference "
                 f"torque {self.reference_nm:g} N·m; needed is T1 < T2 < reference"
             )
+
+    @property
+    def lock_nm_per_arcmin(self) -> float | None:
+        """Stiffness by which the locked shaft gives way, at the output, N·m/arcmin; None when it is not known."""
+        own, whole = self.locked_stiffness_nm_per_arcmin, self.fixture_stiffness_nm_per_arcmin
+        return whole if own is None else own
 
     @property
     def reference_nm(self) -> float:

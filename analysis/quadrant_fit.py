@@ -10,7 +10,7 @@ import numpy as np
 from analysis.errors import AnalysisError
 from analysis.quadrants import QUADRANTS, Leftover, Leftovers, Quadrants, TorqueLine, by_lines
 from analysis.runs import Run
-from analysis.torque_ratio import RatioFit, fit_torque_ratio
+from analysis.torque_ratio import LEAST_POINTS, RatioFit, fit_torque_ratio
 from analysis.trace import Trace
 from analysis.transition_fit import Branch, fit_transition, fit_zero, whole_branches
 from analysis.units import FloatArray
@@ -63,22 +63,33 @@ def fit_lines(trace: Trace, runs: Sequence[Run]) -> dict[str, RatioFit]:
 
     Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
     """
+    fits = {}
+    for name, (x, y) in quadrant_points(trace, runs).items():
+        if x.size < LEAST_POINTS:
+            raise AnalysisError(
+                f"{trace.source}: torque ratio: quadrant {name} has {x.size} points; needed are {LEAST_POINTS} or "
+                "more; calibrate up and down on both sides of zero"
+            )
+        fits[name] = fit_torque_ratio(x, y)
+    return fits
+
+
+def quadrant_points(trace: Trace, runs: Sequence[Run]) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return input and output torques [N·m] of the runs by quadrant, averaged; a quadrant may have none.
+
+    Raises AnalysisError when a channel is missing, naming it.
+    """
     torque_in = trace.channel("torque_in_nm", "the torque ratio")
     torque_out = trace.channel("torque_out_nm", "the torque ratio")
     peak = max(float(np.abs(run.take(torque_out)).max()) for run in runs)
-    fits = {}
+    points = {}
     for name in QUADRANTS:
         sign = 1 if name.endswith("positive") else -1
         loading = name.startswith("load")
         pairs = [_points(run, torque_in, torque_out, sign, peak, loading=loading) for run in runs]
         x, y = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-        if x.size < 3:
-            raise AnalysisError(
-                f"{trace.source}: torque ratio: quadrant {name} has {x.size} points; needed are 3 or more; calibrate "
-                "up and down on both sides of zero"
-            )
-        fits[name] = fit_torque_ratio(x, y)
-    return fits
+        points[name] = (x, y)
+    return points
 
 
 def _points(

@@ -16,6 +16,9 @@ from analysis.units import FloatArray, IntArray
 FLAG_STUDENTISED = 4.0
 """Externally studentised residuals beyond this are flagged as outliers."""
 
+LEAST_POINTS = 3
+"""Pairs that a line with an uncertainty needs."""
+
 THEIL_SEN_POINTS = 500
 """The Theil–Sen estimate takes at most this many points, evenly picked: it needs memory by the square."""
 
@@ -26,7 +29,7 @@ class RatioFit:
 
     residual_sd_nm s, standard uncertainties u_offset_nm and u_slope, correlation of the two, r_squared, externally
     studentised residuals and the indices flagged by them, and the Theil–Sen line (through
-    the medians of both torques) as a check that outliers cannot move.
+    the medians of both torques) as a check that outliers cannot move. The pairs themselves are inputs_nm, outputs_nm.
     """
 
     offset_nm: float
@@ -41,6 +44,8 @@ class RatioFit:
     theil_sen_offset_nm: float
     theil_sen_slope: float
     points: int
+    inputs_nm: FloatArray
+    outputs_nm: FloatArray
 
     def torque_out_nm(self, torque_in_nm: FloatArray | float) -> FloatArray | float:
         """Output torque [N·m] for an input torque [N·m]."""
@@ -56,6 +61,20 @@ class RatioFit:
         variance = self.u_offset_nm**2 + (torque_in_nm * self.u_slope) ** 2 + 2.0 * torque_in_nm * covariance
         return math.sqrt(max(variance, 0.0))
 
+    def u_torque_in_nm(self, torque_out_nm: float) -> float:
+        """Return the standard uncertainty of the input torque for an output torque: that of the line, over its slope.
+
+        What one loading differs from the line by (residual_sd_nm) is not in it.
+        """
+        return self.u_torque_out_nm(self.torque_in_nm(torque_out_nm)) / abs(self.slope)
+
+    def without_flagged(self) -> RatioFit | None:
+        """Return the fit of what is not flagged; None where nothing is flagged, or too little is left for a line."""
+        kept = np.setdiff1d(np.arange(self.points), self.flagged)
+        if kept.size == self.points or np.unique(self.inputs_nm[kept]).size < LEAST_POINTS:
+            return None
+        return fit_torque_ratio(self.inputs_nm[kept], self.outputs_nm[kept])
+
 
 def fit_torque_ratio(torque_in_nm: FloatArray, torque_out_nm: FloatArray) -> RatioFit:
     """Fit T_out = C + m·T_in to pairs of torques [N·m].
@@ -64,7 +83,7 @@ def fit_torque_ratio(torque_in_nm: FloatArray, torque_out_nm: FloatArray) -> Rat
     """
     x = np.asarray(torque_in_nm, dtype=np.float64)
     y = np.asarray(torque_out_nm, dtype=np.float64)
-    if x.size != y.size or x.size < 3:
+    if x.size != y.size or x.size < LEAST_POINTS:
         raise AnalysisError(
             f"torque ratio: found {x.size} input and {y.size} output torques; needed are 3 pairs or more"
         )
@@ -98,6 +117,8 @@ def fit_torque_ratio(torque_in_nm: FloatArray, torque_out_nm: FloatArray) -> Rat
         theil_sen_offset_nm=theil_offset,
         theil_sen_slope=theil_slope,
         points=n,
+        inputs_nm=x,
+        outputs_nm=y,
     )
 
 

@@ -56,6 +56,11 @@ def read_trace(path: Path | str) -> Trace:
     columns for one channel, a value that is no number (with row and column), a segment name that is not known, no row
     that is used. Rows count from 1 after the header.
     """
+    return read_rows(path)[0]
+
+
+def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
+    """Read a file as `read_trace` does; return also the row of each sample, for rows that are not used are left out."""
     file = Path(path)
     table = _read_table(file)
     names = [str(name).strip() for name in table.column_names]
@@ -86,10 +91,11 @@ def read_trace(path: Path | str) -> Trace:
             break
     arrays: dict[str, Any] = {channel: values for channel, (_, values) in channels.items()}
     whole = Trace(**arrays, source=str(file))  # all rows are checked, so that a bad one is named by its number
+    rows = np.flatnonzero(used).astype(np.int64) + 1
     if used.all():
-        return replace(whole, segment=segment, segments=segments)
+        return replace(whole, segment=segment, segments=segments), rows
     kept: dict[str, Any] = {channel: values[used] for channel, values in arrays.items()}
-    return Trace(**kept, segment=segment, segments=segments, source=str(file))
+    return Trace(**kept, segment=segment, segments=segments, source=str(file)), rows
 
 
 def _refuse_near_misses(names: list[str], file: Path) -> None:

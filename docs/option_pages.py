@@ -19,7 +19,7 @@ from recipes.bench_schema import (
     Sensors,
     TorqueSensor,
 )
-from recipes.calibration_schema import CalibratedUnit, Calibration, Fixture, FixtureCurve, QuadrantLine
+from recipes.calibration_schema import CalibratedUnit, Calibration, Fixture, FixtureCurve, FixtureParts, QuadrantLine
 from recipes.metric_schema import MetricWanted
 from recipes.quantity import show
 from recipes.recipe_schema import (
@@ -120,7 +120,7 @@ def bench_options() -> str:
     sections = {
         "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
         "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
-        "fixture": Fixture, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit,
+        "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit,
     }  # fmt: skip
     text = "# Every option of a bench file\n\n" + NOTE
     for name_of, model in sections.items():

@@ -22,6 +22,7 @@ from recipes.section import (
     Section,
     SignedTorque,
     Stiffness,
+    StiffnessAtInput,
     Text,
     Travel,
     refusal,
@@ -76,31 +77,64 @@ class FixtureCurve(Section):
         return self
 
 
+class FixtureParts(Section):
+    """Stiffnesses on both sides of the unit, each as it is at its own shaft.
+
+    output: K_1, of shaft and connections at the output. input: K_i, of shaft, coupling and, where the input is locked,
+    lock at the input. At the output the fixture has 1/K = 1/K_1 + 1/(K_i·i²), with the ratio i of the unit in the
+    recipe.
+    """
+
+    output_nm_per_arcmin: Stiffness
+    input_nm_per_arcmin: StiffnessAtInput
+
+
 class Fixture(Section):
     """Clamping of the unit; its wind-up is taken out of the measured one.
 
+    stiffness: of all of it, at the output, alone or with the curve of a blank test; or instead of both its parts.
     accuracy: limit of the error of its stiffness. drift: limit of the wind-up's creep with the torque, alike in every
     cycle; steady drift is measured. lock_width, lock_windup: limits of what another locking of the shaft changes in the
     width of the loop and in the wind-up; declare what a lock angle study found when results shall speak of the whole
     unit, not of one position.
     """
 
-    stiffness_nm_per_arcmin: Stiffness
+    stiffness_nm_per_arcmin: Stiffness | None = None
+    parts: FixtureParts | None = None
     curve: FixtureCurve | None = None
     accuracy_fraction: FixtureError = 0.05
     drift_arcmin_min: Drift = 0.005
     lock_width_rad: AngleNoise = 0.12 * ARCSEC_RAD
     lock_windup_fraction: Fraction = 0.0005
 
+    @property
+    def output_side_nm_per_arcmin(self) -> float:
+        """Stiffness at the output, without what stands at the input where that is known by itself."""
+        stated = self.stiffness_nm_per_arcmin if self.parts is None else self.parts.output_nm_per_arcmin
+        return math.inf if stated is None else stated  # one of the two is there
+
+    @model_validator(mode="after")
+    def _stated_once(self) -> Fixture:
+        """How far a fixture gives way is said in one way; two would be two fixtures."""
+        allowed = "stiffness, with or without a curve; or parts with output and input instead of both"
+        beside = "stiffness" if self.stiffness_nm_per_arcmin is not None else "curve" if self.curve else ""
+        if self.parts is not None and beside:
+            hint = f"Leave out the parts, or {beside}: a blank test and a stiffness have all parts in them."
+            raise refusal(f"parts beside {beside}", allowed, hint, at="parts")
+        if self.parts is None and self.stiffness_nm_per_arcmin is None:
+            hint = "Add 'stiffness: 10000 N·m/arcmin', as measured at the output."
+            raise refusal("neither stiffness nor parts", allowed, hint)
+        return self
+
     @model_validator(mode="after")
     def _one_fixture(self) -> Fixture:
         """The curve of a wind-up by the loaded shaft alone is that of the fixture whose stiffness stands beside it."""
-        if self.curve is None or self.curve.angles != "loaded":
+        stated = self.stiffness_nm_per_arcmin
+        if stated is None or self.curve is None or self.curve.angles != "loaded":
             return self
         first, last = self.curve.points[0], self.curve.points[-1]
         deflection = last.deflection_arcmin - first.deflection_arcmin
         by_curve = (last.torque_nm - first.torque_nm) / deflection if deflection else math.inf
-        stated = self.stiffness_nm_per_arcmin
         if not stated / ALIKE <= by_curve <= stated * ALIKE:
             shown = f"{by_curve:.4g} {STIFFNESS.shown}" if deflection else "no deflection at all"
             found = f"a curve of {shown} beside a stiffness of {show(stated, STIFFNESS)}"

@@ -104,7 +104,7 @@ def check_brake(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     """A holding torque that the brake can give and that bears every peak; a proof below it."""
     most_nm = bench.brake.max_torque_nm
     borne_nm = max((locked_torque_nm(recipe, step.peak_torque_nm) for _, step in loaded_steps(recipe)), default=0.0)
-    stiffness = bench.fixture.stiffness_nm_per_arcmin
+    stiffness = bench.fixture.output_side_nm_per_arcmin
     for index, step in enumerate(recipe.sequence):
         if not isinstance(step, Lock):
             continue

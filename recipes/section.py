@@ -151,6 +151,8 @@ TorqueOfReference = Annotated[float, Quantity(TORQUE, above=0, up_to=20000, perc
 TorqueRate = Annotated[float, Quantity(TORQUE_RATE, above=0, up_to=1000)]
 TorqueSlope = Annotated[float, Quantity(TORQUE_RATE, above=0, up_to=100000)]
 Stiffness = Annotated[float, Quantity(STIFFNESS, above=0, up_to=1e6)]
+StiffnessAtInput = Annotated[float, Quantity(STIFFNESS, above=0, up_to=1000)]
+"""No input shaft is stiffer: one of 50 mm and a tenth of a metre has 140. More is a stiffness at the output."""
 TorqueConstant = Annotated[float, Quantity(TORQUE_CONSTANT, above=0, up_to=10000)]
 SmallAngle = Annotated[float, Quantity(ANGLE, above=0, up_to=600)]
 AngleError = Annotated[float, Quantity(ANGLE, above=0, up_to=60)]

@@ -94,9 +94,10 @@ def encoder_of(figures: SensorFigures, name: AngleName) -> AngleFigures | None:
 
 def _turned_arcmin(setting: Setting, name: AngleName, stretch: float = 1.0) -> FloatArray:
     """Angle that the shaft of an encoder has turned, at the output; stretch: of what the fixture gives way by."""
-    stiffness = setting.circumstances.method.fixture_stiffness_nm_per_arcmin or math.inf
+    method, locked = setting.circumstances.method, name == setting.circumstances.locked
+    stiffness = (method.lock_nm_per_arcmin if locked else method.fixture_stiffness_nm_per_arcmin) or math.inf
     turned: FloatArray = setting.points.torque_nm * (stretch / stiffness)
-    return turned if name == setting.circumstances.locked else turned + setting.points.angle_arcmin
+    return turned if locked else turned + setting.points.angle_arcmin
 
 
 def repeating(

@@ -91,12 +91,20 @@ def virtual_config(bench: Bench, profiles: Profiles, unit: str) -> BenchConfig:
         torque_out=_torque(sensors.torque_out),
         angle_in=_angle(sensors.angle_in),
         angle_out=None if sensors.angle_out is None else _angle(sensors.angle_out),
-        fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
+        fixture_stiffness_nm_per_arcmin=_lock_nm_per_arcmin(bench),
         seed=find_unit(unit).seed or 1,
         amplifier_poll=SlowPoll(bench.amplifier.poll_every_s),
         brake_poll=SlowPoll(brake.poll_every_s),
         remote_io_poll=SlowPoll(bench.remote_io.poll_every_s),
     )
+
+
+def _lock_nm_per_arcmin(bench: Bench) -> float:
+    """Return the stiffness of the virtual lock, at the locked shaft: all of its fixture that gives way."""
+    parts = bench.fixture.parts
+    if parts is None or bench.bench.loading == "input":
+        return bench.fixture.output_side_nm_per_arcmin
+    return parts.input_nm_per_arcmin
 
 
 def _torque(sensor: TorqueSensorFile | None) -> TorqueSensor | None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from analysis import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation
+from analysis import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation, fixture_stiffness
+from analysis.conversions import stiffness_at_output
 from analysis.quadrants import QUADRANTS
 from analysis.units import ARCMIN_PER_RAD
 from recipes import Bench, Calibration
@@ -60,3 +61,16 @@ def _line(line: QuadrantLine) -> LineCovariance:
         U_SLOPE_FRACTION * line.slope if line.u_slope is None else line.u_slope,
         line.correlation or 0.0,
     )
+
+
+def fixture_of(bench: Bench, ratio: float) -> tuple[float | None, float | None]:
+    """Return the stiffness of all of a bench's fixture and of its locked side, at the output [N·m/arcmin].
+
+    The second is None where a fixture is not stated by its parts. ratio: of the unit, by which the input's part counts.
+    """
+    parts = bench.fixture.parts
+    if parts is None:
+        return bench.fixture.stiffness_nm_per_arcmin, None
+    output, at_input = parts.output_nm_per_arcmin, parts.input_nm_per_arcmin
+    lock = output if bench.bench.loading == "input" else stiffness_at_output(at_input, ratio)
+    return fixture_stiffness(output, at_input, ratio), lock

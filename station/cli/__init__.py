@@ -67,6 +67,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "virtual-bench": cli_bench.virtual_bench,
         "timing": cli_bench.timing,
         "blank": cli_bench.blank,
+        "torque-ratio": cli_bench.torque_ratio,
         "calibration": cli_bench.calibration,
         "faults": faults_app,
     },

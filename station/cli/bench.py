@@ -101,6 +101,29 @@ def blank(
     raise typer.Exit(command_blank.blank(trace, recipe, bench, data, name=name, due=due, as_json=as_json))
 
 
+def torque_ratio(
+    points: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE", help="CSV, Parquet or TDMS file with torque_in_nm and torque_out_nm, or a stored run."
+        ),
+    ],
+    target: Annotated[
+        list[str] | None,
+        typer.Option("--target", metavar="TORQUE", help="Output torque whose input torque is wanted; may be repeated."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Fit T_out = C + m·T_in to points of both torques: uncertainties, outliers, and the input torque of a target.
+
+    A table is of one loading; a stored run, or a file with named segments, has a line per quadrant.
+    """
+    from station.commands import torque_ratio as command_torque_ratio
+
+    raise typer.Exit(command_torque_ratio.torque_ratio(points, target or [], data, as_json=as_json))
+
+
 def calibration(
     runs: Annotated[
         list[str], typer.Argument(metavar="RUN...", help="Run of one unit; or one run of each of several units.")

@@ -45,7 +45,8 @@ def calibration(runs: Sequence[str], data: Path, *, due: str | None, as_json: bo
         block[quadrant] = _mean_line([one["quadrants"][quadrant] for one in stored])
     if len(found) > 1:
         block["units"] = [_unit(one.serial, one.stored) for one in found]
-    print_block({"calibrations": [block]}, _calibration_yaml, as_json=as_json)
+    checks = {quadrant: _check([one["quadrants"][quadrant] for one in stored]) for quadrant in QUADRANTS}
+    print_block({"calibrations": [block], "checks": checks}, _calibration_yaml, as_json=as_json)
     return 0
 
 
@@ -73,6 +74,22 @@ def _mean_line(lines: Sequence[Stored]) -> Stored:
     }
 
 
+def _check(lines: Sequence[Stored]) -> Stored:
+    """Return what stands beside the least squares of a quadrant: points, flagged ones, and the mean Theil–Sen line.
+
+    None for what a record of an earlier version does not have.
+    """
+    counts = {name: _sum([line.get(name) for line in lines]) for name in ("points", "flagged")}
+    robust = {name: _sum([line.get(f"theil_sen_{name}") for line in lines]) for name in ("slope", "offset_nm")}
+    means = {name: None if total is None else rounded(total / len(lines)) for name, total in robust.items()}
+    return {**counts, "theil_sen": None if None in means.values() else means}
+
+
+def _sum(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) if len(known) == len(values) else None
+
+
 def _unit(serial: str, stored: Stored) -> Stored:
     unit: Stored = {"serial": serial}
     if stored.get("transition_rad") is not None:
@@ -95,7 +112,19 @@ def _calibration_yaml(block: Stored) -> str:
     (entry,) = block["calibrations"]
     lines = [line for key, value in entry.items() for line in _option(key, value)]
     text = "\n".join(["calibrations:", f"  - {lines[0]}", *(f"    {line}" for line in lines[1:])])
-    return text + ("\n" if "units" in entry else f"\n    {ONE_UNIT}\n")
+    said = [_check_text(quadrant, check) for quadrant, check in block["checks"].items()]
+    comments = [*said, "" if "units" in entry else ONE_UNIT]
+    return "\n".join([text, *(f"    {comment}" for comment in comments if comment)]) + "\n"
+
+
+def _check_text(quadrant: str, check: Stored) -> str:
+    """Return what stands beside a line as a comment; '' where a record of an earlier version has none of it."""
+    said = []
+    if check["theil_sen"] is not None:
+        said.append(f"Theil–Sen slope {check['theil_sen']['slope']}, offset {_torque(check['theil_sen']['offset_nm'])}")
+    if None not in (check["points"], check["flagged"]):
+        said.append(f"{check['flagged']} of {check['points']} points flagged")
+    return f"# {quadrant}: {'; '.join(said)}" if said else ""
 
 
 def _option(key: str, value: Any) -> list[str]:

@@ -26,7 +26,7 @@ from controller.image import State
 from recipes import OWN, Bench, Calibration, Recipe, Selection, selected
 from recipes.section import option_name
 from station.bench.assemble import CHANNEL_OF_SENSOR, channels
-from station.bench.figures import figures_of
+from station.bench.figures import figures_of, fixture_of
 from station.errors import StationError
 from station.record.check import Table
 
@@ -52,10 +52,12 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
     """Return how a run of this recipe on this bench is evaluated."""
     measurement = recipe.measurement
     stored = measurement.output_torque == "calibrated" and measurement.calibration == "stored"
+    fixture, lock = fixture_of(bench, recipe.unit_under_test.ratio)
     return Method(
         **method_fields(recipe),
         quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
-        fixture_stiffness_nm_per_arcmin=bench.fixture.stiffness_nm_per_arcmin,
+        fixture_stiffness_nm_per_arcmin=fixture,
+        locked_stiffness_nm_per_arcmin=lock,
         fixture_curve=_fixture_curve(bench),
         lags_s=lags_of(bench),
     )
@@ -238,6 +240,8 @@ def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[st
                 "r_squared": fit.r_squared,
                 "points": fit.points,
                 "flagged": int(fit.flagged.size),
+                "theil_sen_slope": fit.theil_sen_slope,
+                "theil_sen_offset_nm": fit.theil_sen_offset_nm,
             }
             for name, fit in quadrants.fits.items()
         },

@@ -86,6 +86,14 @@ def test_where_the_fixture_hardly_gives_way_its_encoder_is_not_judged() -> None:
     assert "too coarse" in of(noisy, "locked_compliance").text
 
 
+def test_the_locked_shaft_is_held_against_its_own_side_of_the_fixture() -> None:
+    """A soft coupling at the input is no motion of the locked output."""
+    parts = dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=2000.0, locked_stiffness_nm_per_arcmin=1e4)
+    whole = dataclasses.replace(KNOWN, fixture_stiffness_nm_per_arcmin=2000.0)
+    assert of(judged(method=parts), "locked_compliance").figure == pytest.approx(100.0, rel=0.02)
+    assert of(judged(method=whole), "locked_compliance").passed is False
+
+
 @pytest.mark.parametrize("torque_nm", [50.0, 350.0])
 def test_an_angle_that_stands_while_its_shaft_is_loaded_is_told(torque_nm: float) -> None:
     """A saturated encoder: the unit reads stiffer than it is, up to no compliance at all."""

@@ -1,5 +1,7 @@
 """Figures that the documents print, converted."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,6 +13,7 @@ from analysis.conversions import (
     angle_at_output,
     compensated_stiffness,
     encoder_step_arcmin,
+    fixture_stiffness,
     nm_per_arcmin,
     nm_per_rad,
     series_stiffness,
@@ -41,6 +44,15 @@ def test_compensation_of_the_fixture(fixture: float, read: float) -> None:
     assert series_stiffness(2 * fixture, 2 * fixture) == pytest.approx(fixture)
     assert compensated_stiffness(read, 2 * fixture, at_input, 121) == pytest.approx(115.17, abs=8e-3)
     assert compensated_stiffness(read, fixture, 1e9, 121) == pytest.approx(115.17, abs=8e-3)
+
+
+def test_a_side_that_does_not_give_way_is_infinitely_stiff() -> None:
+    assert fixture_stiffness(2000.0, math.inf, 121) == 2000.0
+    assert fixture_stiffness(math.inf, 1.0, 121) == pytest.approx(121**2)
+    assert compensated_stiffness(95.0, math.inf, math.inf, 121) == pytest.approx(95.0)
+    for wrong in (-1.0, 0.0, math.nan):
+        with pytest.raises(AnalysisError, match=r"stiffness: found .*; needed is a number above zero"):
+            fixture_stiffness(2000.0, wrong, 121)
 
 
 def test_compensation_by_the_printed_formula() -> None:

@@ -21,11 +21,11 @@ from analysis import (
     Trace,
     analyse,
     blank_curve,
+    compensated_stiffness,
     measure,
-    reducer_stiffness,
-    series_stiffness,
 )
 from analysis.alignment import skew_from_speeds
+from analysis.conversions import series_stiffness
 
 METHOD = Method(ratio=RATIO, rated_torque_nm=412)
 P1 = ReferenceUnit()
@@ -189,7 +189,7 @@ def test_a_blank_test_takes_the_fixture_out(stiffness: float, reads: float) -> N
     assert record.figures["stiffness at +480 N·m"].value == pytest.approx(stiffness, rel=1e-6)
     # in series at the spring constant: 1/K_r = 1/K + 1/K_1
     assert series_stiffness(115.170, stiffness) == pytest.approx(value(raw), rel=1e-4)
-    assert reducer_stiffness(value(raw), stiffness) == pytest.approx(115.170, rel=1e-4)
+    assert compensated_stiffness(value(raw), stiffness, math.inf, RATIO) == pytest.approx(115.170, rel=1e-4)
 
 
 def test_a_fixture_that_is_soft_around_zero_is_taken_out_pointwise() -> None:
@@ -226,16 +226,6 @@ def test_a_curve_corrects_only_a_wind_up_of_the_same_angles() -> None:
     assert value(other) == value(plain)
     assert not stage(other, "fixture").applied
     assert value(own) > value(plain)
-
-
-def test_series_stiffness_with_a_part_at_the_input() -> None:
-    whole = series_stiffness(100.0, fixture=2000.0, at_input=1.0, ratio=121.0)
-    assert 1 / whole == pytest.approx(1 / 100 + 1 / 2000 + 1 / 121**2)
-    assert reducer_stiffness(whole, fixture=2000.0, at_input=1.0, ratio=121.0) == pytest.approx(100.0)
-    with pytest.raises(AnalysisError, match="nothing is left"):
-        reducer_stiffness(100.0, fixture=90.0)
-    with pytest.raises(AnalysisError, match="above zero"):
-        series_stiffness(-1.0)
 
 
 @pytest.mark.parametrize(

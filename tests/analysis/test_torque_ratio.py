@@ -83,3 +83,16 @@ def test_an_exact_line_is_found(offset: float, slope: float, count: int) -> None
 def test_what_cannot_be_fitted_is_said(torque_in: list[float], torque_out: list[float], said: str) -> None:
     with pytest.raises(AnalysisError, match=said):
         fit_torque_ratio(np.array(torque_in), np.array(torque_out))
+
+
+def test_uncertainty_of_a_target_is_that_of_the_line_over_its_slope() -> None:
+    fit = fit_torque_ratio(*table("torque_ratio_rv40e.csv"))
+    at = fit.torque_in_nm(412.0)
+    assert fit.u_torque_in_nm(412.0) == pytest.approx(fit.u_torque_out_nm(at) / fit.slope)
+    # Drawn anew with the scatter of the points, the input torque for 412 N·m scatters as it says.
+    random = np.random.default_rng(5)
+    again = [
+        fit_torque_ratio(fit.inputs_nm, fit.torque_out_nm(fit.inputs_nm) + random.normal(0, fit.residual_sd_nm, 22))
+        for _ in range(2000)
+    ]
+    assert np.std([one.torque_in_nm(412.0) for one in again]) == pytest.approx(fit.u_torque_in_nm(412.0), rel=0.05)

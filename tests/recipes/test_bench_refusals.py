@@ -32,6 +32,31 @@ BENCH_CASES = {
         "10000 N·m/arcmin\n  accuracy: 0 % ",
         "fixture.accuracy: found '0 %'",
     ),
+    "fixture that nobody knows": (
+        "  stiffness: 10000 N·m/arcmin ",
+        "  accuracy: 5 % ",
+        "found neither stiffness nor parts; allowed: stiffness, with or without a curve; or parts with",
+    ),
+    "fixture stated twice": (
+        "10000 N·m/arcmin ",
+        "10000 N·m/arcmin\n  parts: {output: 5000 N·m/arcmin, input: 0.5 N·m/arcmin} ",
+        "fixture.parts: found parts beside stiffness",
+    ),
+    "parts of a blank test": (
+        "  stiffness: 10000 N·m/arcmin ",
+        f"  parts: {{output: 5000 N·m/arcmin, input: 0.5 N·m/arcmin}}\n{CURVE}#",
+        "fixture.parts: found parts beside curve",
+    ),
+    "one part": (
+        "stiffness: 10000 N·m/arcmin ",
+        "parts: {output: 5000 N·m/arcmin} ",
+        "fixture.parts.input",
+    ),
+    "part of the input at the output": (
+        "stiffness: 10000 N·m/arcmin ",
+        "parts: {output: 5000 N·m/arcmin, input: 7320 N·m/arcmin} ",
+        "above 0 and up to 1000 N·m/arcmin",
+    ),
     "curve of another fixture": (
         "calibrations: []",
         CURVE + "calibrations: []",

@@ -81,6 +81,31 @@ def test_as_json(data: Path) -> None:
     assert entry["id"].endswith("-3-units")
 
 
+def test_theil_sen_and_flagged_points_stand_beside_the_lines(data: Path, tmp_path: Path) -> None:
+    for number, offset in enumerate(OFFSETS):
+        stored = ratio(offset)
+        for line in stored["quadrants"].values():
+            line |= {"points": 200, "flagged": number, "theil_sen_slope": line["slope"], "theil_sen_offset_nm": offset}
+        store_run(tmp_path / "new", f"U{number}", VALUES, calibration=stored, day=number)
+    block = command(tmp_path / "new", "U0", "U1", "U2")
+    assert "    # load_positive: Theil–Sen slope 93.858, offset -14.2 N·m; 3 of 600 points flagged\n" in block
+    (entry,), (plain,) = (
+        parse_bench(bench_of(text), "b.yaml").calibrations for text in (block, command(data, "U0", "U1", "U2"))
+    )
+    assert entry.model_copy(update={"id": plain.id}) == plain
+    checks = json.loads(command(tmp_path / "new", "U2", "--json"))["checks"]
+    assert list(checks) == list(QUADRANTS)
+    assert checks["unload_negative"] == {
+        "points": 200, "flagged": 2, "theil_sen": {"slope": 96.844, "offset_nm": -15.6}
+    }  # fmt: skip
+
+
+def test_records_of_an_earlier_version_have_no_theil_sen(data: Path) -> None:
+    assert "Theil" not in command(data, "U1")
+    checks = json.loads(command(data, "U1", "--json"))["checks"]
+    assert checks["load_positive"] == {"points": None, "flagged": None, "theil_sen": None}
+
+
 def test_one_unit_says_that_it_is_one_and_its_use_is_warned_of(data: Path) -> None:
     block = command(data, "U1")
     assert "# of one unit" in block

@@ -19,6 +19,7 @@ from analysis.samples import BranchSamples
 from analysis.stages import Figure, StageRecord
 from analysis.trace import Trace
 from analysis.turning import converts
+from analysis.units import FloatArray
 
 ALIGNED = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
 """Channels that are put on a common clock."""
@@ -32,17 +33,34 @@ DIFFERENT_SPEED = 1.2
 WIDTH_BAND = 0.03
 """Share of the reference torque at which the width of the loop is read for it."""
 
+SPEED_BAND = 0.015
+"""Share of the reference torque about it in which the speed is read."""
+
+LEAST_SAMPLES = 3
+"""Samples that a speed is read from."""
+
+SETTLED_S = 1e-5
+"""Change of an estimated skew at which it is taken as found: less than a tenth of any scan period."""
+
+SETTLED_SHARE = 0.25
+"""The same as a share of the estimate's standard error."""
+
+MOST_ROUNDS = 4
+"""Rounds in which an estimate is refined."""
+
 
 @dataclass(frozen=True)
 class Skew:
     """Delay of the angle behind the torque, τ_angle − τ_torque [s]; None when it is not known.
 
-    corrected_s was taken out of the trace, left_s is still in it.
+    corrected_s was taken out of the trace, left_s is still in it. u_s: standard uncertainty of one that was
+    estimated, its standard error or what another round would change; None for one that was declared.
     """
 
     corrected_s: float | None
     left_s: float | None
     record: StageRecord
+    u_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -52,6 +70,11 @@ class SpeedSkew:
     skew_s: float
     standard_error_s: float | None
     width_arcmin: float
+
+    @property
+    def settled(self) -> bool:
+        """Say whether nothing is left of a skew beside what is known of it."""
+        return abs(self.skew_s) < max(SETTLED_S, SETTLED_SHARE * (self.standard_error_s or 0.0))
 
 
 def skew_from_speeds(speeds_arcmin_s: Sequence[float], widths_arcmin: Sequence[float]) -> SpeedSkew:
@@ -79,24 +102,42 @@ def skew_from_speeds(speeds_arcmin_s: Sequence[float], widths_arcmin: Sequence[f
 
 
 def skew_of_cycles(loops: Sequence[Loop], pairs: Sequence[tuple[BranchSamples, BranchSamples]]) -> SpeedSkew:
-    """Estimate the skew from cycles that were run at different speed."""
+    """Estimate the skew from cycles that were run at different speed; a staircase has none and does not count."""
     widths, speeds = [], []
     for loop, pair in zip(loops, pairs, strict=True):
+        if any(len(one.run.pieces) > 1 for one in pair):
+            continue
         torque = WIDTH_BAND * loop.reference_nm
         sides = [loop.falling_at(side * torque) - loop.rising_at(side * torque) for side in (-1, 1)]
         widths.append(sum(sides) / 2.0)
-        speeds.append(float(np.mean([windup_speed(one) for one in pair])))
+        speeds.append(float(np.mean([windup_speed(one, loop.reference_nm) for one in pair])))
     return skew_from_speeds(speeds, widths)
 
 
-def windup_speed(samples: BranchSamples) -> float:
-    """Speed of the wind-up through the middle third of a branch, arcmin/s; NaN without time."""
+def windup_speed(samples: BranchSamples, reference_nm: float) -> float:
+    """Speed of the wind-up where the width of the loop is read, arcmin/s; NaN without time.
+
+    A ramp of constant torque rate turns the unit faster about zero torque, where it is softer. A trace with few samples
+    there has the speed of its middle third.
+    """
     if samples.t_s is None:
         return math.nan
-    third = samples.torque_nm.size // 3
-    span_s = float(samples.t_s[2 * third] - samples.t_s[third])
-    moved = abs(float(samples.windup_arcmin[2 * third] - samples.windup_arcmin[third]))
-    return moved / span_s if span_s > 0 else math.nan
+    speeds = []
+    for side in (-1, 1):
+        near = np.abs(samples.torque_nm - side * WIDTH_BAND * reference_nm) <= SPEED_BAND * reference_nm
+        speeds.append(_slope(samples.t_s[near], samples.windup_arcmin[near]))
+    if not np.isfinite(speeds).all():
+        third = samples.torque_nm.size // 3
+        return _slope(samples.t_s[third : 2 * third + 1], samples.windup_arcmin[third : 2 * third + 1])
+    return float(np.mean(speeds))
+
+
+def _slope(time_s: FloatArray, angle_arcmin: FloatArray) -> float:
+    """Amount of the slope of a straight line through samples; NaN for too few."""
+    if time_s.size < LEAST_SAMPLES or not time_s[-1] > time_s[0]:
+        return math.nan
+    centred = time_s - time_s.mean()
+    return abs(float((centred * angle_arcmin).sum()) / float(np.square(centred).sum()))
 
 
 def align(trace: Trace, method: Method, estimated: SpeedSkew | None = None) -> tuple[Trace, Skew]:

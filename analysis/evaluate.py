@@ -156,8 +156,9 @@ def _from_ratio(
         return _Measured((), None, str(quadrants))
     which = "load_positive" if side > 0 else "load_negative"
     line: TorqueLine = getattr(quadrants, which)
-    budget = None if measurement is None else measurement.of_line(which, name, row.unit)
-    return _Measured((line.slope if name == "torque_ratio_slope" else side * line.offset_nm,), budget, "")
+    value = line.slope if name == "torque_ratio_slope" else side * line.offset_nm
+    budget = None if measurement is None else measurement.of_line(which, name, row.unit, value)
+    return _Measured((value,), budget, "")
 
 
 def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:

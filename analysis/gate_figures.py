@@ -56,7 +56,7 @@ def lag(found: Measured) -> Reading | str:
     delay = abs(skew.corrected_s) + abs(skew.left_s)
     if delay == 0.0:
         return Reading(0.0)
-    speed = max(windup_speed(one) for one in _sides(found))
+    speed = max(windup_speed(one, found.method.reference_nm) for one in _sides(found))
     if not np.isfinite(speed):
         return Reading(np.inf, "torque and angle lag differently and the trace has no time to say what it makes")
     width = 2.0 * speed * delay
@@ -69,7 +69,7 @@ def _lag_from_speeds(found: Measured) -> Reading | str:
     ramps = [number for number, pair in enumerate(found.pairs) if all(len(one.run.pieces) == 1 for one in pair)]
     loops, pairs = [found.loops[number] for number in ramps], [found.pairs[number] for number in ramps]
     unknown = "not measured: the lags of the channels are not known"
-    speeds = [windup_speed(one) for pair in pairs for one in pair]
+    speeds = [windup_speed(one, found.method.reference_nm) for pair in pairs for one in pair]
     if not speeds or not np.isfinite(speeds).all():
         return f"{unknown}, and the trace has no time to say what they would make"
     try:

@@ -20,7 +20,10 @@ from analysis.trace import Trace
 
 @dataclass(frozen=True)
 class Measured:
-    """Outcome of every stage: `blocks` and `pairs` are corrected, rising and falling branch of each cycle in turn."""
+    """Outcome of every stage: `blocks` and `pairs` are corrected, rising and falling branch of each cycle in turn.
+
+    trace: on a common clock. recorded: the same samples before channels were moved, which smooths their noise.
+    """
 
     trace: Trace
     method: Method
@@ -33,6 +36,7 @@ class Measured:
     blocks: Sequence[Blocks]
     loops: Sequence[Loop]
     stages: Sequence[StageRecord]
+    recorded: Trace
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,12 @@ class SideValue:
         return [] if self.budget is None else [row._asdict() for row in self.budget.rows]
 
     @property
+    def drawn(self) -> dict[str, object] | None:
+        """Monte Carlo beside the budget as plain data; None without. Of a grade: of its backlash [arcmin]."""
+        found = None if self.budget is None else self.budget.monte_carlo
+        return None if found is None else found._asdict()
+
+    @property
     def uncertainty_kind(self) -> str | None:
         """What the uncertainty contains, the kind of `Budget`; None without any."""
         return None if self.budget is None else self.budget.kind
@@ -103,6 +109,7 @@ class MetricResult:
                     "value": side.value,
                     "uncertainty": side.uncertainty,
                     "budget": side.budget_rows,
+                    "monte_carlo": side.drawn,
                     "standard_deviation": side.standard_deviation,
                     "per_cycle": list(side.per_cycle),
                     "verdict": side.verdict.value if self.limited or side.value is None else None,
@@ -110,8 +117,8 @@ class MetricResult:
                 for side in self.sides
             },
         }
-        if shown.budget is not None and shown.budget.monte_carlo is not None:
-            found["monte_carlo"] = shown.budget.monte_carlo._asdict()
+        if shown.drawn is not None:
+            found["monte_carlo"] = shown.drawn
         if self.wanted.id == "hysteresis_energy":
             found["value_j"] = None if shown.value is None else shown.value * RAD_PER_ARCMIN
         return found

@@ -60,7 +60,7 @@ def _noise(evidence: Evidence, of_blocks: Callable[[FloatArray], float]) -> Read
 
 def _variances(found: Measured, channel: str) -> FloatArray:
     """Return the variance of a torque channel's noise in each block of the measured branches, (N·m)²."""
-    values = getattr(found.trace, channel)
+    values = getattr(found.recorded, channel)
     blocks = []
     for piece in (values[rows] for pair in found.pairs for one in pair for rows in one.run.pieces):
         squares = np.square(np.diff(piece, 2)) / SECOND_DIFFERENCE

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.alignment import Skew, align, skew_of_cycles
+from analysis.alignment import MOST_ROUNDS, Skew, align, skew_of_cycles
 from analysis.branches import Blocks, Branch, binned, branch_records, monotone
 from analysis.closure import closed_loops
 from analysis.drift import Pairs, correct_drift
@@ -135,11 +135,29 @@ def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measur
     with_ratio: the torque ratio is wanted for its own sake too. Raises AnalysisError for a trace without what the
     method needs.
     """
-    if method.alignment != "two_speeds":
-        return _stages(*align(trace, method), method, with_ratio=with_ratio)
-    as_recorded = _stages(*align(trace, replace(method, alignment="report")), method, with_ratio=with_ratio)
-    estimated = skew_of_cycles(as_recorded.loops, as_recorded.pairs)
-    return _stages(*align(trace, method, estimated), method, with_ratio=with_ratio)
+    if method.alignment == "two_speeds":
+        found = _by_two_speeds(trace, method, with_ratio=with_ratio)
+    else:
+        found = _stages(*align(trace, method), method, with_ratio=with_ratio)
+    return replace(found, recorded=trace)
+
+
+def _by_two_speeds(trace: Trace, method: Method, *, with_ratio: bool) -> Measured:
+    """Run the stages with the skew of torque and angle that the cycles themselves show."""
+    found = _stages(*align(trace, replace(method, alignment="report")), method, with_ratio=with_ratio)
+    left = estimated = skew_of_cycles(found.loops, found.pairs)
+    for _ in range(MOST_ROUNDS):
+        found = _stages(*align(trace, method, estimated), method, with_ratio=with_ratio)
+        # The speed is not the same along a ramp of torque: what one round leaves, the next one finds.
+        left = skew_of_cycles(found.loops, found.pairs)
+        if left.settled:
+            break
+        estimated = replace(left, skew_s=estimated.skew_s + left.skew_s)
+    else:
+        found = _stages(*align(trace, method, estimated), method, with_ratio=with_ratio)
+    # Noise that is moved is another noise: below that an estimate does not settle, and is not known any better.
+    u_s = max(estimated.standard_error_s or 0.0, abs(left.skew_s))
+    return replace(found, skew=replace(found.skew, u_s=u_s))
 
 
 def _stages(trace: Trace, skew: Skew, method: Method, *, with_ratio: bool) -> Measured:
@@ -163,7 +181,7 @@ def _stages(trace: Trace, skew: Skew, method: Method, *, with_ratio: bool) -> Me
         skew.record, windup.record, turning, virgin_quarter(runs), torque, drift.record, fixture,
         *branch_records(pairs_now, blocks, branches), reversal_record(loops), fit_record(loops),
     )  # fmt: skip
-    return Measured(trace, method, runs, windup.angles, skew, drift, quadrants, pairs_now, blocks, loops, stages)
+    return Measured(trace, method, runs, windup.angles, skew, drift, quadrants, pairs_now, blocks, loops, stages, trace)
 
 
 def _loops_by_output(found: Measured) -> Sequence[Loop]:

@@ -28,9 +28,13 @@ PRESET_WORDS = """A preset asks for the definitions that belong together at one 
 of them: `presets: [inverse, nabtesco]`. For a trace: `lostmotion analyze TRACE --recipe R --preset nabtesco` reports
 the preset's metrics instead of the recipe's. A preset has no limits; a limit in the recipe for the same
 definition holds, and with `--preset` nothing passes while the recipe limits a definition that the preset leaves out.
-A recipe that asks for one
-metric in several ways has several series of it: `lostmotion capability --metric "spring_constant three_region"`.
-Percentages are always of the recipe's `reference_torque`; Yaskawa's lost motion is `lost_motion` with `band: 5 %`.
+
+A single metric: `lostmotion analyze TRACE --recipe R --metric "stiffness_at torque=50% branch=load"`, once for each,
+beside `--preset` or instead of it. The text is the id and then the options of an entry of `metrics` as `option=value`,
+by the same names, units and ranges. Limits are the recipe's, as with `--preset`.
+
+A recipe that asks for one metric in several ways has several series of it:
+`lostmotion capability --metric "spring_constant three_region"`. Percentages are always of the recipe's `reference_torque`; Yaskawa's lost motion is `lost_motion` with `band: 5 %`.
 
 """
 GRADE_WORDS = """`grade` is read off the mean backlash of the cycles. When the uncertainty of the backlash reaches into

@@ -14,6 +14,7 @@ from recipes.metric_schema import MetricWanted
 from recipes.metric_units import METRIC_UNITS
 from recipes.problems import Problem, RecipeError
 from recipes.recipe_schema import Decision, Recipe
+from recipes.selection import OWN, Selection, left_out, selected
 from recipes.shipped import (
     default_bench,
     find_bench,
@@ -29,6 +30,7 @@ from recipes.yaml_source import read_bytes
 
 __all__ = [
     "METRIC_UNITS",
+    "OWN",
     "PRESETS",
     "Bench",
     "Calibration",
@@ -37,12 +39,14 @@ __all__ = [
     "Problem",
     "Recipe",
     "RecipeError",
+    "Selection",
     "check",
     "check_alone",
     "check_side",
     "default_bench",
     "find_bench",
     "find_recipe",
+    "left_out",
     "load_bench",
     "load_document",
     "load_recipe",
@@ -51,6 +55,7 @@ __all__ = [
     "parse_document",
     "parse_recipe",
     "read_bytes",
+    "selected",
     "shipped_benches",
     "shipped_recipes",
     "warnings",

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from recipes.bench_schema import Bench
 from recipes.bus_load import check_bus, check_line
+from recipes.check_alignment import check_two_speeds
 from recipes.check_limits import check_limits, idle_limits, implausible_limits
 from recipes.check_measurement import (
     check_ages,
@@ -60,6 +61,7 @@ CHECKS: tuple[Check, ...] = (
     check_angle_agreement,
     check_calibration,
     check_torque_ratio,
+    check_two_speeds,
     check_metrics,
     check_limits,
     check_ages,

@@ -16,7 +16,7 @@ LONGEST_EXCERPT = 60
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong in a document; lines and columns count from 1, as editors show them."""
+    """One thing that is wrong in a document; lines and columns count from 1, as editors show them, 0 is no file."""
 
     path: str
     line: int
@@ -36,9 +36,8 @@ class Problem:
     def _said(self, before_allowed: str) -> str:
         option = f" {self.option}:" if self.option else ""
         hint = f". {self.hint}" if self.hint else ""
-        return (
-            f"{self.path}:{self.line}:{self.column}:{option} found {self.found}; {before_allowed}{self.allowed}{hint}"
-        )
+        where = f"{self.path}:{self.line}:{self.column}" if self.line else self.path
+        return f"{where}:{option} found {self.found}; {before_allowed}{self.allowed}{hint}"
 
 
 class RecipeError(Exception):

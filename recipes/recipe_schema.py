@@ -70,6 +70,12 @@ class Measurement(Section):
 
     output_torque: Literal["reaction", "calibrated"]
     calibration: Literal["measured", "stored"] = "measured"
+    alignment: Literal["declared", "two_speeds", "report"] = Field(
+        default="declared",
+        description="`declared` by the lags of the bench file, `two_speeds` by cycles of different speed, or `report`: "
+        "nothing is moved",
+    )
+    """How torque and angles are put on one clock."""
     reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)
     break_torque_nm: TorqueOfReference | None = None
     """Of the six-segment fit, where the linear middle ends."""
@@ -251,12 +257,6 @@ class Recipe(Section):
                 found.setdefault(metric.key(reference_nm), (("presets", index), metric))
         mine = {metric.key(reference_nm) for _, metric in own}
         return [*own, *(entry for key, entry in found.items() if key not in mine)]
-
-    def wanted_of_preset(self, name: str) -> list[MetricWanted]:
-        """Return the metrics of one preset; a limit that the recipe gives for the same definition holds."""
-        reference_nm = self.measurement.reference_torque_nm
-        mine = {metric.key(reference_nm): metric for metric in self.metrics}
-        return [mine.get(metric.key(reference_nm), metric) for metric in preset_metrics(name)]
 
     def problem(self, option: OptionPath, found: str, allowed: str, hint: str = "") -> Problem:
         """Return a problem at one of the options, with its place when the recipe was loaded from a file."""

@@ -1,7 +1,8 @@
 """Capability of a process against its limits: Cp and Cpk from the spread within, Pp and Ppk from the whole spread.
 
 With one limit only the side that exists counts: Cp and Pp are not defined then, Cpk and Ppk are. Source: ISO 22514-2;
-confidence of Cp by chi-square, of Cpk after A. Bissell (1990).
+confidence of
+Cp and Pp by chi-square, of Cpk and Ppk after A. Bissell (1990), "How reliable is your capability index?".
 """
 
 from __future__ import annotations
@@ -34,13 +35,20 @@ class Capability:
     """What a sample says about a process.
 
     within: Cp and Cpk with the standard deviation within subgroups; overall: Pp and Ppk with that of all values.
-    cpk_low and cpk_high: confidence interval of Cpk. outside_fraction: expected beyond the limits, if normal.
+    cp_low … ppk_high: confidence interval of each index; None for Cp and Pp with one limit. outside_fraction: expected
+    beyond the limits, if normal.
     """
 
     within: Indices
     overall: Indices
     cpk_low: float
     cpk_high: float
+    cp_low: float | None
+    cp_high: float | None
+    pp_low: float | None
+    pp_high: float | None
+    ppk_low: float
+    ppk_high: float
     mean: float
     sd_within: float
     sd_overall: float
@@ -91,13 +99,23 @@ def capability(
     overall = indices(mean, sd_overall, lower, upper)
     normal = stats.norm(mean, sd_overall)
     outside = (0.0 if lower is None else float(normal.cdf(lower))) + (0.0 if upper is None else float(normal.sf(upper)))
-    z = float(stats.norm.ppf(0.5 + 0.5 * level))
-    half = z * math.sqrt(1.0 / (9.0 * row.size) + within.nearest**2 / (2.0 * freedom))
+    cp, pp = (
+        (None, None) if one.both is None else interval_of_both(one.both, free, level)
+        for one, free in ((within, freedom), (overall, row.size - 1.0))
+    )
+    cpk = interval_of_nearest(within.nearest, row.size, freedom, level)
+    ppk = interval_of_nearest(overall.nearest, row.size, row.size - 1.0, level)
     return Capability(
         within=within,
         overall=overall,
-        cpk_low=within.nearest - half,
-        cpk_high=within.nearest + half,
+        cpk_low=cpk[0],
+        cpk_high=cpk[1],
+        cp_low=cp[0],
+        cp_high=cp[1],
+        pp_low=pp[0],
+        pp_high=pp[1],
+        ppk_low=ppk[0],
+        ppk_high=ppk[1],
         mean=mean,
         sd_within=sd_within,
         sd_overall=sd_overall,
@@ -106,6 +124,19 @@ def capability(
         upper=upper,
         values=row.size,
     )
+
+
+def interval_of_both(index: float, freedom: float, level: float) -> tuple[float, float]:
+    """Confidence interval of Cp or Pp: the variance of its spread is chi-square of so many degrees of freedom."""
+    low, high = (math.sqrt(float(stats.chi2.ppf(0.5 + 0.5 * side * level, freedom)) / freedom) for side in (-1, 1))
+    return index * low, index * high
+
+
+def interval_of_nearest(index: float, values: int, freedom: float, level: float) -> tuple[float, float]:
+    """Confidence interval of Cpk or Ppk: by the mean of all values, and the spread of its degrees of freedom."""
+    z = float(stats.norm.ppf(0.5 + 0.5 * level))
+    half = z * math.sqrt(1.0 / (9.0 * values) + index**2 / (2.0 * freedom))
+    return index - half, index + half
 
 
 def _within(row: FloatArray, subgroup: int) -> tuple[float, float]:

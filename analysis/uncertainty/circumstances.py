@@ -62,7 +62,8 @@ class Circumstances:
     u_drift_arcmin_per_min: standard uncertainty of what is left of the drift between cycles; 0 where it has no rate.
     unseen_drift_arcmin_per_min: largest drift that the gap of the loop allows where no second cycle shows it; 0 where
     one does, or where there is no gap to read. masked_nm: torque that is masked after the negative turn, where the
-    rising branch begins, and after the positive one.
+    rising branch begins, and after the positive one. u_skew_s: standard uncertainty of a skew of torque and angle that
+    was estimated from the cycles; 0 where it was not.
     """
 
     method: Method
@@ -76,6 +77,7 @@ class Circumstances:
     u_drift_arcmin_per_min: float = 0.0
     unseen_drift_arcmin_per_min: float = 0.0
     masked_nm: tuple[float, float] = (0.0, 0.0)
+    u_skew_s: float = 0.0
 
     @property
     def lines_of_this_run(self) -> bool:
@@ -160,6 +162,7 @@ def circumstances_of(found: Measured) -> Circumstances:
         quadrants=found.quadrants if isinstance(found.quadrants, Quadrants) else None,
         u_drift_arcmin_per_min=found.drift.u_left_arcmin_per_min,
         unseen_drift_arcmin_per_min=_unseen_drift(found),
+        u_skew_s=found.skew.u_s or 0.0,
         masked_nm=(_masked_nm(found.pairs[0][0]), _masked_nm(found.pairs[0][1])),
     )
 

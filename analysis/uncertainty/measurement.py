@@ -46,6 +46,7 @@ class Measurement:
         by_output: Sequence[Loop] = (), draws: int = 0,
     ) -> None:  # fmt: skip
         self._circumstances = circumstances
+        self._draws = draws
         self._figures = figures
         self._loops = (
             None if figures is None else LoopUncertainty(loop, circumstances, figures, by_output=by_output, draws=draws)
@@ -71,9 +72,12 @@ class Measurement:
         """Say why a metric that has a value has no uncertainty, and what to do."""
         return ONE_CYCLE if self._loops is None else TOO_LARGE
 
-    def of_line(self, line: str, metric: str, unit: str) -> Budget | None:
-        """Return the budget of slope or offset of a calibration line."""
-        return ratio_budget(line, unit, self._circumstances, self._figures, of_slope=metric == "torque_ratio_slope")
+    def of_line(self, line: str, metric: str, unit: str, value: float) -> Budget | None:
+        """Return the budget of slope or offset of a calibration line, and its draws about the value."""
+        of_slope = metric == "torque_ratio_slope"
+        return ratio_budget(
+            line, unit, self._circumstances, self._figures, of_slope=of_slope, value=value, draws=self._draws
+        )
 
 
 def measurement_of(

@@ -81,9 +81,15 @@ def monte_carlo(
     errors = np.array([estimate(loop) for loop in loops]) - estimate(base)
     for distribution, limit in besides:
         errors += DISTRIBUTIONS[distribution].draw(random, limit, errors.size, 1)[:, 0]
-    u, shift = math.hypot(float(errors.std(ddof=1)), scatter), float(errors.mean())
+    u = math.hypot(float(errors.std(ddof=1)), scatter)
     if scatter > 0.0 and freedom > 0:
-        errors += scatter * random.standard_t(freedom, errors.size)
+        return interval(errors, value, u, scatter * random.standard_t(freedom, errors.size))
+    return interval(errors, value, u)
+
+
+def interval(errors: FloatArray, value: float, u: float, scattered: FloatArray | float = 0.0) -> MonteCarlo:
+    """Return the distribution of a value that errors were drawn of; `scattered` widens it and shifts nothing."""
+    shift, errors = float(errors.mean()), errors + scattered
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = np.percentile(errors, [tail, 100.0 - tail])
     if not math.isfinite(float(errors.sum())):

@@ -165,6 +165,10 @@ SOURCES: tuple[ErrorSource, ...] = (
         lambda figures, circumstances: figures.skew_s if _timed(circumstances) else None, (skew,),
     ),
     ErrorSource(
+        "skew_estimate", "delay of the torque against the angle, as estimated from cycles at different speed", "s",
+        lambda _: "normal", lambda _, circumstances: circumstances.u_skew_s or None, (skew,),
+    ),
+    ErrorSource(
         "creep", "creep of the wind-up with the torque, alike in every cycle", "arcmin/min", _rectangular,
         lambda figures, circumstances: figures.drift_arcmin_per_min if _timed(circumstances) else None, (creep,),
     ),

@@ -11,6 +11,7 @@ import typer
 from station.cli.options import (
     DEFAULT_DATA,
     BranchOption,
+    ChosenMetricOption,
     ColumnOption,
     DataOption,
     FileArgument,
@@ -35,13 +36,17 @@ def repeatability(
         typer.Option("--recipe", metavar="RECIPE", help="Evaluate all by this recipe. Default: each run's own."),
     ] = None,
     preset: PresetOption = None,
+    metric: ChosenMetricOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
     """Show mean and standard deviation of each metric over cycles and over runs of a unit. Exit code: 0, or 2."""
+    from recipes import Selection
     from station.commands import repeatability as command_repeatability
 
-    raise typer.Exit(command_repeatability.repeat(runs, recipe, preset, data, as_json=as_json))
+    raise typer.Exit(
+        command_repeatability.repeat(runs, recipe, Selection(preset, tuple(metric or ())), data, as_json=as_json)
+    )
 
 
 def capability(

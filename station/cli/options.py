@@ -43,6 +43,14 @@ PresetOption = Annotated[
         help="Definitions of static, inverse, measurement, output, nabtesco, spinea or harmonic.",
     ),
 ]
+ChosenMetricOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--metric",
+        metavar="TEXT",
+        help='Single metric with its options, "stiffness_at torque=50% branch=load"; may be repeated.',
+    ),
+]
 MetricOption = Annotated[
     str | None, typer.Option("--metric", metavar="ID", help="Metric of the stored runs, as 'metrics' lists it.")
 ]

@@ -11,6 +11,7 @@ import typer
 
 from station.cli.options import (
     DEFAULT_DATA,
+    ChosenMetricOption,
     DataOption,
     JsonOption,
     PresetOption,
@@ -63,18 +64,21 @@ def analyze(
         typer.Option("--bench", metavar="FILE", help="Bench the trace comes from: its fixture and calibrations."),
     ] = None,
     preset: PresetOption = None,
+    metric: ChosenMetricOption = None,
     monte_carlo: Annotated[
         int,
-        typer.Option("--monte-carlo", metavar="N", min=0, max=100_000, help="Draws beside the budget, into the JSON."),
+        typer.Option("--monte-carlo", metavar="N", min=0, max=100_000, help="Draws beside the budget, 50 or more."),
     ] = 0,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
     """Compute metrics and verdict of a trace. Exit code as run."""
+    from recipes import Selection
     from station.commands import analyze as command_analyze
 
+    selection = Selection(preset, tuple(metric or ()))
     raise typer.Exit(
-        command_analyze.analyze(trace, recipe, bench, data, preset=preset, as_json=as_json, draws=monte_carlo)
+        command_analyze.analyze(trace, recipe, bench, data, as_json=as_json, selection=selection, draws=monte_carlo)
     )
 
 

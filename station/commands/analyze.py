@@ -7,8 +7,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from recipes import OWN, Selection
 from station.bench.request import trace_file
 from station.commands.evaluate_anew import elsewhere, known_preset, reevaluate
+from station.commands.monte_carlo_table import check_draws, show_monte_carlo
 from station.commands.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.commands.show import stored_result
 from station.errors import StationError
@@ -26,30 +28,31 @@ def analyze(
     data: Path,
     *,
     as_json: bool,
-    preset: str | None = None,
+    selection: Selection = OWN,
     draws: int = 0,
 ) -> int:
     """Analyse a trace and print its result; return the exit code of its verdict.
 
-    preset: report the metrics of this preset instead of the recipe's; the recipe's limits for them hold.
+    selection: metrics to report instead of the recipe's; the recipe's limits for the same definitions hold.
     draws: of Monte Carlo beside the uncertainty budget.
 
     Raises:
         StationError, RecipeError, AnalysisError: what cannot be read, or what the method needs and the trace lacks.
 
     """
-    if preset is not None:
-        known_preset(preset)
+    if selection.preset is not None:
+        known_preset(selection.preset)
+    check_draws(draws)
     path = trace_file(trace)
     if path is not None:
         if recipe is None:
             raise StationError(f"{trace}: --recipe is missing: it says how the trace is evaluated")
-        result = elsewhere(path, recipe, bench, preset, draws=draws)
+        result = elsewhere(path, recipe, bench, selection, draws=draws)
     else:
         run = Store(data).find(trace)
         if run.state() != "complete" and not alterations(run):
             return _incomplete(run, as_json=as_json)
-        result = reevaluate(run, recipe, bench, preset, draws=draws)
+        result = reevaluate(run, recipe, bench, selection, draws=draws)
     if as_json:
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
         return _code(result)
@@ -57,6 +60,8 @@ def analyze(
     heading = reevaluation_heading(result)
     if heading:
         console.print(heading, style="bold magenta", highlight=False, soft_wrap=True)
+    if draws and result["metrics"]:
+        show_monte_carlo(console, result["metrics"])
     show_result(console, result)
     if heading:
         # The verdict is the last thing on the screen: whose it is stands below it as well.
@@ -91,8 +96,8 @@ def reevaluation_heading(result: dict[str, Any]) -> str:
     recipe, original = result["recipe"], result["original_verdict"]
     with_bench = result["reevaluated_bench"]
     bench = f" on bench {with_bench}" if with_bench else ""
-    preset = f" by the definitions of preset {result['preset']}" if result.get("preset") else ""
+    selection = f" by the definitions of {', '.join(result['selection'])}" if result.get("selection") else ""
     return (
-        f"RE-EVALUATED with {recipe['name']} rev {recipe['revision']} ({recipe['sha256'][:8]}){bench}{preset}, "
+        f"RE-EVALUATED with {recipe['name']} rev {recipe['revision']} ({recipe['sha256'][:8]}){bench}{selection}, "
         f"not the run's own verdict ({original})"
     )

@@ -8,7 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from analysis import Method, Result, analyse, read_trace
-from recipes import PRESETS, Bench, Recipe, RecipeError, check_alone, find_bench, load_bench, load_recipe, warnings
+from recipes import (
+    OWN,
+    PRESETS,
+    Bench,
+    Recipe,
+    RecipeError,
+    Selection,
+    check_alone,
+    find_bench,
+    left_out,
+    load_bench,
+    load_recipe,
+    warnings,
+)
 from station.bench.request import recipe_path
 from station.commands.show import stored_result
 from station.errors import StationError
@@ -39,9 +52,9 @@ def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
 
 
 def elsewhere(
-    path: Path, recipe_name: str, bench_name: str | None, preset: str | None, *, draws: int = 0
+    path: Path, recipe_name: str, bench_name: str | None, selection: Selection = OWN, *, draws: int = 0
 ) -> dict[str, Any]:
-    """Evaluate a trace that was measured elsewhere by a recipe, or by the definitions of a preset.
+    """Evaluate a trace that was measured elsewhere by a recipe, for its metrics or the chosen ones.
 
     Raises:
         StationError, RecipeError, AnalysisError: also for an exported run that has no complete trace, or measured
@@ -51,7 +64,7 @@ def elsewhere(
     recipe_file = recipe_path(recipe_name)
     recipe = _deciding_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
-    method, wanted = method_without_run(recipe, bench), wanted_of(recipe, preset)
+    method, wanted = method_without_run(recipe, bench), wanted_of(recipe, selection)
     figures = None if bench is None else figures_for(recipe, bench)
     trace = read_trace(path)
     origin = origin_of(path, trace)
@@ -64,7 +77,7 @@ def elsewhere(
         origin.check_recipe(recipe, recipe_file)
         objections, facts = [*origin.objections, *objections], origin.facts(recipe.sampling)
     found = analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts, figures=figures, draws=draws)
-    plain = _judged_without_bench(_judged_by_preset(found.to_dict(), recipe, preset), bench)
+    plain = _judged_without_bench(_judged_by_selection(found.to_dict(), recipe, selection), bench)
     if bench is None:
         plain = _with_unknown_lag(plain, found)
     result = {
@@ -72,7 +85,7 @@ def elsewhere(
         "serial": None,
         "recipe": _head(recipe, recipe_file),
         "state": "analyzed",
-        "preset": preset,
+        **_selection_fields(selection),
         **_with_warnings(plain, recipe, recipe_file, bench),
         "timing": None,
         "alarms": [],
@@ -84,10 +97,10 @@ def elsewhere(
 def _with_origin(result: dict[str, Any], origin: Origin, bench_name: str | None) -> dict[str, Any]:
     """Return the result of an exported file with the run that it comes from, whose verdict it must repeat.
 
-    It need not where recipe, bench, preset or the trace itself are others: that is a new evaluation.
+    It need not where recipe, bench, metrics or the trace itself are others: that is a new evaluation.
     """
     other_bench = bench_name is None or not origin.is_own("bench", _sha256(find_bench(bench_name)))
-    other = result["preset"] is not None or not origin.is_own("recipe", result["recipe"]["sha256"])
+    other = bool(result["selection"]) or not origin.is_own("recipe", result["recipe"]["sha256"])
     reevaluated = origin.changed or other_bench or other
     original = origin.run["verdict"]
     judged: dict[str, Any] = {}
@@ -112,9 +125,9 @@ def _with_origin(result: dict[str, Any], origin: Origin, bench_name: str | None)
 
 
 def reevaluate(
-    run: RunRecord, recipe_name: str | None, bench_name: str | None, preset: str | None = None, *, draws: int = 0
+    run: RunRecord, recipe_name: str | None, bench_name: str | None, selection: Selection = OWN, *, draws: int = 0
 ) -> dict[str, Any]:
-    """Evaluate a complete run anew, by its own recipe, another one or a preset; the record itself is not touched.
+    """Evaluate a complete run anew, by its own recipe or another one; the record itself is not touched.
 
     An altered record is not evaluated: what it would be evaluated by may be what was altered.
 
@@ -133,10 +146,10 @@ def reevaluate(
     bench = load_bench(bench_file)
     check_recipe_fits(recipe, recipe_file, load_recipe(own_recipe), run)
     other_bench = bench_file.read_bytes() != own_bench.read_bytes()
-    reevaluated = preset is not None or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
+    reevaluated = selection.made or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
     objections = objections_to_bench(recipe, bench, run.day()) if reevaluated else []
-    _, found = evaluate_run(run, recipe, bench, preset, objections, draws=draws)
-    plain = _with_warnings(_judged_by_preset(found.to_dict(), recipe, preset), recipe, recipe_file, bench)
+    _, found = evaluate_run(run, recipe, bench, selection, objections, draws=draws)
+    plain = _with_warnings(_judged_by_selection(found.to_dict(), recipe, selection), recipe, recipe_file, bench)
     original = manifest["verdict"]
     if not reevaluated and plain["verdict"] != original:
         again = "Measure again, and report the record as a defect of the program"
@@ -151,7 +164,7 @@ def reevaluate(
             if key in manifest
         },
         "state": manifest["state"],
-        "preset": preset,
+        **_selection_fields(selection),
         **plain,
         "reevaluated": reevaluated,
         "reevaluated_bench": f"{bench.bench.name} rev {bench.bench.revision}" if other_bench else None,
@@ -179,15 +192,19 @@ def _sha256(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def _judged_by_preset(plain: dict[str, Any], recipe: Recipe, preset: str | None) -> dict[str, Any]:
-    """Return a result; by a preset that leaves out what the recipe has a limit for, nothing passes."""
-    if preset is None or plain["verdict"] != "PASS":
+def _selection_fields(selection: Selection) -> dict[str, Any]:
+    return {"preset": selection.preset, "selection": selection.parts}
+
+
+def _judged_by_selection(plain: dict[str, Any], recipe: Recipe, selection: Selection) -> dict[str, Any]:
+    """Return a result; by a choice of metrics that leaves out what the recipe has a limit for, nothing passes."""
+    if not selection.made or plain["verdict"] != "PASS":
         return plain
-    judged = [id(one) for one in recipe.wanted_of_preset(preset)]
-    left = [one.id for one in recipe.metrics if (one.min, one.max) != (None, None) and id(one) not in judged]
+    left = left_out(recipe, selection)
     if not left:
         return plain
-    said = f"preset {preset} leaves out what the recipe has limits for: {', '.join(left)}"
+    verb = "leaves" if len(selection.parts) == 1 else "leave"
+    said = f"{selection.text} {verb} out what the recipe has limits for: {', '.join(left)}"
     return plain | {"verdict": NOT_DECIDABLE, "reasons": [said, *plain["reasons"]]}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.line import capability, master_part_trend, unit_to_unit
+from analysis.line import Capability, capability, master_part_trend, unit_to_unit
 from station.commands.csv_columns import CsvColumns, read_csv_columns
 from station.commands.say import Grid, say
 from station.commands.stored_metric import Ask
@@ -98,13 +98,25 @@ def capability_of(
         f"{found.name}: {one.values} values, mean {figure(one.mean, found.unit)}, "
         f"limit {limits_text({'min': lower, 'max': upper})} {unit_text(found.unit)}".rstrip(),
         Grid(("spread", "standard deviation", "Cp, Pp", "Cpk, Ppk"), rows, right=(1, 2, 3)),
-        f"Cpk {figure(one.cpk_low, '', 3)} … {figure(one.cpk_high, '', 3)} with {level:.0%} confidence",
+        f"{_intervals(one)} with {level:.0%} confidence",
         f"expected beyond limits: {_share(one.outside_fraction)} of the units, if they are normally distributed",
     ]
     if not both:
         blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk are of the side that has the limit")
     document = {**found.head(), "level": level, "subgroup": subgroup, **dataclasses.asdict(one)}
     return say(document, [*blocks, *found.notes()], as_json=as_json)
+
+
+def _intervals(one: Capability) -> str:
+    """Return the interval of every index that is defined."""
+    found = {
+        "Cpk": (one.cpk_low, one.cpk_high),
+        "Ppk": (one.ppk_low, one.ppk_high),
+        "Cp": (one.cp_low, one.cp_high),
+        "Pp": (one.pp_low, one.pp_high),
+    }
+    there = {name: ends for name, ends in found.items() if ends[0] is not None}
+    return ", ".join(f"{name} {figure(low, '', 3)} … {figure(high, '', 3)}" for name, (low, high) in there.items())
 
 
 def _no_limit(found: Values) -> str:

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from analysis.repeatability import LEAST_RUNS, repeatability
+from recipes import Selection
 from station.commands.evaluate_anew import elsewhere, known_preset, reevaluate
 from station.errors import StationError
 from station.record.store import Store
@@ -18,23 +19,25 @@ from station.reports.result_text import metric_name, number, unit_text
 from station.reports.result_view import definition_text, result_console
 
 
-def repeat(names: list[str], recipe: str | None, preset: str | None, data: Path, *, as_json: bool) -> int:
+def repeat(names: list[str], recipe: str | None, selection: Selection, data: Path, *, as_json: bool) -> int:
     """Print mean and standard deviations of each metric over several runs of a unit.
 
-    names: stored runs or traces; a serial number alone stands for all of its complete runs.
+    names: stored runs or traces; a serial number alone stands for all of its complete runs. selection: metrics to
+    compare instead of the recipe's.
 
     Raises:
         StationError, RecipeError, AnalysisError: what cannot be read, or not be compared.
 
     """
-    if preset is not None:
-        known_preset(preset)
-    results = [_result(name, recipe, preset, data) for name in _all_of(names, data)]
+    if selection.preset is not None:
+        known_preset(selection.preset)
+    results = [_result(name, recipe, selection, data) for name in _all_of(names, data)]
     _same_unit(results)
     found = {
         "runs": [result["run"] or result["record"] for result in results],
         "serial": results[0]["serial"],
-        "preset": preset,
+        "preset": selection.preset,
+        "selection": selection.parts,
         "metrics": _spreads(results),
     }
     if as_json:
@@ -62,16 +65,16 @@ def _all_of(names: list[str], data: Path) -> list[str]:
     return names
 
 
-def _result(name: str, recipe: str | None, preset: str | None, data: Path) -> dict[str, Any]:
+def _result(name: str, recipe: str | None, selection: Selection, data: Path) -> dict[str, Any]:
     path = Path(name)
     if path.is_file():
         if recipe is None:
             raise StationError(f"{name}: --recipe is missing: it says how the trace is evaluated")
-        return elsewhere(path, recipe, None, preset)
+        return elsewhere(path, recipe, None, selection)
     run = Store(data).find(name)
     if run.state() != "complete":
         raise StationError(f"{run.id}: the run is {run.state()}; needed are complete runs. Leave it out")
-    result = reevaluate(run, recipe, None, preset)
+    result = reevaluate(run, recipe, None, selection)
     if result.get("altered"):
         raise StationError(f"{run.id}: the record was altered: it counts for nothing. Leave it out")
     return result
@@ -88,7 +91,8 @@ def _same_unit(results: list[dict[str, Any]]) -> None:
             if _is(one) != _is(other) or len(results[0]["metrics"]) != len(result["metrics"]):
                 raise StationError(
                     f"{result['run'] or result['record']}: {metric_name(other)} where {results[0]['run']} has "
-                    f"{metric_name(one)}: evaluated by different definitions. Name one with --recipe or --preset",
+                    f"{metric_name(one)}: evaluated by different definitions. Name one with --recipe, --preset or "
+                    "--metric",
                 )
 
 

@@ -105,8 +105,8 @@ def result_console() -> Console:
 
 def show_result(console: Console, result: dict[str, Any], *, files: bool = True) -> None:
     """Print a result: the verdict last, where the eye is when the scrolling stops."""
-    if result["metrics"] and result.get("preset"):
-        console.print(f"preset {result['preset']}", style="bold", highlight=False)
+    if result["metrics"] and result.get("selection"):
+        console.print(", ".join(result["selection"]), style="bold", highlight=False)
         console.print(definitions_table(result["metrics"]))
         console.print()
     elif result["metrics"]:

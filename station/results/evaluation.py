@@ -23,7 +23,7 @@ from analysis import (
 )
 from analysis.trace import ROLES
 from controller.image import State
-from recipes import Bench, Calibration, Recipe
+from recipes import OWN, Bench, Calibration, Recipe, Selection, selected
 from recipes.section import option_name
 from station.bench.assemble import CHANNEL_OF_SENSOR, channels
 from station.bench.figures import figures_of, fixture_of
@@ -40,6 +40,9 @@ ZEROES = {
     "angle_out_rad": "angle_out_zero_rad",
 }
 """Channel of a trace, which is a field of the image as well, and the order that is subtracted from it."""
+
+ALIGNMENTS = {"declared": "correct", "two_speeds": "two_speeds", "report": "report"}
+"""How a recipe says that channels are put on one clock, and how the method does."""
 
 AS_RECORDED = {"temperature_c": "housing_temp_c", "drive_torque_nm": "drive_torque_nm"}
 """Channel of a trace, and the field of the image that it is."""
@@ -86,6 +89,7 @@ def method_fields(recipe: Recipe) -> dict[str, Any]:
         "reference_torque_nm": measurement.reference_torque_nm,
         "loading": recipe.loading,
         "output_torque": measurement.output_torque,
+        "alignment": ALIGNMENTS[measurement.alignment],
         "break_torque_nm": measurement.break_torque_nm,
         "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
         "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
@@ -118,9 +122,8 @@ def _stored_quadrants(stored: Calibration) -> Quadrants:
     return Quadrants(lines[0], lines[1], lines[2], lines[3], transition_rad=stored.transition_rad)
 
 
-def wanted_of(recipe: Recipe, preset: str | None = None) -> list[MetricWanted]:
-    """Return the metrics that the recipe asks for, or those of one preset, with the recipe's limits."""
-    asked = [metric for _, metric in recipe.wanted()] if preset is None else recipe.wanted_of_preset(preset)
+def wanted_of(recipe: Recipe, selection: Selection = OWN) -> list[MetricWanted]:
+    """Return the metrics that the recipe asks for, or the chosen ones, with the recipe's limits."""
     return [
         MetricWanted(
             id=one.id,
@@ -133,7 +136,7 @@ def wanted_of(recipe: Recipe, preset: str | None = None) -> list[MetricWanted]:
             min=one.min,
             max=one.max,
         )
-        for one in asked
+        for one in selected(recipe, selection)
     ]
 
 
@@ -195,15 +198,15 @@ def evaluate_trace(  # noqa: PLR0917 - what was measured, by what, on what, and 
     bench: Bench,
     objections: list[str],
     facts: RunFacts | None = None,
-    preset: str | None = None,
+    selection: Selection = OWN,
     *,
     draws: int = 0,
 ) -> Result:
     """Evaluate and judge; `objections` speak against the record as a whole, `facts` say how it was recorded.
 
-    preset: report its metrics instead of the recipe's. draws: of Monte Carlo beside the uncertainty budget.
+    selection: metrics to report instead of the recipe's. draws: of Monte Carlo beside the uncertainty budget.
     """
-    method, wanted = method_of(recipe, bench), wanted_of(recipe, preset)
+    method, wanted = method_of(recipe, bench), wanted_of(recipe, selection)
     figures = figures_for(recipe, bench)
     rule = decision_of(recipe)
     return analyse(trace, method, wanted, rule, objections, facts=facts, figures=figures, draws=draws)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from analysis import Result, Trace
-from recipes import Bench, Recipe
+from recipes import OWN, Bench, Recipe, Selection
 from station.bench.request import Job, stored_job
 from station.errors import StationError
 from station.record.check import check_file, read_table
@@ -29,12 +29,12 @@ def evaluate_run(
     run: RunRecord,
     recipe: Recipe,
     bench: Bench,
-    preset: str | None = None,
+    selection: Selection = OWN,
     objections: Sequence[str] = (),
     *,
     draws: int = 0,
 ) -> tuple[Trace, Result]:
-    """Evaluate the samples of a complete run by a recipe and a bench; `preset` reports the metrics of that instead.
+    """Evaluate the samples of a complete run by a recipe and a bench; `selection` reports other metrics.
 
     objections: what speaks against the measurement besides what the record itself shows.
 
@@ -49,7 +49,7 @@ def evaluate_run(
     facts = run_facts(table, timing, recipe.sampling)
     segments = run.read_json("program.json")["segments"]
     trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
-    return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, preset, draws=draws)
+    return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, selection, draws=draws)
 
 
 def complete_run(run: RunRecord) -> RunAnalysis:

@@ -192,6 +192,24 @@ def test_monte_carlo_agrees_with_the_budget_where_the_metric_is_straight(method:
     assert again.metrics[0].headline.budget.monte_carlo == result.metrics[0].headline.budget.monte_carlo
 
 
+def test_a_torque_ratio_is_drawn_from_its_line_and_its_sensors() -> None:
+    wanted = [MetricWanted("torque_ratio_slope"), MetricWanted("torque_ratio_offset")]
+    result = analyse(TRACE, CALIBRATED, wanted, figures=FIGURES, draws=4000)
+    for found in result.metrics:
+        for side in found.sides:
+            drawn = side.budget.monte_carlo
+            # 4000 draws know a standard deviation to 1.1 %
+            assert drawn.u == pytest.approx(side.budget.u, rel=0.05), (found.wanted.id, side.side)
+            assert drawn.low < side.value < drawn.high
+            assert (drawn.low + drawn.high) / 2 == pytest.approx(side.value, abs=0.3 * drawn.u)
+            assert side.drawn == found.to_dict()["sides"][side.side]["monte_carlo"]
+    (alone,) = analyse(TRACE, CALIBRATED, wanted[:1], draws=4000).metrics
+    fit = alone.headline.budget
+    assert fit.monte_carlo.u == pytest.approx(fit.u, rel=0.05)
+    (plain,) = analyse(TRACE, CALIBRATED, wanted[:1], figures=FIGURES).metrics
+    assert plain.headline.budget.monte_carlo is None
+
+
 MAGNITUDES = [name for name, row in METRICS.items() if row.magnitude]
 
 

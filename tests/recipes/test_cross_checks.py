@@ -10,6 +10,7 @@ import pytest
 from recipes import (
     bus_load,
     check,
+    check_alignment,
     check_limits,
     check_measurement,
     check_ratings,
@@ -270,7 +271,7 @@ def test_recipe_made_without_a_file_has_its_problems_too():
 def test_every_check_is_in_the_table():
     written = {
         value
-        for module in (bus_load, check_limits, check_measurement, check_ratings)
+        for module in (bus_load, check_alignment, check_limits, check_measurement, check_ratings)
         for name, value in vars(module).items()
         if name.startswith("check_")
     }

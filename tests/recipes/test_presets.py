@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from recipes import RecipeError, check, load_bench, parse_recipe, shipped_recipes
+from recipes import RecipeError, Selection, check, load_bench, parse_recipe, selected, shipped_recipes
 
 GOOD = shipped_recipes()["rv-40e-121-inverse"].read_text(encoding="utf-8")
 METRICS = re.search(r"metrics:\n(.*\n)+?\n", GOOD)[0]
@@ -42,10 +42,10 @@ def test_presets_beside_metrics_ask_for_each_definition_once():
 
 def test_limits_of_the_recipe_hold_for_a_preset_where_the_definition_is_the_same():
     recipe = parse_recipe(GOOD.encode(), "r.yaml")
-    by_id = {metric.id: metric for metric in recipe.wanted_of_preset("nabtesco")}
+    by_id = {metric.id: metric for metric in selected(recipe, Selection("nabtesco"))}
     assert (by_id["lost_motion"].max, by_id["stiffness_50_100"].min) == (1.0, 95.0)
-    assert {metric.min for metric in recipe.wanted_of_preset("inverse") if metric.id == "spring_constant"} == {None}
-    (measured,) = [one for one in recipe.wanted_of_preset("measurement") if one.id == "spring_constant"]
+    assert {metric.min for metric in selected(recipe, Selection("inverse")) if metric.id == "spring_constant"} == {None}
+    (measured,) = [one for one in selected(recipe, Selection("measurement")) if one.id == "spring_constant"]
     assert measured.min == 108.0
 
 

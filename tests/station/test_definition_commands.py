@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from lostmotion_command import here
 from shipped_copies import simple_acceptance
 
 from analysis import METRICS, Method, MetricWanted, analyse, read_trace
-from recipes import PRESETS, find_recipe, load_bench, parse_recipe
+from recipes import OWN, PRESETS, Selection, find_recipe, load_bench, parse_recipe
 from recipes.metric_schema import preset_metrics
 from station.commands.analyze import analyze
+from station.commands.evaluate_anew import elsewhere
 from station.commands.metrics import metrics
 from station.commands.repeatability import repeat
 from station.errors import StationError
@@ -62,8 +64,8 @@ def test_one_preset(printed: Print) -> None:
     "command",
     [
         lambda: metrics("nabtesko", as_json=False),
-        lambda: analyze(TRACE, RECIPE, None, NO_RUNS, as_json=True, preset="nabtesko"),
-        lambda: repeat([TRACE], RECIPE, "nabtesko", NO_RUNS, as_json=False),
+        lambda: analyze(TRACE, RECIPE, None, NO_RUNS, as_json=True, selection=Selection("nabtesko")),
+        lambda: repeat([TRACE], RECIPE, Selection("nabtesko"), NO_RUNS, as_json=False),
     ],
 )
 def test_an_unknown_preset_is_named(command: Callable[[], int]) -> None:
@@ -73,10 +75,10 @@ def test_an_unknown_preset_is_named(command: Callable[[], int]) -> None:
 
 def test_each_number_of_a_preset_has_its_definition(printed: Print) -> None:
     asked = (analyze, TRACE, RECIPE, None, NO_RUNS)
-    found = json.loads(printed(*asked, code=3, preset="inverse", as_json=True))
+    found = json.loads(printed(*asked, code=3, selection=Selection("inverse"), as_json=True))
     assert found["preset"] == "inverse"
     assert [metric["id"] for metric in found["metrics"]] == [metric.id for metric in preset_metrics("inverse")]
-    shown = words(printed(*asked, code=3, preset="inverse", as_json=False))
+    shown = words(printed(*asked, code=3, selection=Selection("inverse"), as_json=False))
     for metric in found["metrics"]:
         assert metric["value"] is not None
         assert words(metric["definition"]) in shown
@@ -94,14 +96,15 @@ def test_choices_of_a_recipe_reach_the_analysis() -> None:
     wanted = wanted_of(recipe)
     assert (wanted[0].variant, wanted[0].branch, wanted[0].fit) == ("centred", "load", "three_region")
     assert [one.fit for one in wanted if one.id == "stiffness_at"] == [None, "six_segment_20pct", "three_region"]
-    assert [one.fit for one in wanted_of(recipe, "inverse") if one.id == "windup"] == ["three_region"]
+    assert [one.fit for one in wanted_of(recipe, Selection("inverse")) if one.id == "windup"] == ["three_region"]
     method = method_of(recipe, load_bench("virtual"))
     assert (method.break_nm, method.stiffness_breaks_nm) == (80.0, (60.0, 240.0))
     assert Method(**method_fields(recipe)).stiffness_breaks_nm == (60.0, 240.0)
 
 
 def test_a_preset_without_limits_decides_nothing(printed: Print) -> None:
-    found = json.loads(printed(analyze, TRACE, RECIPE, None, NO_RUNS, code=3, preset="harmonic", as_json=True))
+    asked = (analyze, TRACE, RECIPE, None, NO_RUNS)
+    found = json.loads(printed(*asked, code=3, selection=Selection("harmonic"), as_json=True))
     assert found["verdict"] == "NOT DECIDABLE"
     assert "no metric has a limit: there is nothing to decide" in found["reasons"]
 
@@ -109,7 +112,9 @@ def test_a_preset_without_limits_decides_nothing(printed: Print) -> None:
 def test_a_preset_that_leaves_a_limit_out_passes_nothing(printed: Print, tmp_path: Path) -> None:
     """The one limit that it judges is kept; the others of the recipe are named."""
     simple = simple_acceptance(tmp_path, RECIPE)
-    found = json.loads(printed(analyze, TRACE, simple, None, NO_RUNS, code=3, preset="inverse", as_json=True))
+    found = json.loads(
+        printed(analyze, TRACE, simple, None, NO_RUNS, code=3, selection=Selection("inverse"), as_json=True)
+    )
     assert {metric["verdict"] for metric in found["metrics"]} == {"PASS", None}
     assert found["verdict"] == "NOT DECIDABLE"
     assert found["reasons"][0] == (
@@ -120,7 +125,8 @@ def test_a_preset_that_leaves_a_limit_out_passes_nothing(printed: Print, tmp_pat
 
 def test_a_limit_of_the_recipe_fails_by_a_preset_too(printed: Print, tmp_path: Path) -> None:
     simple = simple_acceptance(tmp_path, RECIPE)
-    found = json.loads(printed(analyze, TRACE, simple, None, NO_RUNS, code=1, preset="measurement", as_json=True))
+    asked = (analyze, TRACE, simple, None, NO_RUNS)
+    found = json.loads(printed(*asked, code=1, selection=Selection("measurement"), as_json=True))
     assert found["verdict"] == "FAIL"
     assert "spring_constant, side -: 45.74 N·m/arcmin is below the limit of 108 N·m/arcmin" in found["reasons"][0]
 
@@ -155,7 +161,7 @@ def repeats(tmp_path: Path) -> list[str]:
 
 
 def test_repeatability_over_runs(repeats: list[str], printed: Print) -> None:
-    found: Any = json.loads(printed(repeat, repeats, RECIPE, "nabtesco", NO_RUNS, as_json=True))
+    found: Any = json.loads(printed(repeat, repeats, RECIPE, Selection("nabtesco"), NO_RUNS, as_json=True))
     assert found["runs"] == repeats
     by_name = {(metric["id"], metric["side"]): metric for metric in found["metrics"]}
     backlash = by_name["backlash_width_zero", "both"]["repeatability"]
@@ -164,12 +170,51 @@ def test_repeatability_over_runs(repeats: list[str], printed: Print) -> None:
     assert backlash["sd_cycles"] is None
     assert set(by_name) == {("backlash_width_zero", "both"), ("lost_motion", "both"),
                             ("stiffness_50_100", "+"), ("stiffness_50_100", "-")}  # fmt: skip
-    shown = printed(repeat, repeats, RECIPE, "nabtesco", NO_RUNS, as_json=False)
+    shown = printed(repeat, repeats, RECIPE, Selection("nabtesco"), NO_RUNS, as_json=False)
     assert words(METRICS["lost_motion"].text) in words(shown)
+    done = here("repeatability", *repeats, "--recipe", RECIPE, "--metric", "lost_motion band=5%", "--json")
+    (single,) = done.json["metrics"]
+    assert (single["id"], single["choices"]) == ("lost_motion", ["band 5 %"])
+    assert single["repeatability"]["sd_runs"] > 0.0
 
 
 def test_one_run_is_no_repeat(repeats: list[str]) -> None:
     with pytest.raises(StationError, match="needed are 2 or more of one unit"):
-        repeat([repeats[0], repeats[0]], RECIPE, None, NO_RUNS, as_json=True)
+        repeat([repeats[0], repeats[0]], RECIPE, OWN, NO_RUNS, as_json=True)
     with pytest.raises(StationError, match="--recipe is missing"):
-        repeat(repeats, None, None, NO_RUNS, as_json=True)
+        repeat(repeats, None, OWN, NO_RUNS, as_json=True)
+
+
+SINGLE = ("windup", "stiffness_at torque=50 % branch=load", "spring_constant fit=three_region", "lost_motion band=5%")
+
+
+def test_single_metrics_are_reported_with_their_choices(printed: Print) -> None:
+    asked = (analyze, TRACE, RECIPE, None, NO_RUNS)
+    found = json.loads(printed(*asked, code=3, selection=Selection(metrics=SINGLE), as_json=True))
+    assert (found["preset"], found["selection"]) == (None, [f"metric {one}" for one in SINGLE])
+    assert [metric["id"] for metric in found["metrics"]] == [one.split()[0] for one in SINGLE]
+    assert [metric["value"] is None for metric in found["metrics"]] == [False] * len(SINGLE)
+    assert [metric["choices"] for metric in found["metrics"]] == [[], [], ["three_region"], ["band 5 %"]]
+    shown = words(printed(*asked, code=3, selection=Selection("nabtesco", SINGLE), as_json=False))
+    assert words(f"preset nabtesco, metric {SINGLE[0]}, metric {SINGLE[1]}") in shown
+    for metric in found["metrics"]:
+        assert words(metric["definition"]) in shown
+
+
+def test_nothing_passes_by_a_single_metric_that_leaves_out_what_the_recipe_limits(tmp_path: Path) -> None:
+    recipe = simple_acceptance(tmp_path, RECIPE)
+    found = elsewhere(Path(TRACE), recipe, "virtual", Selection(metrics=("backlash_width_3pct",)))
+    assert [(one["id"], one["verdict"]) for one in found["metrics"]] == [("backlash_width_3pct", "PASS")]
+    assert found["verdict"] == "NOT DECIDABLE"
+    assert found["reasons"][0].startswith("metric backlash_width_3pct leaves out what the recipe has limits for: ")
+    both = elsewhere(Path(TRACE), recipe, "virtual", Selection(metrics=("backlash_width_3pct", "windup")))
+    assert "metric backlash_width_3pct, metric windup leave out what" in both["reasons"][0]
+
+
+def test_a_single_metric_of_the_command_line_is_refused_with_its_place() -> None:
+    asked = ("analyze", TRACE, "--recipe", RECIPE, "--metric", "windup", "--metric", "stifness_at torque=50%", "--json")
+    done = here(*asked)
+    assert done.exit_code == 2
+    assert "--metric 'stifness_at torque=50%': id: found the unknown metric 'stifness_at'; allowed: " in done.err
+    (error,) = done.json["errors"]
+    assert (error["option"], error["line"], error["hint"]) == ("id", None, "Did you mean 'stiffness_at'?")

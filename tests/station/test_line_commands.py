@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,7 @@ def test_capability_against_the_limit_of_the_recipe(runs: Path, capsys: pytest.C
     line.capability_of(asked, (None, None), 1, 0.95, as_json=False)
     text = capsys.readouterr().out
     assert "≤ 1 arcmin" in text
+    assert re.search(r"^Cpk [\d.]+ … [\d.]+, Ppk [\d.]+ … [\d.]+ with 95% confidence$", text, re.MULTILINE)
     assert "left out: 1 that are not the first of their unit" in text
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from lostmotion_command import ROOT, here
 
-from recipes import RecipeError, load_recipe
+from recipes import RecipeError, Selection, load_recipe
 from station.commands.analyze import reevaluation_heading
 from station.commands.evaluate_anew import reevaluate
 from station.durable import as_json
@@ -47,7 +47,7 @@ def test_the_own_recipe_gives_the_own_verdict(failed: RunRecord) -> None:
 
 
 def test_a_preset_is_never_the_runs_own_verdict(failed: RunRecord) -> None:
-    result = reevaluate(failed, None, None, "nabtesco")
+    result = reevaluate(failed, None, None, Selection("nabtesco"))
     assert (result["preset"], result["reevaluated"], result["original_verdict"]) == ("nabtesco", True, "FAIL")
     assert [metric["id"] for metric in result["metrics"]] == ["backlash_width_zero", "lost_motion", "stiffness_50_100"]
     assert "by the definitions of preset nabtesco, not the run's own verdict (FAIL)" in reevaluation_heading(result)

@@ -57,30 +57,30 @@ def two_cycles(path: Path, noise_nm: float) -> Path:
 
 def test_a_guard_band_passes_nothing_while_nobody_knows_the_sensors(tmp_path: Path) -> None:
     two = two_cycles(tmp_path / "two.csv", noise_nm=0.2)
-    guarded = elsewhere(two, recipe(tmp_path, "guard_band"), None, None)
+    guarded = elsewhere(two, recipe(tmp_path, "guard_band"), None)
     assert guarded["metrics"][0]["uncertainty_kind"] == "repeatability"
     assert guarded["verdict"] == "NOT DECIDABLE"
     assert "without a bench U holds the scatter of the cycles alone" in guarded["reasons"][0]
-    assert elsewhere(two, recipe(tmp_path, "guard_band"), "virtual", None)["verdict"] == "PASS"
-    assert elsewhere(two, recipe(tmp_path, "simple"), None, None)["verdict"] == "PASS"
+    assert elsewhere(two, recipe(tmp_path, "guard_band"), "virtual")["verdict"] == "PASS"
+    assert elsewhere(two, recipe(tmp_path, "simple"), None)["verdict"] == "PASS"
 
 
 def test_a_cycle_that_is_a_copy_of_another_decides_nothing_where_the_bench_has_noise(tmp_path: Path) -> None:
     copied = two_cycles(tmp_path / "copied.csv", noise_nm=0.0)
-    found = elsewhere(copied, recipe(tmp_path, "simple"), "virtual", None)
+    found = elsewhere(copied, recipe(tmp_path, "simple"), "virtual")
     assert found["verdict"] == "NOT DECIDABLE"
     assert "cycles 1 and 2 are copies" in " ".join(found["reasons"])
 
 
 def test_without_time_delay_and_drift_are_not_in_the_budget_and_a_guard_band_decides_nothing(tmp_path: Path) -> None:
-    found = elsewhere(TRACE, recipe(tmp_path, "guard_band"), "virtual", None)
+    found = elsewhere(TRACE, recipe(tmp_path, "guard_band"), "virtual")
     assert found["metrics"][0]["uncertainty_kind"] == "untimed"
     assert {"skew", "drift"}.isdisjoint(row["quantity"] for row in found["metrics"][0]["budget"])
     assert found["verdict"] == "NOT DECIDABLE"
     assert "delay and drift are not in its uncertainty" in found["reasons"][0]
     assert any("but for delay and drift" in note for note in found["notes"])
     assert "but delay and drift, for the trace has no time" in uncertainty_kind(found["metrics"])
-    assert elsewhere(TRACE, recipe(tmp_path, "simple"), "virtual", None)["verdict"] == "PASS"
+    assert elsewhere(TRACE, recipe(tmp_path, "simple"), "virtual")["verdict"] == "PASS"
 
 
 def test_errors_that_leave_no_metric_are_the_reason_and_not_the_number_of_cycles(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_errors_that_leave_no_metric_are_the_reason_and_not_the_number_of_cycles
     trace = tmp_path / "timed.csv"
     head, *rows = TRACE.read_text("utf-8").splitlines()
     trace.write_text("\n".join([f"t_s,{head}", *(f"{0.1 * n:.1f},{row}" for n, row in enumerate(rows))]) + "\n")
-    found = elsewhere(trace, recipe(tmp_path, "guard_band"), soft, None)
+    found = elsewhere(trace, recipe(tmp_path, "guard_band"), soft)
     assert found["verdict"] == "NOT DECIDABLE"
     (reason, *_) = found["reasons"]
     assert "cycles or more" not in reason
@@ -112,7 +112,7 @@ def test_the_angle_of_the_lock_is_no_windup(tmp_path: Path, bench_name: str | No
     trace = tmp_path / "trace.csv"
     trace.write_text("\n".join([head, *rows]) + "\n")
     with pytest.raises(AnalysisError, match=f"found angle_out and {beside}") as caught:
-        elsewhere(trace, recipe(tmp_path, "simple"), bench_name, None)
+        elsewhere(trace, recipe(tmp_path, "simple"), bench_name)
     assert "needed is the angle of the input shaft" in str(caught.value)
 
 
@@ -120,7 +120,7 @@ def test_a_limit_that_no_unit_can_fail_is_refused(tmp_path: Path) -> None:
     path = Path(recipe(tmp_path, "simple"))
     path.write_text(path.read_text("utf-8").replace("max: 1 arcmin", "min: 0 arcmin"), encoding="utf-8")
     with pytest.raises(RecipeError, match="which no unit fails"):
-        elsewhere(TRACE, str(path), None, None)
+        elsewhere(TRACE, str(path), None)
 
 
 def test_an_unusual_limit_is_a_note_of_the_result_and_a_warning_of_check(
@@ -128,20 +128,20 @@ def test_an_unusual_limit_is_a_note_of_the_result_and_a_warning_of_check(
 ) -> None:
     path = Path(recipe(tmp_path, "simple"))
     path.write_text(path.read_text("utf-8").replace("max: 1 arcmin", "max: 1 deg"), encoding="utf-8")
-    found = elsewhere(TRACE, str(path), None, None)
+    found = elsewhere(TRACE, str(path), None)
     assert any("found 60 arcmin for 'backlash_width_3pct'; usual is" in line for line in note_lines(found))
     assert check(str(path), None, as_json=False) == 0
     assert "WARNING  recipe " in capsys.readouterr().out
 
 
 def test_a_lag_that_nobody_knows_is_a_note_of_the_result(tmp_path: Path) -> None:
-    alone, known = (elsewhere(TRACE, recipe(tmp_path, "simple"), name, None) for name in (None, "virtual"))
+    alone, known = (elsewhere(TRACE, recipe(tmp_path, "simple"), name) for name in (None, "virtual"))
     assert any("the lags of the channels are not known" in line for line in note_lines(alone))
     assert not any("lags of the channels are not known" in line for line in note_lines(known))
 
 
 def test_what_is_out_of_date_on_the_bench_decides_nothing(tmp_path: Path) -> None:
-    found = elsewhere(TRACE, recipe(tmp_path, "simple"), bench(tmp_path, CURVE), None)
+    found = elsewhere(TRACE, recipe(tmp_path, "simple"), bench(tmp_path, CURVE))
     assert found["verdict"] == "NOT DECIDABLE"
     assert "blank test 'old' of bench 'virtual', which was due on 2020-01-01" in found["reasons"][0]
 
@@ -155,7 +155,7 @@ def test_a_folder_that_is_named_like_a_trace_is_told(tmp_path: Path, name: str) 
 
 def test_a_bench_that_loads_the_other_shaft_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecipeError, match="drives the output shaft"):
-        elsewhere(TRACE, recipe(tmp_path, "simple"), "virtual-output", None)
+        elsewhere(TRACE, recipe(tmp_path, "simple"), "virtual-output")
 
 
 def test_a_bench_for_other_models_is_refused(tmp_path: Path) -> None:
@@ -166,4 +166,4 @@ def test_a_bench_for_other_models_is_refused(tmp_path: Path) -> None:
     )
     (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(RecipeError, match="not built for"):
-        elsewhere(TRACE, recipe(tmp_path, "simple"), str(tmp_path / "other.yaml"), None)
+        elsewhere(TRACE, recipe(tmp_path, "simple"), str(tmp_path / "other.yaml"))

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pytest
+from lostmotion_command import here
 
 from analysis import SegmentInfo, segment_name
 from analysis.studies.simulated_run import SimulatedBench, course_of, measured_trace
@@ -61,10 +62,26 @@ def test_trace_from_elsewhere_has_a_budget_only_with_its_bench(tmp_path: Path) -
     columns["segment"] = [names[int(key)] for key in trace.segment]
     file = tmp_path / "trace.csv"
     pa_csv.write_csv(pa.table(columns), file)
-    alone = elsewhere(file, "rv-40e-121-quick", None, None)
-    known = elsewhere(file, "rv-40e-121-quick", "virtual", None, draws=20)
+    alone = elsewhere(file, "rv-40e-121-quick", None)
+    known = elsewhere(file, "rv-40e-121-quick", "virtual", draws=20)
     assert {metric["uncertainty_kind"] for metric in alone["metrics"]} == {"repeatability"}
     assert any("repeatability only" in note for note in alone["notes"])
     assert {metric["uncertainty_kind"] for metric in known["metrics"]} == {"budget"}
     assert all(metric["budget"] and metric["uncertainty"] > 0 for metric in known["metrics"])
     assert known["metrics"][0]["monte_carlo"]["draws"] == 20
+    for metric in known["metrics"]:
+        for side in metric["sides"].values():
+            assert side["monte_carlo"]["low"] < side["value"] < side["monte_carlo"]["high"]
+        assert metric["sides"][metric["side"]]["monte_carlo"] == metric["monte_carlo"]
+    assert {side["monte_carlo"] for metric in alone["metrics"] for side in metric["sides"].values()} == {None}
+    asked = ("analyze", str(file), "--recipe", "rv-40e-121-quick", "--monte-carlo", "60")
+    shown = here(*asked, "--bench", "virtual").out
+    assert "Monte Carlo, 60 draws of all errors at once" in shown
+    for name in ("backlash_width_3pct side −", "torque_ratio_offset load side −", "windup"):
+        row = next(line for line in shown.splitlines() if line.startswith(f"{name} "))
+        assert " … " in row, name
+    assert shown.index("Monte Carlo") < shown.index("record  ")
+    assert "torque_ratio_slope load side +" in here(*asked).out
+    assert "without a budget of the sensors' figures: backlash_width_3pct side +" in " ".join(here(*asked).out.split())
+    few = here(*asked[:-1], "1")
+    assert (few.exit_code, "--monte-carlo: found 1; allowed: 0 (none), or 50 and more" in few.err) == (2, True)

@@ -12,6 +12,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
+from analysis import GATES
 from recipes.recipe_schema import Validity
 
 ROOT = Path(__file__).parents[1]
@@ -37,8 +38,8 @@ PATIENT_INTERLOCKS: Changes = {
 }
 """At 1 ms; a longer period only makes the last of them longer."""
 
-NOT_ASKED = {"efficiency_low", "efficiency_high", "temperature_change", "temperature_low", "temperature_high", "loss"}
-"""Gates with a least value or in kelvin, which no hold-up moves."""
+NOT_ASKED = {"efficiency_high"} | {name for name, gate in GATES.items() if gate.least}
+"""Gates that no hold-up moves; of a least value 100 % would be the strictest limit there is."""
 
 OPEN_GATES: Changes = {
     "sampling": {"missed_periods": "100 %", "sample_age": _AGE},
@@ -52,7 +53,7 @@ OPEN_GATES: Changes = {
 """What a hold-up leaves of a loop that takes a second is not what these tests are about."""
 
 TIMING_GATES = frozenset({"missed_periods", "sample_age"})
-HELD_UP_GATES = TIMING_GATES | {"ramp_rate", "points_per_bin"}
+HELD_UP_GATES = TIMING_GATES | {"ramp_rate", "points_per_bin", "noise_low", "noise_high"}
 """Gates that a process which was held up makes fail: periods and samples are missing, and a ramp stood or jumped.
 
 Where one of timing has failed, so much is missing that any other may as well.

@@ -116,7 +116,7 @@ def repeated_samples(evidence: Evidence) -> Reading | str:
 
 def _as_measured(found: Measured, run: Run) -> FloatArray:
     """Torques and angles of a branch as they were recorded, shape (samples, channels)."""
-    channels = (getattr(found.trace, name) for name in COMPARED)
+    channels = (getattr(found.recorded, name) for name in COMPARED)
     return np.stack([run.take(values) for values in channels if values is not None], axis=1)
 
 

@@ -25,20 +25,25 @@ BLOCK = 50
 """Samples of which the noise is told where the quietest stretch counts: fewer would scatter below a third by chance."""
 
 
+Worst = Callable[[list[tuple[float, str]]], tuple[float, str]]
+"""Which channel counts, by its noise over the declared one."""
+
+
 def noise_low(evidence: Evidence) -> Reading | str:
     """Noise of the quietest 50 samples over the declared one, of the torque channel that has least of it, %.
 
     A display that shows little torque as none, a channel that stands for a while: each has a stretch without noise.
     """
-    return _noise(evidence, np.min)
+    return _noise(evidence, np.min, min)
 
 
 def noise_high(evidence: Evidence) -> Reading | str:
     """Noise over the declared one, of the torque channel that has most of it, %."""
-    return _noise(evidence, np.mean)
+    return _noise(evidence, np.mean, max)
 
 
-def _noise(evidence: Evidence, of_blocks: Callable[[FloatArray], float]) -> Reading | str:
+def _noise(evidence: Evidence, of_blocks: Callable[[FloatArray], float], of_channels: Worst) -> Reading | str:
+    """Return the noise of the channel that counts, in shares of what is declared of it, %."""
     found = evidence.measured
     if found is None:
         return NOT_EVALUATED
@@ -52,10 +57,9 @@ def _noise(evidence: Evidence, of_blocks: Callable[[FloatArray], float]) -> Read
     variances = {name: _variances(found, name) for name in there}
     if not all(one.size for one in variances.values()):
         return f"not measured: no branch has {BLOCK} samples"
-    ratios = {name: math.sqrt(of_blocks(one)) / declared[name] for name, one in variances.items()}
-    name = (min if of_blocks is np.min else max)(ratios, key=ratios.__getitem__)
-    words = f"{name} has noise of {ratios[name] * declared[name]:.2g} N·m, and {declared[name]:.2g} are declared"
-    return Reading(100.0 * ratios[name], words)
+    ratio, name = of_channels([(math.sqrt(of_blocks(one)) / declared[name], name) for name, one in variances.items()])
+    words = f"{name} has noise of {ratio * declared[name]:.2g} N·m, and {declared[name]:.2g} are declared"
+    return Reading(100.0 * ratio, words)
 
 
 def _variances(found: Measured, channel: str) -> FloatArray:

@@ -12,6 +12,10 @@ FUZZ_REPLIES ?= 100000
 SEEDS ?= 1000
 SECONDS ?= 600
 
+# Compiled modules are kept, in __pycache__, whatever the environment says: the tests start some three hundred processes,
+# and each would compile all of this code anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help setup run test model-check mutants wire-faults check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan coverage-study clean
 
 help:
@@ -19,7 +23,7 @@ help:
 	@echo "make test    set everything up and run the tests"
 	@echo "make model-check  every state that the controller can reach, held against the safety rules: a minute"
 	@echo "make mutants every safety row and guard made wrong once: the model check must notice each"
-	@echo "make wire-faults  the fault matrix over real wires, in real time: about ten minutes on a quiet machine"
+	@echo "make wire-faults  the fault matrix over real wires, on the bench that waits"
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code"
@@ -29,7 +33,7 @@ help:
 	@echo "make fuzz    coverage-guided fuzzing of every input (FUZZ_SECONDS=N each)"
 	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"
 	@echo "make seeds   1000 seeded runs in virtual time (SEEDS=N), each made twice and replayed: the same bytes"
-	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a guest under qemu"
+	@echo "make test-socketcan  the CAN driver and the main job on a real SocketCAN bus, in a Linux kernel that runs as a process"
 	@echo "make coverage-study  does the stated uncertainty hold? 200 simulated units, 40 on the virtual bench, half an hour"
 	@echo "make bench   performance figures, as ratios measured in one run"
 	@echo "make ten-minutes  a long scan over wires with cyclictest beside it (SECONDS=N): periods, records, memory"
@@ -42,7 +46,7 @@ $(STAMP): pyproject.toml constraints.txt
 setup: $(STAMP)
 
 run: $(STAMP)
-	$(BIN)/lostmotion run recipes/rv-40e-121-quick.yaml --serial P1-0001 --data $(RUN_DATA)
+	$(BIN)/lostmotion run recipes/rv-40e-121-quick.yaml --serial P1-0001 --data $(RUN_DATA) --report
 
 # The tests on real wires come after the others: each shares the machine with a virtual bench that keeps real time, and
 # two at a time leave room for that (their recipes and bench files wait 500 ms for what a busy machine holds up).
@@ -51,10 +55,10 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -m wires -n 2 --dist loadfile
 
 model-check: $(STAMP)
-	$(BIN)/python tests/model_check
+	$(BIN)/python tests/proofs/model_check
 
 mutants: $(STAMP)
-	$(BIN)/python tests/model_check mutants
+	$(BIN)/python tests/proofs/model_check mutants
 
 wire-faults: $(STAMP)
 	$(BIN)/lostmotion faults matrix --wires --page docs/wire-faults.md
@@ -73,26 +77,26 @@ docs: $(STAMP)
 	$(BIN)/python -m docs.generate
 
 kill-tests: $(STAMP)
-	$(BIN)/python tests/end_to_end/kill_drill.py $(KILLS)
+	$(BIN)/python tests/proofs/drills/kill_drill.py $(KILLS)
 
 power-cuts: $(STAMP)
-	$(BIN)/python tests/end_to_end/power_cuts.py $(CUTS)
+	$(BIN)/python tests/proofs/drills/power_cuts.py $(CUTS)
 
 fuzz: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,fuzz]'
-	$(BIN)/python tests/fuzz/coverage_guided.py $(FUZZ_SECONDS)
+	$(BIN)/python tests/proofs/fuzz/coverage_guided.py $(FUZZ_SECONDS)
 
 fuzz-wires: $(STAMP)
-	$(BIN)/python tests/fuzz/wires.py $(FUZZ_FRAMES) $(FUZZ_REPLIES)
+	$(BIN)/python tests/proofs/fuzz/wires.py $(FUZZ_FRAMES) $(FUZZ_REPLIES)
 
 seeds: $(STAMP)
-	nice $(BIN)/python tests/end_to_end/seeds.py $(SEEDS)
+	nice $(BIN)/python tests/proofs/drills/seeds.py $(SEEDS)
 
 golden: $(STAMP)
-	$(BIN)/python tests/golden/regenerate.py
+	$(BIN)/python tests/proofs/golden/regenerate.py
 
 test-socketcan: $(STAMP)
-	$(BIN)/python tests/socketcan/boot.py
+	$(BIN)/python tests/proofs/socketcan/boot.py
 
 coverage-study: $(STAMP)
 	$(BIN)/python -m benchmarks.coverage_study

@@ -18,9 +18,9 @@ from typing import Any
 
 from benchmarks import analysis_speed, monte_carlo_speed, virtual_time
 from benchmarks.wakeups import HEAD, ROOT, Lateness, cyclictest, full_scan, in_child, of_report
-from recipes.bus_load import bus_us
-from station.run.timing_rates import HEAD as RATES_HEAD
-from station.run.timing_rates import limit, measured
+from recipes.checks.bus_load import bus_us
+from station.timing.rates import HEAD as RATES_HEAD
+from station.timing.rates import limit, measured
 
 BITRATE = 1_000_000
 

@@ -13,7 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis import METRICS, Method, MetricWanted, Result, SegmentInfo, Trace, analyse
+from analysis.evaluation.pipeline import Result, analyse
+from analysis.loop.method import Method, MetricWanted
+from analysis.trace.trace import SegmentInfo, Trace
+from definitions.metrics import METRICS
 
 SAMPLES = 600_000
 CYCLES = 3

@@ -12,12 +12,13 @@ import sys
 import time
 from dataclasses import replace
 
-from analysis import METRICS, Method, MetricWanted, SensorFigures
+from analysis.loop.method import Method, MetricWanted
 from analysis.studies.coverage import CoverageRow, coverage
 from analysis.studies.simulated_pairs import simulated_pairs
 from analysis.studies.simulated_run import SimulatedBench
 from analysis.uncertainty.distributions import STATED_BY
-from analysis.uncertainty.figures import StatedBy
+from analysis.uncertainty.figures import SensorFigures, StatedBy
+from definitions.metrics import METRICS
 from recipes import load_bench
 from station.bench.figures import figures_of
 
@@ -35,7 +36,7 @@ CALIBRATED_UNITS = 8
 
 def wanted() -> list[MetricWanted]:
     """Every metric that is read from a loop and counts in a unit of its own."""
-    loops = [MetricWanted(name) for name, row in METRICS.items() if row.estimate is not None and not row.graded]
+    loops = [MetricWanted(name) for name, row in METRICS.items() if not row.calibration and not row.graded]
     return [*loops, MetricWanted("stiffness_50_100", branch="mean")]
 
 

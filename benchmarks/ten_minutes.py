@@ -15,9 +15,9 @@ import sys
 from typing import Any
 
 from benchmarks.wakeups import HEAD, LARGEST_US, Histogram, cyclictest_command, full_scan, of_report
-from station.commands.timing import GAPS_SHOWN, footing, lost_records
-from station.record.scan_times import CAUSES
-from station.run.timing_rates import MISSED_ALLOWED
+from station.cli.bench.timing import GAPS_SHOWN, footing, lost_records
+from station.records.scan_times import CAUSES
+from station.timing.rates import MISSED_ALLOWED
 
 PERIOD_US = 1000
 GROWTH_ALLOWED_KB = 4 * 1024

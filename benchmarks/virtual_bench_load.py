@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "virtual"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "virtual_bench"))
 
 from virtual_bench_example import example_server_config
 
-from controller.image import Orders
-from drivers.virtual.inprocess import VirtualTimeBench
-from drivers.virtual.plant import warm_up
-from drivers.virtual.server import run
+from definitions.image import Orders
+from virtual_bench.in_process import VirtualTimeBench
+from virtual_bench.physics.plant import warm_up
+from virtual_bench.server import run
 
 PERIOD_S = 0.001
 READ_AMPLIFIER = struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, 0, 14)

@@ -15,23 +15,25 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from analysis import MetricWanted, Trace, analyse
+from analysis.evaluation.pipeline import analyse
+from analysis.loop.method import MetricWanted
 from analysis.studies.coverage import Pair, coverage
+from analysis.trace.trace import Trace
 from benchmarks.coverage_study import HEAD, line, wanted
 from controller.controller import Controller
-from controller.image import State
-from drivers.virtual.config import AngleSensor, BenchConfig, TorqueSensor
-from drivers.virtual.inprocess import VirtualTimeBench
-from station.bench.assemble_virtual import virtual_config
+from definitions.image import State
+from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.figures import figures_of
 from station.bench.request import Job, load_job
 from station.durable import Appender
-from station.record.check import read_table
-from station.record.program_file import plain_program
+from station.records.program_file import plain_program
+from station.records.samples.table import table_of
 from station.results.evaluation import method_of, trace_of
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
+from virtual_bench.config import AngleSensor, BenchConfig, TorqueSensor
+from virtual_bench.in_process import VirtualTimeBench
 
 RECIPE = "rv-40e-121-inverse"
 FINE_BITS = 30
@@ -70,7 +72,7 @@ def run(job: Job, config: BenchConfig) -> Trace:
             run_virtual(bench, controller, recorder.append, start_once)
         recorder.flush()
         file.close()
-        table = read_table(path)
+        table = table_of(path.read_bytes())
     if controller.state is not State.COMPLETE:
         raise SystemExit(f"unit {config.unit}: the run ended as {controller.state.name.lower()}")
     segments = plain_program(job.program)["segments"]
@@ -96,7 +98,9 @@ def main() -> None:
     start = time.perf_counter()
     runs = []
     for seed in range(1, asked.units + 1):
-        config = virtual_config(job.bench, job.profile_paths, f"P1:{seed}")
+        unit = choose_unit(f"P1:{seed}", job.recipe, seed)
+        # another bench each time: the errors of the sensors are what the stated uncertainty must hold
+        config = replace(virtual_config(job.bench, job.profile_paths, unit), sensor_seed=seed)
         runs.append((run(job, without_errors(config)), run(job, config)))
         print(f"\r{seed} of {asked.units} units, {time.perf_counter() - start:.0f} s", end="", file=sys.stderr)
     for torque, text in TORQUES.items():

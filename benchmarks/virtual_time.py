@@ -10,14 +10,15 @@ import time
 from pathlib import Path
 
 from controller.controller import Controller
-from drivers.virtual.inprocess import VirtualTimeBench
-from station.bench.assemble_virtual import virtual_config
+from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import load_job
+from station.bench.virtual_unit import FIXED_SEED
 from station.durable import Appender
 from station.results.replay import replay
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
+from virtual_bench.in_process import VirtualTimeBench
 
 RECIPE = "rv-40e-121-quick"
 
@@ -26,7 +27,9 @@ def measure() -> tuple[float, float, int]:
     """Return the virtual-time factor, replayed scans per second, and the number of scans."""
     job = load_job(RECIPE, None)
     period_ns = job.recipe.sampling.period_ns
-    bench = VirtualTimeBench(virtual_config(job.bench, job.profile_paths, "P1"), period_ns)
+    bench = VirtualTimeBench(
+        virtual_config(job.bench, job.profile_paths, choose_unit("P1", job.recipe, FIXED_SEED)), period_ns
+    )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "samples.bin"
         file = Appender(path)

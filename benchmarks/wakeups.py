@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from station.record.scan_times import Counts
+from station.records.scan_times import Counts
 from station.scan import realtime
 from station.scan.schedule import RealTimeSchedule
 

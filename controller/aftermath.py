@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from controller.context import RUNNING, Context, Outcome
-from controller.faults import FAULT_BY_ID
-from controller.image import DriveCommand, DriveMode, DriveState, Image, Reaction
 from controller.ramp import TorqueRamp
 from controller.unloading import Unloading
+from definitions.faults import FAULT_BY_ID
+from definitions.image import DriveCommand, DriveMode, DriveState, Image, Reaction
 
 DRIVE_IS_OFF = frozenset(
     {DriveState.SWITCH_ON_DISABLED, DriveState.NOT_READY_TO_SWITCH_ON, DriveState.FAULT, DriveState.READY_TO_SWITCH_ON},
@@ -165,7 +165,7 @@ class FaultReaction:
         if not self.acknowledged:
             return "reset refused: the fault is not acknowledged"
         if self._context.phase != self.SETTLED:
-            return "reset refused: the reaction to the fault is still under way"
+            return "reset refused: the fault reaction is still active"
         self._context.phase = self.DRIVE_RESET
         self._waited = 0
         self._pulsed = False

@@ -6,7 +6,7 @@ covariance is the analysis' task, from the record.
 
 from __future__ import annotations
 
-from controller.program import Segment
+from definitions.program import Segment
 
 
 class LoadingLine:

@@ -1,7 +1,8 @@
-"""The conditions that interlocks look for: what one scan has measured, and one predicate for each.
+"""The conditions that interlocks look for: what one scan has measured, and which conditions are present in it.
 
-A predicate sees the image, what was measured from it, the limits and the program; it answers True when its condition is
-present. It keeps nothing and decides nothing: `controller.interlocks` says where each counts and judges.
+`present` answers with a mask, bit n for fault number n. It sees the image, what was measured from it, the limits and
+the program; it keeps nothing and decides nothing: `controller.interlocks` says where each condition counts, and judges.
+One test for each condition, in a function for each kind of them: a call for each would be most of a scan's time.
 
 Ages are judged less the periods that the controller itself missed: nobody asked the devices in that time. A hold-up has
 a condition of its own.
@@ -11,7 +12,8 @@ from __future__ import annotations
 
 from math import inf, isfinite
 
-from controller.image import (
+from definitions.faults import bit_of
+from definitions.image import (
     AGE_NEVER,
     Command,
     DriveMode,
@@ -21,7 +23,7 @@ from controller.image import (
     NmtState,
     SampleStatus,
 )
-from controller.program import Limits, Program
+from definitions.program import Limits, Program
 
 CYCLIC_MODES = (DriveMode.CYCLIC_SYNC_TORQUE, DriveMode.CYCLIC_SYNC_VELOCITY)
 
@@ -37,14 +39,40 @@ _DRIVE_FAULTS = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _SATURATED = int(SampleStatus.TORQUE_IN_SATURATED | SampleStatus.TORQUE_OUT_SATURATED)
 _NOT_READY = int(SampleStatus.NOT_READY)
 
+# The bits of the conditions, by kind.
+ESTOP, GUARD_OPEN = bit_of("estop"), bit_of("guard_open")
+OPERATOR_QUICK_STOP = bit_of("operator_quick_stop")
+HOUSING_TEMPERATURE, MISSED_PERIODS = bit_of("housing_temperature"), bit_of("missed_periods")
+
+CAN_LOST, AMPLIFIER_LOST = bit_of("can_lost"), bit_of("amplifier_lost")
+BRAKE_LINK_LOST, REMOTE_IO_LOST = bit_of("brake_link_lost"), bit_of("remote_io_lost")
+DRIVE_HEARTBEAT_LOST, DRIVE_DATA_STALE = bit_of("drive_heartbeat_lost"), bit_of("drive_data_stale")
+SAMPLE_STALE, SAMPLE_LATE, SAMPLE_FROZEN = bit_of("sample_stale"), bit_of("sample_late"), bit_of("sample_frozen")
+
+DRIVE_FAULT, DRIVE_EMERGENCY = bit_of("drive_fault"), bit_of("drive_emergency")
+DRIVE_DROPPED_OUT, DRIVE_MODE_REFUSED = bit_of("drive_dropped_out"), bit_of("drive_mode_refused")
+DRIVE_INTERNAL_LIMIT, DRIVE_NOT_FOLLOWING = bit_of("drive_internal_limit"), bit_of("drive_not_following")
+
+TORQUE_OUT_TRIP, TORQUE_IN_TRIP = bit_of("torque_out_trip"), bit_of("torque_in_trip")
+TORQUE_OUT_ALARM, OVERSPEED, OVER_TRAVEL = bit_of("torque_out_alarm"), bit_of("overspeed"), bit_of("over_travel")
+LOCK_SLIP, BRAKE_CURRENT_LOST = bit_of("lock_slip"), bit_of("brake_current_lost")
+BRAKE_STAYS_CLOSED = bit_of("brake_stays_closed")
+
+SENSOR_NOT_A_NUMBER, SENSOR_SATURATED = bit_of("sensor_not_a_number"), bit_of("sensor_saturated")
+SAMPLE_NOT_READY = bit_of("sample_not_ready")
+TORQUE_CHANNELS_DISAGREE = bit_of("torque_channels_disagree")
+ANGLE_CHANNELS_DISAGREE = bit_of("angle_channels_disagree")
+
 
 class Measured:
     """What one scan knows beyond the raw image: tared torques, motions since the references, what is expected.
 
     Torques in N·m and angles in rad. `drive_enabled_expected`, `mode_expected` and `brake_current_expected_a` are what
-    the orders of earlier scans should have led to by now. `drive_apart_rad`: by how much the drive's position and the
-    angle sensor of the loaded shaft have moved apart since they were set equal; `angles_compared`: whether that still
-    tells anything. On the way back from a fault it does not: nobody knows where the two would agree.
+    the orders of earlier scans should have led to by now. `fastest_rad_s`: the largest speed for as long as a value may
+    be old (`Context.keep_fastest`). `request_age_scans`: scans since the sample was asked for, at most.
+    `drive_apart_rad`: by how much the drive's position and the angle sensor of the loaded shaft have moved apart since
+    they were set equal; `angles_compared`: whether that still tells anything. On the way back from a fault it does not:
+    nobody knows where the two would agree.
     """
 
     __slots__ = (
@@ -56,9 +84,11 @@ class Measured:
         "counter_stands",
         "drive_apart_rad",
         "drive_enabled_expected",
+        "fastest_rad_s",
         "lock_motion_limit_rad",
         "locked_motion_rad",
         "mode_expected",
+        "request_age_scans",
         "speed_rad_s",
         "torque_in_nm",
         "torque_out_nm",
@@ -68,128 +98,110 @@ class Measured:
     def __init__(self) -> None:
         self.torque_in_nm = self.torque_out_nm = self.controlled_nm = 0.0
         self.travel_rad = self.locked_motion_rad = self.speed_rad_s = self.drive_apart_rad = 0.0
+        self.fastest_rad_s = 0.0
         self.lock_motion_limit_rad = inf
         self.brake_current_expected_a = self.brake_tolerance_a = 0.0
         self.drive_enabled_expected = self.counter_stands = self.agreement_live = False
         self.angles_compared = True
-        self.mode_expected = 0
+        self.mode_expected = self.request_age_scans = 0
 
 
-def estop(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return not i.estop_released and i.io_age_scans != AGE_NEVER
+def present(i: Image, m: Measured, li: Limits, p: Program) -> int:
+    """Return the bits of all conditions that are present, whether an interlock is live for them or not."""
+    return _surroundings(i, li) | _connections(i, m, li) | _drive(i, m) | _load(i, m, li, p) | _sensors(i, m, li, p)
 
 
-def guard_open(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return not i.guard_closed and i.io_age_scans != AGE_NEVER
+def _surroundings(i: Image, li: Limits) -> int:
+    """People, the room and the computer itself."""
+    bits = 0
+    if i.io_age_scans != AGE_NEVER:
+        if not i.estop_released:
+            bits |= ESTOP
+        if not i.guard_closed:
+            bits |= GUARD_OPEN
+        if i.housing_temp_c > li.housing_temperature_c:
+            bits |= HOUSING_TEMPERATURE
+    if i.command == _QUICK_STOP:
+        bits |= OPERATOR_QUICK_STOP
+    if i.missed_periods > li.missed_in_a_row:
+        bits |= MISSED_PERIODS
+    return bits
 
 
-def operator_quick_stop(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return i.command == _QUICK_STOP
+def _connections(i: Image, m: Measured, li: Limits) -> int:
+    """Links that are down, and values that grow too old."""
+    bits, missed, lost = 0, i.missed_periods, i.links_lost
+    if lost & _CAN:
+        bits |= CAN_LOST
+    if i.drive_heartbeat_age_scans - missed > li.heartbeat_scans:
+        bits |= DRIVE_HEARTBEAT_LOST
+    if i.drive_age_scans - missed > li.drive_stale_scans or i.drive_nmt_state != _OPERATIONAL:
+        bits |= DRIVE_DATA_STALE
+    if lost & _AMPLIFIER:
+        bits |= AMPLIFIER_LOST
+    if i.sample_age_scans - missed > li.sample_stale_scans:
+        bits |= SAMPLE_STALE
+    if i.sample_age_scans - missed > li.sample_late_scans:
+        bits |= SAMPLE_LATE
+    if m.counter_stands:
+        bits |= SAMPLE_FROZEN
+    if lost & _BRAKE or i.brake_age_scans - missed > li.brake_stale_scans:
+        bits |= BRAKE_LINK_LOST
+    if lost & _REMOTE_IO or i.io_age_scans - missed > li.io_stale_scans:
+        bits |= REMOTE_IO_LOST
+    return bits
 
 
-def can_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & _CAN)
+def _drive(i: Image, m: Measured) -> int:
+    """What the drive says of itself, and what it does otherwise than it was ordered."""
+    bits = 0
+    if i.drive_state in _DRIVE_FAULTS:
+        bits |= DRIVE_FAULT
+    if i.drive_emcy_code:
+        bits |= DRIVE_EMERGENCY
+    if m.mode_expected and m.mode_expected != i.drive_mode:
+        bits |= DRIVE_MODE_REFUSED
+    if m.drive_enabled_expected:
+        if i.drive_state != _ENABLED:
+            bits |= DRIVE_DROPPED_OUT
+        if i.drive_internal_limit:
+            bits |= DRIVE_INTERNAL_LIMIT
+        if not i.drive_follows_command and i.drive_mode in CYCLIC_MODES:
+            bits |= DRIVE_NOT_FOLLOWING
+    return bits
 
 
-def drive_heartbeat_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.drive_heartbeat_age_scans - i.missed_periods > li.heartbeat_scans
-
-
-def drive_data_stale(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.drive_age_scans - i.missed_periods > li.drive_stale_scans or i.drive_nmt_state != _OPERATIONAL
-
-
-def amplifier_lost(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & _AMPLIFIER)
-
-
-def sample_stale(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.sample_age_scans - i.missed_periods > li.sample_stale_scans
-
-
-def sample_late(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.sample_age_scans - i.missed_periods > li.sample_late_scans
-
-
-def sample_frozen(_i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return m.counter_stands
-
-
-def brake_link_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & _BRAKE) or i.brake_age_scans - i.missed_periods > li.brake_stale_scans
-
-
-def remote_io_lost(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return bool(i.links_lost & _REMOTE_IO) or i.io_age_scans - i.missed_periods > li.io_stale_scans
-
-
-def drive_fault(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return i.drive_state in _DRIVE_FAULTS
-
-
-def drive_emergency(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return i.drive_emcy_code != 0
-
-
-def drive_dropped_out(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return m.drive_enabled_expected and i.drive_state != _ENABLED
-
-
-def drive_mode_refused(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return m.mode_expected not in (0, i.drive_mode)
-
-
-def drive_internal_limit(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return m.drive_enabled_expected and bool(i.drive_internal_limit)
-
-
-def drive_not_following(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return m.drive_enabled_expected and i.drive_mode in CYCLIC_MODES and not i.drive_follows_command
-
-
-def torque_out_trip(i: Image, m: Measured, li: Limits, p: Program) -> bool:
+def _load(i: Image, m: Measured, li: Limits, p: Program) -> int:
+    """Torques and motions beyond their limits, and what holds the lock."""
+    bits, torque_out_nm = 0, abs(m.torque_out_nm)
     # where the servo loads the output, its own torque shows an overload that a stuck sensor hides
     overload = not p.loading_input and abs(i.drive_torque_nm) > li.torque_out_trip_nm * DRIVE_TORQUE_FACTOR
-    return overload or abs(m.torque_out_nm) > li.torque_out_trip_nm
-
-
-def torque_in_trip(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
-    return abs(m.torque_in_nm) > li.torque_in_trip_nm
-
-
-def torque_out_alarm(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
-    return abs(m.torque_out_nm) > li.torque_out_alarm_nm
-
-
-def overspeed(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
-    return abs(m.speed_rad_s) > li.speed_rad_s
-
-
-def over_travel(_i: Image, m: Measured, li: Limits, _p: Program) -> bool:
-    return abs(m.travel_rad) > li.travel_rad
-
-
-def lock_slip(_i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return abs(m.locked_motion_rad) > m.lock_motion_limit_rad
-
-
-def brake_current_lost(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return m.brake_current_expected_a > 0.0 and (
+    if overload or torque_out_nm > li.torque_out_trip_nm:
+        bits |= TORQUE_OUT_TRIP
+    if torque_out_nm > li.torque_out_alarm_nm:
+        bits |= TORQUE_OUT_ALARM
+    if abs(m.torque_in_nm) > li.torque_in_trip_nm:
+        bits |= TORQUE_IN_TRIP
+    if abs(m.speed_rad_s) > li.speed_rad_s:
+        bits |= OVERSPEED
+    if abs(m.travel_rad) > li.travel_rad:
+        bits |= OVER_TRAVEL
+    if abs(m.locked_motion_rad) > m.lock_motion_limit_rad:
+        bits |= LOCK_SLIP
+    if m.brake_current_expected_a > 0.0 and (
         not i.brake_on or i.brake_current_a < m.brake_current_expected_a - m.brake_tolerance_a
-    )
+    ):
+        bits |= BRAKE_CURRENT_LOST
+    if i.brake_age_scans != AGE_NEVER and (i.brake_on or i.brake_current_a > m.brake_tolerance_a):
+        bits |= BRAKE_STAYS_CLOSED
+    return bits
 
 
-def housing_temperature(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.io_age_scans != AGE_NEVER and i.housing_temp_c > li.housing_temperature_c
-
-
-def missed_periods(i: Image, _m: Measured, li: Limits, _p: Program) -> bool:
-    return i.missed_periods > li.missed_in_a_row
-
-
-def sensor_not_a_number(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
+def _sensors(i: Image, m: Measured, li: Limits, p: Program) -> int:
+    """Values that cannot be, or contradict each other."""
+    bits = 0
     # a sum is finite only when every term is: one test instead of eight
-    return not isfinite(
+    if not isfinite(
         i.torque_in_nm
         + i.torque_out_nm
         + i.angle_in_rad
@@ -198,21 +210,22 @@ def sensor_not_a_number(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool
         + i.housing_temp_c
         + i.drive_torque_nm
         + i.drive_angle_rad
-        + i.drive_velocity_rad_s,
-    )
+        + i.drive_velocity_rad_s
+    ):
+        bits |= SENSOR_NOT_A_NUMBER
+    if i.sample_status:
+        if i.sample_status & _SATURATED:
+            bits |= SENSOR_SATURATED
+        if i.sample_status & _NOT_READY:
+            bits |= SAMPLE_NOT_READY
+    if m.agreement_live and _torques_disagree(i, m, li, p):
+        bits |= TORQUE_CHANNELS_DISAGREE
+    if m.angles_compared and abs(m.drive_apart_rad) > li.angle_agreement_rad and _angles_disagree(i, m, li, p):
+        bits |= ANGLE_CHANNELS_DISAGREE
+    return bits
 
 
-def sensor_saturated(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return bool(i.sample_status & _SATURATED)
-
-
-def sample_not_ready(i: Image, _m: Measured, _l: Limits, _p: Program) -> bool:
-    return bool(i.sample_status & _NOT_READY)
-
-
-def torque_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
-    if not m.agreement_live:
-        return False
+def _torques_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
     out_nm, margin_nm = m.torque_out_nm, li.torque_agreement_nm
     if p.loading_input:
         ideal_nm, factor = m.torque_in_nm * p.ratio, li.torque_agreement_ratio
@@ -225,16 +238,11 @@ def torque_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> b
     return out_nm > ideal_nm * factor + margin_nm or out_nm < ideal_nm / factor - margin_nm
 
 
-def angle_channels_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
-    apart_rad = abs(m.drive_apart_rad)
-    if apart_rad <= li.angle_agreement_rad or not m.angles_compared:
-        return False
-    # the shaft turns on between two values of different age, and the couplings between drive and sensor twist
-    scans = i.drive_age_scans + i.sample_age_scans + li.angle_lag_scans
-    turned_rad = abs(m.speed_rad_s) * scans * p.period_s
+def _angles_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
+    """Whether they are further apart than at rest, and than what explains it."""
+    # The shaft turns on between two values of different age, and the couplings between drive and sensor twist. It may
+    # have been faster then than it is now.
+    scans = i.drive_age_scans + m.request_age_scans + li.angle_lag_scans
+    turned_rad = m.fastest_rad_s * scans * p.period_s
     torque_nm = m.torque_in_nm if p.loading_input else m.torque_out_nm
-    return apart_rad > li.angle_agreement_rad + turned_rad + abs(torque_nm) * li.coupling_rad_per_nm
-
-
-def brake_stays_closed(i: Image, m: Measured, _l: Limits, _p: Program) -> bool:
-    return i.brake_age_scans != AGE_NEVER and (bool(i.brake_on) or i.brake_current_a > m.brake_tolerance_a)
+    return abs(m.drive_apart_rad) > li.angle_agreement_rad + turned_rad + abs(torque_nm) * li.coupling_rad_per_nm

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 from controller.conditions import Measured
-from controller.image import AGE_NEVER, DriveCommand, DriveMode, Image
-from controller.program import Program
+from definitions.image import AGE_NEVER, DriveCommand, DriveMode, Image
+from definitions.program import Program
 
 
 class Outcome(NamedTuple):
@@ -33,6 +33,12 @@ class Context:
     """Shared by all steps of one controller; nothing here decides anything."""
 
     __slots__ = (
+        "_answer_took_scans",
+        "_fast_for_scans",
+        "_fastest_before_rad_s",
+        "_fastest_now_rad_s",
+        "_oldest_scans",
+        "_sample_age_scans",
         "angle_in_zero_rad",
         "angle_out_zero_rad",
         "brake_current_a",
@@ -75,6 +81,15 @@ class Context:
         self.left_loaded = False
         self.lock_found = True
         self.notes: list[str] = []
+        limits = program.limits
+        # a sample that is as old as it may be, and whose answer took as long
+        self._oldest_scans = (
+            2 * limits.sample_stale_scans + limits.drive_stale_scans + math.ceil(limits.angle_lag_scans)
+        )
+        self._sample_age_scans = AGE_NEVER
+        self._answer_took_scans = 0
+        self._fast_for_scans = 0
+        self._fastest_now_rad_s = self._fastest_before_rad_s = 0.0
         self.begin()
 
     def begin(self) -> None:
@@ -100,19 +115,51 @@ class Context:
         if self.lock_found:
             self.keep_lock(image)
         measured, program = self.measured, self.program
-        measured.torque_in_nm = image.torque_in_nm - self.torque_in_tare_nm
-        measured.torque_out_nm = image.torque_out_nm - self.torque_out_tare_nm
-        if self.control_from_input:
-            measured.controlled_nm = program.control.slope * measured.torque_in_nm
+        measured.torque_in_nm = torque_in_nm = image.torque_in_nm - self.torque_in_tare_nm
+        measured.torque_out_nm = torque_out_nm = image.torque_out_nm - self.torque_out_tare_nm
+        measured.controlled_nm = program.control.slope * torque_in_nm if self.control_from_input else torque_out_nm
+        if program.loading_input:  # as `travel_rad` and `locked_angle_rad`, which take a call each
+            travel_rad = image.angle_in_rad - self.angle_in_zero_rad
+            measured.locked_motion_rad = image.angle_out_rad - self.lock_zero_rad
         else:
-            measured.controlled_nm = measured.torque_out_nm
-        travel_rad = measured.travel_rad = self.travel_rad(image)
-        measured.locked_motion_rad = self.locked_angle_rad(image) - self.lock_zero_rad
+            travel_rad = image.angle_out_rad - self.angle_out_zero_rad
+            measured.locked_motion_rad = image.angle_in_rad - self.lock_zero_rad
+        measured.travel_rad = travel_rad
         measured.drive_apart_rad = image.drive_angle_rad - self.drive_angle_zero_rad - travel_rad
-        measured.speed_rad_s = image.drive_velocity_rad_s
+        measured.speed_rad_s = speed_rad_s = image.drive_velocity_rad_s
+        elapsed, age_scans = 1 + image.missed_periods, image.sample_age_scans
+        self._age_of_request(age_scans, elapsed)
+        self.keep_fastest(abs(speed_rad_s), elapsed)
         # an answer of this scan or the one before; where none comes, the age tells (`sample_stale`)
-        measured.counter_stands = image.sample_age_scans <= 1 and image.sample_counter == self.last_counter
-        self.last_counter = image.sample_counter
+        counter = image.sample_counter
+        measured.counter_stands = age_scans <= 1 and counter == self.last_counter
+        self.last_counter = counter
+
+    def _age_of_request(self, age_scans: int, elapsed: int) -> None:
+        """Measure how long ago the sample may have been asked for: a slow amplifier may have measured then.
+
+        It is asked again only when it has answered, so no answer took longer than the time since the one before.
+        """
+        grown_scans = self._sample_age_scans + elapsed
+        if age_scans < grown_scans:
+            self._answer_took_scans = grown_scans - age_scans if self._sample_age_scans < AGE_NEVER else 0
+        self._sample_age_scans = age_scans
+        self.measured.request_age_scans = age_scans + self._answer_took_scans
+
+    def keep_fastest(self, speed_rad_s: float, elapsed: int) -> None:
+        """Keep the largest speed of the last scans: of as many as a value may be old before that itself is a fault.
+
+        Two spans of that length follow each other, so that it is kept for one to two of them.
+        """
+        self._fast_for_scans += elapsed
+        if self._fast_for_scans > self._oldest_scans:
+            self._fast_for_scans = 0
+            self._fastest_before_rad_s, self._fastest_now_rad_s = self._fastest_now_rad_s, 0.0
+        # comparisons: two calls of max are a tenth of what a scan takes for all that it measures
+        now_rad_s, before_rad_s = self._fastest_now_rad_s, self._fastest_before_rad_s
+        if speed_rad_s > now_rad_s:
+            self._fastest_now_rad_s = now_rad_s = speed_rad_s
+        self.measured.fastest_rad_s = max(now_rad_s, before_rad_s)
 
     def disable_drive(self) -> None:
         """No torque and no voltage from the drive."""

@@ -9,25 +9,52 @@ A trip and its orders belong to the same scan as the detection.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 from controller.aftermath import FaultReaction, Release
 from controller.context import RUNNING, Context, Event, Outcome
-from controller.faults import FAULT_BY_ID, FAULT_BY_NUMBER, cause_among
 from controller.held_lock import Left
-from controller.image import Command, Image, Orders, Reaction, State
 from controller.interlocks import Watch
 from controller.loading import Loading
 from controller.preparation import CloseLock, Home, Readiness
-from controller.program import Program
 from controller.states import END_STATES, TRANSITIONS, Sequence
+from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER, cause_among
+from definitions.image import Command, Image, Orders, Reaction, State, taker
+from definitions.program import Program
 
 _STOPPABLE = frozenset(row.source for row in TRANSITIONS if row.trigger == "stop")
 _LOADING_STATES = frozenset({State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG, State.UNLOAD})
 # Asked in every scan: a member looked up by its class costs twenty times as much.
-_FAULT, _HOLD, _UNLOAD, _NO_COMMAND = State.FAULT, Reaction.HOLD, Reaction.UNLOAD, Command.NONE
-# Of a tuple of all fields: a quarter of the time of a call with as many arguments.
-_orders_of = partial(tuple.__new__, Orders)
+_FAULT, _HOLD, _UNLOAD = State.FAULT, Reaction.HOLD, Reaction.UNLOAD
+_orders_of = taker()
+
+
+class _OrdersDraft:
+    """The orders of a scan in the making: one attribute for each field of `Orders`."""
+
+    __slots__ = Orders._fields
+
+    def fill(self, context: Context, state: State, reaction: int, watch: Watch, first_out: int) -> None:
+        """Take what the scan has led to; `reaction` is the one in force, `first_out` the fault it began with."""
+        segment = context.segment
+        self.drive_command = context.drive_command
+        self.drive_mode = context.drive_mode
+        self.drive_target_torque_nm = context.drive_torque_nm
+        self.drive_target_velocity_rad_s = context.drive_velocity_rad_s
+        self.brake_on = context.brake_on
+        self.brake_current_a = context.brake_current_a
+        self.state = state
+        self.phase = context.phase
+        self.segment = segment.index
+        self.cycle = segment.cycle
+        self.reaction = reaction
+        self.fault = first_out
+        self.alarms = watch.latched
+        self.reference_torque_nm = context.reference_nm
+        self.controlled_torque_nm = context.measured.controlled_nm
+        self.torque_in_tare_nm = context.torque_in_tare_nm
+        self.torque_out_tare_nm = context.torque_out_tare_nm
+        self.angle_in_zero_rad = context.angle_in_zero_rad
+        self.angle_out_zero_rad = context.angle_out_zero_rad
 
 
 class Controller:
@@ -60,6 +87,7 @@ class Controller:
             State.COMPLETE: self._scan_end,
             State.STOPPED: self._scan_end,
         }
+        self._draft = _OrdersDraft()
         self._left = left
         self._waits_for_person = left is not None
         self._start_pending = False
@@ -99,24 +127,29 @@ class Controller:
             outcome = self._fault.scan(image, elapsed, self._watch.active)
             if outcome.trigger:
                 self._leave_fault(image, scan)
-        elif strongest >= _UNLOAD:
+        elif strongest and strongest >= _UNLOAD:
             self._trip(self._watch.active, Reaction(strongest), image, scan)
         else:
             if self._watch.active:
                 self._log_alarms(scan)
-            context.hold = strongest == _HOLD
-            ordered = self._command(image.command, scan) if image.command != _NO_COMMAND else None
+            context.hold = strongest != 0 and strongest == _HOLD
+            ordered = self._command(image.command, scan) if image.command else None
             outcome = ordered or self._scan_by_state[state](image, elapsed)
-            if outcome.fault:
-                number = FAULT_BY_ID[outcome.fault].number
-                self._trip(1 << number, FAULT_BY_NUMBER[number].reaction, image, scan)
-            elif outcome.trigger == "closed":
-                self._loading.begin(self._first_segment(State.LOCK))
-            elif outcome.trigger:
-                self._move(outcome.trigger, image, scan)
+            if outcome is not RUNNING:
+                self._follow(outcome, image, scan)
         if context.notes:
             self._take_notes(scan)
         return self._orders(strongest)
+
+    def _follow(self, outcome: Outcome, image: Image, scan: int) -> None:
+        """Do what a step has ended with."""
+        if outcome.fault:
+            number = FAULT_BY_ID[outcome.fault].number
+            self._trip(1 << number, FAULT_BY_NUMBER[number].reaction, image, scan)
+        elif outcome.trigger == "closed":
+            self._loading.begin(self._first_segment(State.LOCK))
+        elif outcome.trigger:
+            self._move(outcome.trigger, image, scan)
 
     # --- the state that is on
 
@@ -231,28 +264,7 @@ class Controller:
         self._context.notes.clear()
 
     def _orders(self, strongest: int) -> Orders:
-        context = self._context
         state = self._sequence.state
-        return _orders_of(
-            (
-                context.drive_command,
-                context.drive_mode,
-                context.drive_torque_nm,
-                context.drive_velocity_rad_s,
-                context.brake_on,
-                context.brake_current_a,
-                state,
-                context.phase,
-                context.segment.index,
-                context.segment.cycle,
-                self._fault.reaction if state == _FAULT else strongest,
-                self.first_out,
-                self._watch.latched,
-                context.reference_nm,
-                context.measured.controlled_nm,
-                context.torque_in_tare_nm,
-                context.torque_out_tare_nm,
-                context.angle_in_zero_rad,
-                context.angle_out_zero_rad,
-            )
-        )
+        reaction = self._fault.reaction if state == _FAULT else strongest
+        self._draft.fill(self._context, state, reaction, self._watch, self.first_out)
+        return _orders_of(self._draft)

@@ -14,8 +14,8 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from controller.faults import Fault
-from controller.program import Program
+from definitions.faults import Fault
+from definitions.program import Program
 
 LEAST_SCANS = 2
 """A time shorter than this many scans: one spoiled reading may never stop a run."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controller.context import RUNNING, Context, Outcome
-from controller.image import Image
+from definitions.image import Image
 
 
 class Left(NamedTuple):

@@ -5,12 +5,12 @@ from __future__ import annotations
 from controller.calibration import LoadingLine
 from controller.context import RUNNING, Context, Outcome
 from controller.held_lock import HeldLock
-from controller.image import DriveCommand, DriveMode, DriveState, Image, State
 from controller.preparation import ENABLE_PATH
-from controller.program import Segment
 from controller.ramp import SpeedRamp, TorqueRamp
 from controller.states import TRIGGER_INTO
 from controller.unloading import Unloading
+from definitions.image import DriveCommand, DriveMode, DriveState, Image, State
+from definitions.program import Segment
 
 TIMEOUT_FAULT: dict[State, str] = {
     State.LOCK: "lock_unproven",
@@ -80,10 +80,8 @@ class Loading:
         context = self._context
         self._waited += elapsed
         segment = context.segment
-        if context.phase == self.ENABLE:
-            return self._enable(image)
-        if context.phase == self.MODE:
-            return self._switch_mode(image, segment)
+        if context.phase != self.RUN:
+            return self._enable(image) if context.phase == self.ENABLE else self._switch_mode(image, segment)
         state = segment.state
         if state == _CALIBRATE and segment.role == "calibrate":
             self._line.add(segment, context.measured.torque_in_nm, context.measured.torque_out_nm)
@@ -156,10 +154,11 @@ class Loading:
         return RUNNING
 
     def _left_above_rest(self) -> bool:
-        """Whether a unit that was left loaded holds more than an unloading leaves: at the threshold, noise decides."""
+        """Whether a locked unit holds more than an unloading leaves: just below the threshold, noise would decide."""
         context = self._context
         rest_nm = Unloading.SMALL_SHARE * context.program.release_torque_nm
-        locked = context.left_loaded and context.measured.brake_current_expected_a > 0.0
+        unloadable = context.lock_proven or context.left_loaded
+        locked = unloadable and context.measured.brake_current_expected_a > 0.0
         return locked and abs(context.measured.controlled_nm) > rest_nm
 
     def _switch_mode(self, image: Image, segment: Segment) -> Outcome:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from controller.context import RUNNING, Context, Outcome
-from controller.image import DriveCommand, DriveMode, DriveState, Image, NmtState
+from definitions.image import DriveCommand, DriveMode, DriveState, Image, NmtState
 
 ENABLE_PATH: dict[int, DriveCommand] = {
     DriveState.SWITCH_ON_DISABLED: DriveCommand.SHUTDOWN,

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from controller.program import Segment, TorqueControl
+from definitions.program import Segment, TorqueControl
 
 
 class TorqueRamp:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from transitions import Machine
 
-from controller.image import State
+from definitions.image import State
 
 S = State
 

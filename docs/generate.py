@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from analysis import GATES, STAGES
-from controller.budgets import BUDGETS
+from analysis.loop.stages import STAGES
 from controller.debounce import debounce_text
-from controller.faults import FAULTS
-from controller.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
 from controller.interlocks import INTERLOCKS
-from controller.program import ROLES
 from controller.states import TRANSITIONS
+from definitions.checks import CHECKS, Check
+from definitions.faults import FAULTS
+from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
+from definitions.program import ROLES
 from docs.markdown import NOTE, table
 from docs.metric_page import metrics
 from docs.option_pages import bench_options, recipe_options
-from drivers.virtual.fault_vocabulary import FAULTS as INJECTED
-from drivers.virtual.fault_vocabulary import ONLY_IN_VIRTUAL_TIME, ONLY_OVER_WIRES, on_the_wire
+from recipes.compiler.budgets import BUDGETS
+from virtual_bench.faults.vocabulary import FAULTS as INJECTED
+from virtual_bench.faults.vocabulary import NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES, on_the_wire
 
 FOLDER = Path(__file__).parent
 
@@ -92,8 +93,9 @@ def fault_vocabulary() -> str:
     """The page of the faults that can be injected."""
 
     def where(key: tuple[str, str]) -> str:
-        clocks = ["virtual time"] * (key not in ONLY_OVER_WIRES) + ["wires"] * (key not in ONLY_IN_VIRTUAL_TIME)
-        return ", ".join(clocks + ["gateway"] * (on_the_wire(*key) and key not in ONLY_IN_VIRTUAL_TIME))
+        wires = "wires, by the scan clock" if key in NOT_BY_WALL_CLOCK else "wires"
+        clocks = ["virtual time"] * (key not in ONLY_OVER_WIRES) + [wires]
+        return ", ".join(clocks + ["gateway"] * (on_the_wire(*key) and key not in NOT_BY_WALL_CLOCK))
 
     rows = (
         (f"`{target}`", f"`{verb}`", row.value, row.acts_on, where((target, verb)))
@@ -109,24 +111,23 @@ def fault_vocabulary() -> str:
     )
 
 
-def gates() -> str:
-    """The page of the stages and the validity gates of the analysis."""
+def checks() -> str:
+    """The page of the stages and the validity checks of the analysis."""
 
-    def limit(key: str) -> str:
-        gate = GATES[key]
-        unit = "" if gate.unit == "1" else f" {gate.unit}"
-        return f"{'at least' if gate.least else 'at most'} {gate.limit:g}{unit}"
+    def limit(check: Check) -> str:
+        unit = "" if check.unit == "1" else f" {check.unit}"
+        return f"{'at least' if check.at_least else 'at most'} {check.limit:g}{unit}"
 
     rows = (
-        (f"`{key}`", gate.what, limit(key), f"`validity.{key}`" if gate.configurable else "", gate.failed, gate.action)
-        for key, gate in GATES.items()
+        (c.title, f"`{key}`", c.figure, limit(c), f"`validity.{key}`" if c.settable else "", c.failed, c.action)
+        for key, c in CHECKS.items()
     )
-    head = ("gate", "figure", "limit", "option of the recipe", "when it fails", "what to do")
+    head = ("check", "id", "figure", "limit", "option of the recipe", "when it fails", "what to do")
     return (
-        "# Stages and validity gates\n\n" + NOTE + "\nWhat they are for: [the pipeline](pipeline.md).\n"
+        "# Stages and validity checks\n\n" + NOTE + "\nWhat they are for: [the pipeline](pipeline.md).\n"
         "\n## Stages\n\n" + table(("stage", "what it does"), STAGES.items())
-        + "\n## Gates\n\nA gate that fails makes the verdict NOT DECIDABLE, whatever the metrics say. A gate whose figure cannot be had"
-        " says why, and decides nothing. Shares of the wind-up are of the angle between the turning points.\n\n"
+        + "\n## Validity checks\n\nA check that fails makes the verdict NOT DECIDABLE, whatever the metrics say. A check whose figure"
+        " cannot be had says why, and decides nothing. Shares of the wind-up are of the angle between the turning points.\n\n"
         + table(head, rows)
     )  # fmt: skip
 
@@ -139,7 +140,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "recipe-options.md": recipe_options,
     "fault-vocabulary.md": fault_vocabulary,
     "bench-options.md": bench_options,
-    "gates.md": gates,
+    "checks.md": checks,
 }
 
 if __name__ == "__main__":

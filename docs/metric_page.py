@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from analysis import METRICS, Definition
-from analysis.curves import FITS
-from analysis.grades import GRADES
+from definitions.metrics import FITS, GRADES, METRICS, Metric
 from docs.markdown import NOTE, table
-from recipes.metric_presets import PRESETS, PresetMetric
+from recipes.schema.metric_presets import PRESETS, PresetMetric
 
 METRIC_WORDS = """
 The same loop gives different numbers under the same word, so the definition is part of every number: results, reports
 and `lostmotion metrics` give it beside the value, with the branch, the estimator, its break torques and the cycles.
 
-T is the torque at the output, f(T) the forward branch (torque rising), r(T) the return branch (torque falling), and
+T is the torque at the output, T_r the reference torque, f(T) the forward branch (torque rising), r(T) the return branch (torque falling), and
 m(T) = (f + r) / 2 the centreline, all as measured; F(T) is the centreline as fitted. Loading on the positive side is f,
 on the negative side r. A recipe chooses with `branch`, `side`, `torque`, `band`, `variant` and `fit`; the first of the
 names below is taken when it says nothing.
@@ -43,11 +41,11 @@ another grade, the grade is uncertain by one: with a guard band it is not decida
 """
 
 
-def _choices(metric: Definition) -> str:
+def _choices(metric: Metric) -> str:
     """What can be chosen for a metric, the default first."""
     several = {"branch": metric.branches, "variant": metric.variants, "fit": metric.fits}
     found = [f"{key}: {', '.join(names)}" for key, names in several.items() if len(names) > 1]
-    return "; ".join([*found, *(name.removesuffix("_nm") for name in metric.free)])
+    return "; ".join([*found, *metric.free])
 
 
 def _preset_metric(row: PresetMetric) -> str:
@@ -60,10 +58,20 @@ def _preset_metric(row: PresetMetric) -> str:
 def metrics() -> str:
     """The page of metric definitions, fits, presets and grades."""
     rows = (
-        (f"`{key}`", m.unit, m.text, m.estimator, ", ".join(m.sides), _choices(m), m.source)
+        (m.title, f"`{key}`", m.symbol, m.unit, m.text, m.estimator, ", ".join(m.sides), _choices(m), m.source)
         for key, m in METRICS.items()
     )
-    head = ("metric", "unit", "definition", "estimator", "sides", "what can be chosen", "where it comes from")
+    head = (
+        "metric",
+        "id",
+        "symbol",
+        "unit",
+        "definition",
+        "estimator",
+        "sides",
+        "what can be chosen",
+        "where it comes from",
+    )
     presets = (
         (f"`{key}`", p.text, ", ".join(map(_preset_metric, p.metrics)), p.reference, p.breaks)
         for key, p in PRESETS.items()

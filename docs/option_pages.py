@@ -9,20 +9,27 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from docs.markdown import NOTE, table
-from recipes.bench_schema import (
+from recipes.schema.bench_schema import (
     AngleSensor,
     BenchHeader,
     BrakeDevice,
     CanBus,
     Drive,
     ModbusDevice,
+    PaceOfBench,
     Sensors,
     TorqueSensor,
 )
-from recipes.calibration_schema import CalibratedUnit, Calibration, Fixture, FixtureCurve, FixtureParts, QuadrantLine
-from recipes.metric_schema import MetricWanted
-from recipes.quantity import show
-from recipes.recipe_schema import (
+from recipes.schema.calibration_schema import (
+    CalibratedUnit,
+    Calibration,
+    Fixture,
+    FixtureCurve,
+    FixtureParts,
+    QuadrantLine,
+)
+from recipes.schema.metric_schema import MetricWanted
+from recipes.schema.recipe_schema import (
     Decision,
     Header,
     Interlocks,
@@ -32,8 +39,7 @@ from recipes.recipe_schema import (
     UnitUnderTest,
     Validity,
 )
-from recipes.section import Quantity
-from recipes.sequence_schema import (
+from recipes.schema.sequence_schema import (
     Calibrate,
     FatigueCycles,
     Home,
@@ -44,6 +50,8 @@ from recipes.sequence_schema import (
     TorqueCycles,
     Unload,
 )
+from recipes.text.quantity import show
+from recipes.text.section import Quantity
 
 
 def _quantity(field: FieldInfo) -> Quantity | None:
@@ -107,7 +115,8 @@ def recipe_options() -> str:
         "step_cycles": StepCycles, "fatigue_cycles": FatigueCycles, "unload": Unload, "release": Release,
     }  # fmt: skip
     text = "# Every option of a recipe\n\n" + NOTE
-    text += "\n`loading` is `input` or `output`. Times, ages and speeds without default must be given.\n"
+    text += "\n`loading` is `input` or `output`. `report` is `on_request`, the default, or `always`: then pictures and report are"
+    text += " made after every run.\nTimes, ages and speeds without default must be given.\n"
     for name_of, model in sections.items():
         text += f"\n## {name_of}\n\n{_options(model)}"
     for name_of, model in steps.items():
@@ -120,7 +129,7 @@ def bench_options() -> str:
     sections = {
         "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
         "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
-        "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit,
+        "pace": PaceOfBench, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit,
     }  # fmt: skip
     text = "# Every option of a bench file\n\n" + NOTE
     for name_of, model in sections.items():

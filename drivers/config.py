@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from drivers.pace import PaceConfig
 from drivers.profile import DriveProfile, ModbusProfile
 
 ALL_CHANNELS = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
@@ -115,5 +116,7 @@ class WireBenchConfig:
     amplifier: ModbusConfig
     brake: ModbusConfig
     remote_io: ModbusConfig
+    pace: PaceConfig | None = None
+    """Where a virtual bench waits for the scan; None for a bench with a clock of its own, as real ones have."""
     channels: tuple[str, ...] = ALL_CHANNELS
     """The channels that this bench has sensors for; the amplifier's profile must deliver each."""

@@ -4,6 +4,7 @@ DriverError
 ├── BusError          the CAN bus cannot be opened
 ├── DriveSetupError   the drive is not the expected one, or did not take a protection
 ├── ModbusError       a Modbus device cannot be reached or is not the expected one
+├── PaceError         no virtual bench waits where the bench file says
 └── ProfileError      a device profile does not fit the part it is used for
 
 Every error carries its findings as `Problem` rows, all of them at once. They are raised before the scan only: from the
@@ -47,6 +48,10 @@ class DriveSetupError(DriverError):
 
 class ModbusError(DriverError):
     """A Modbus device cannot be reached or is another one than expected."""
+
+
+class PaceError(DriverError):
+    """No virtual bench waits for the scan where the bench file says."""
 
 
 class ProfileError(DriverError):

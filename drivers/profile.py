@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from drivers.data_types import SIZES, IntegerType, RegisterType
+from drivers.servo_drive.data_types import SIZES, IntegerType, RegisterType
 
 PDO_BYTES = 8
 MODBUS_READ_REGISTERS = 125

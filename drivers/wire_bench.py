@@ -9,23 +9,30 @@ from __future__ import annotations
 
 import can
 
-from controller.image import AGE_NEVER, DriveCommand, DriveMode, DriveState, Image, Link, Orders
-from drivers.can_bus import CanLink, open_can
-from drivers.can_drive import CanDrive
-from drivers.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
+from definitions.image import AGE_NEVER, DriveCommand, DriveMode, Image, Orders
+from drivers.can.bus import CanLink, open_can
+from drivers.can.other_controller import refuse_other_controller
 from drivers.config import ModbusConfig, WireBenchConfig
-from drivers.drive_setup import set_up_drive
 from drivers.errors import DriverError, ModbusError, Problem
-from drivers.modbus_device import ModbusDevice
-from drivers.modbus_frames import Outcome
-from drivers.modbus_line import ModbusLine
-from drivers.other_controller import refuse_other_controller
-from drivers.part_fields import PART_FIELDS, check_parts
-from drivers.position_count import PositionCount
-from drivers.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
+from drivers.modbus.device import ModbusDevice
+from drivers.modbus.frames import Outcome
+from drivers.modbus.line import ModbusLine
+from drivers.modbus.part_fields import PART_FIELDS, check_parts
+from drivers.pace import Pace
+from drivers.servo_drive.drive import CanDrive
+from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
+from drivers.servo_drive.setup import set_up_drive
+from drivers.wire_image import WireImage
 
 WORST_REPLY_TIMEOUTS = 3
 """RTU: a reply later than this many time-outs is taken for impossible, unless the bench file says otherwise."""
+
+MOST_MODBUS_CALLS = 4
+"""System calls for Modbus TCP in one scan: a look for each reply that is due, and requests in what is left of them.
+
+Every scan shall cost the same. The amplifier takes two of them; of the slow devices a request may have to wait for the
+next scan when both their replies came in this one.
+"""
 
 _NO_ORDERS = Orders(*[0] * len(Orders._fields))
 
@@ -45,28 +52,18 @@ class WireBench:
         self._lines: dict[str, ModbusLine] = {}
         self._link: CanLink | None = None
         self._drive: CanDrive | None = None
-        self._position = PositionCount()
+        self.pace = None if config.pace is None else Pace(config.pace)
         self.amplifier = self._device(config.amplifier)
         self.brake = self._device(config.brake)
         self.remote_io = self._device(config.remote_io)
         devices = (self.amplifier, self.brake, self.remote_io)
         self._devices = devices
-        self._sharing = tuple(
+        self._sharing = [
             (line, tuple(device for device in devices if device.line is line)) for line in self._lines.values()
-        )
-        self._torque_in = self.amplifier.place("torque_in_nm")
-        self._torque_out = self.amplifier.place("torque_out_nm")
-        self._angle_in = self.amplifier.place("angle_in_rad")
-        self._angle_out = self.amplifier.place("angle_out_rad")
-        self._sample_counter = self.amplifier.place("sample_counter")
-        self._sample_time = self.amplifier.place("sample_time_us")
-        self._sample_status = self.amplifier.place("sample_status")
-        self._brake_on = self.brake.place("brake_on")
-        self._brake_current = self.brake.place("brake_current_a")
-        self._estop = self.remote_io.place("estop_released")
-        self._guard = self.remote_io.place("guard_closed")
-        self._housing = self.remote_io.place("housing_temp_c")
-        self._ambient = self.remote_io.place("ambient_temp_c")
+        ]
+        """Lines with their devices in the order of their turns: the amplifier's is always the first."""
+        self._image = WireImage(self.amplifier, self.brake, self.remote_io)
+        self._requests_left = 0
 
     def _device(self, config: ModbusConfig) -> ModbusDevice:
         period_ns = self.config.period_ns
@@ -110,6 +107,14 @@ class WireBench:
             log += self._open_drive()
         except DriverError as error:
             problems += error.problems
+        if self.pace is not None and not problems:
+            try:
+                self.pace.open(self.config.can.connect_timeout_s)
+            except DriverError as error:
+                problems += error.problems
+            log.append(
+                f"{self.pace.config.where}: a virtual bench with unit {self.pace.unit}, which waits for the scan"
+            )
         if problems:
             self.close()
             raise DriverError(*problems)
@@ -126,66 +131,51 @@ class WireBench:
         verified = set_up_drive(link, self.config.drive, self.config.period_ns)
         heartbeat_scans = in_scans(self.config.drive.controller_heartbeat_s, self.config.period_ns)
         self._drive = CanDrive(link, self.config.drive, heartbeat_scans)
-        self._position = PositionCount()
+        self._image.opened()
         return [f"{self.config.can.where}: open", *verified]
+
+    def begin(self) -> None:
+        """Before the first scan (blocking): let a bench that waits do so, and count from here what goes both ways.
+
+        Raises DriverError when it does not answer. Nothing is done where the bench has a clock of its own.
+        """
+        if self.pace is None:
+            return
+        self.pace.begin(self.config.period_ns)
+        self.drive.link.count_from_now()
+        for line in self._lines.values():
+            line.count_from_now()
+        for device in self._devices:
+            device.requests = 0
+
+    @property
+    def in_step(self) -> bool:
+        """Whether the bench waits for the scan, and has answered in time."""
+        return self.pace is not None and self.pace.in_step
+
+    def wait(self) -> int:
+        """Wait, bounded, until a bench that waits has let the period pass; return the periods that it makes us miss.
+
+        A bench with a clock of its own is not waited for.
+        """
+        pace = self.pace
+        if pace is None:
+            return 0
+        missed = pace.wait()
+        answer = pace.answer
+        self.drive.link.frames_due = answer.frames
+        due = (answer.bytes_amplifier, answer.bytes_brake, answer.bytes_remote_io)
+        for line, devices in self._sharing:
+            line.bytes_due = sum(sent for device, sent in zip(self._devices, due, strict=True) if device in devices)
+        return missed
 
     def read(self, scan: int, missed_periods: int, command: int) -> Image:
         """Take what has arrived and return the image of this scan."""
         drive = self.drive
         drive.poll(scan, missed_periods)
-        amplifier, brake, remote_io = self._devices
-        amplifier.poll(scan)
-        brake.poll(scan)
-        remote_io.poll(scan)
-        statusword = drive.value("statusword")
-        drive_age_scans = drive.age_scans(scan)
-        mode = drive.value("mode_display")
-        units = drive.units
-        sample = amplifier.values
-        lock = brake.values
-        contacts = remote_io.values
-        links_lost = (
-            (Link.CAN if drive.link.lost else 0)
-            | (Link.AMPLIFIER if amplifier.lost else 0)
-            | (Link.BRAKE if brake.lost else 0)
-            | (Link.REMOTE_IO if remote_io.lost else 0)
-        )
-        return Image(
-            missed_periods=missed_periods,
-            command=command,
-            drive_state=decode_state(statusword) if drive_age_scans != AGE_NEVER else DriveState.UNKNOWN,
-            drive_statusword=statusword,
-            drive_mode=mode,
-            drive_internal_limit=internal_limit(statusword) | drive.setpoint_is_clamped,
-            drive_follows_command=follows_command(statusword, mode),
-            drive_homing_attained=homing_attained(statusword, mode),
-            drive_homing_error=homing_error(statusword, mode),
-            drive_torque_nm=drive.value("actual_torque") * units.torque_nm_per_count,
-            drive_angle_rad=self._position.follow(drive.value("actual_position")) * units.angle_rad_per_count,
-            drive_velocity_rad_s=drive.value("actual_velocity") * units.velocity_rad_s_per_count,
-            drive_age_scans=drive_age_scans,
-            drive_nmt_state=drive.nmt_state,
-            drive_heartbeat_age_scans=drive.heartbeat_age_scans(scan),
-            drive_emcy_code=drive.emcy_code,
-            drive_error_register=drive.error_register,
-            torque_in_nm=float(sample[self._torque_in]),
-            torque_out_nm=float(sample[self._torque_out]),
-            angle_in_rad=float(sample[self._angle_in]),
-            angle_out_rad=float(sample[self._angle_out]),
-            sample_counter=int(sample[self._sample_counter]) & 0xFFFF_FFFF,
-            sample_time_us=int(sample[self._sample_time]) & 0xFFFF_FFFF,
-            sample_status=int(sample[self._sample_status]) & 0xFF,
-            sample_age_scans=amplifier.age_scans(scan),
-            brake_current_a=float(lock[self._brake_current]),
-            brake_on=1 if lock[self._brake_on] else 0,
-            brake_age_scans=brake.age_scans(scan),
-            estop_released=1 if contacts[self._estop] else 0,
-            guard_closed=1 if contacts[self._guard] else 0,
-            housing_temp_c=float(contacts[self._housing]),
-            ambient_temp_c=float(contacts[self._ambient]),
-            io_age_scans=remote_io.age_scans(scan),
-            links_lost=int(links_lost),
-        )
+        looks = self.amplifier.poll(scan) + self.brake.poll(scan) + self.remote_io.poll(scan)
+        self._requests_left = MOST_MODBUS_CALLS - looks
+        return self._image.take(drive, scan, missed_periods, command)
 
     def write(self, orders: Orders, scan: int) -> None:
         """Send the orders of this scan and the Modbus requests that are due."""
@@ -193,13 +183,31 @@ class WireBench:
         if self.brake.age_scans(scan) != AGE_NEVER:
             # a lock is ordered to nothing before it is known whether it is closed: it may hold a wound-up unit
             self.brake.order({"brake_on": orders.brake_on, "brake_current_a": orders.brake_current_a})
-        for line, devices in self._sharing:
+        self._request(scan)
+        if self.pace is not None:
+            amplifier, brake, remote_io = self._devices
+            requests = (amplifier.requests, brake.requests, remote_io.requests)
+            self.pace.scan_ended(scan, orders.state, self.drive.link.frames_sent, requests)
+
+    def _request(self, scan: int) -> None:
+        """Send the Modbus requests that are due, as many as a scan may; who had to wait comes before others next."""
+        left, waiting = self._requests_left, None
+        for sharing in self._sharing:
+            line, devices = sharing
             if line.ready(scan):
                 device = devices[0] if len(devices) == 1 else max(devices, key=lambda one: one.urgency(scan))
-                device.send(scan)
+                if left:
+                    left -= device.send(scan)
+                elif device.urgency(scan) >= 0:
+                    waiting = sharing
+        if waiting is not None:
+            self._sharing.remove(waiting)
+            self._sharing.insert(1, waiting)
 
     def close(self) -> None:
         """Take the drive's power away, stop its process data, close everything; safe to call twice."""
+        if self.pace is not None:
+            self.pace.close()
         if self._link is not None:
             if self._drive is not None:
                 off = _NO_ORDERS._replace(
@@ -247,7 +255,7 @@ def _identify(device: ModbusDevice, log: list[str]) -> list[Problem]:
     if reply.outcome is not Outcome.DATA:
         found = f"{reply.outcome.name.lower()} {reply.exception_code or ''}".strip()
         return [Problem("identity cannot be read", where, found, expected, "check power, address, unit id, baud rate")]
-    found = f"0x{reply.registers[0]:04X}"
+    found = f"0x{int.from_bytes(reply.data, 'big'):04X}"
     if not device.trusted:
         return [Problem("another device answers", where, found, expected, "check address, unit id and profile")]
     log.append(f"{where} identity = {found}: checked")

@@ -5,15 +5,13 @@ path, bench = default_bench(recipe)                 # or load_bench("my-bench.ya
 problems = check(recipe, bench)                     # empty when this bench can run this recipe
 """
 
-from recipes.bench_schema import Bench
-from recipes.calibration_schema import Calibration
-from recipes.cross_check import check, check_alone, check_side, out_of_date, warnings
+from recipes.checks.cross_check import check, check_alone, check_side, out_of_date, warnings
 from recipes.loader import load_document, parse_document
-from recipes.metric_presets import PRESETS
-from recipes.metric_schema import MetricWanted
-from recipes.metric_units import METRIC_UNITS
-from recipes.problems import Problem, RecipeError
-from recipes.recipe_schema import Decision, Recipe
+from recipes.schema.bench_schema import Bench
+from recipes.schema.calibration_schema import Calibration
+from recipes.schema.metric_presets import PRESETS
+from recipes.schema.metric_schema import MetricWanted
+from recipes.schema.recipe_schema import Decision, Recipe
 from recipes.selection import OWN, Selection, left_out, selected
 from recipes.shipped import (
     default_bench,
@@ -26,10 +24,11 @@ from recipes.shipped import (
     shipped_benches,
     shipped_recipes,
 )
-from recipes.yaml_source import read_bytes
+from recipes.text.problems import Problem, RecipeError
+from recipes.text.regular_file import open_regular
+from recipes.text.yaml_source import read_bytes
 
 __all__ = [
-    "METRIC_UNITS",
     "OWN",
     "PRESETS",
     "Bench",
@@ -50,6 +49,7 @@ __all__ = [
     "load_bench",
     "load_document",
     "load_recipe",
+    "open_regular",
     "out_of_date",
     "parse_bench",
     "parse_document",

@@ -14,12 +14,12 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from recipes.document import OptionPath, Source
-from recipes.option_names import options_at
-from recipes.problems import Problem, RecipeError, nearest
-from recipes.section import FROM_DOCUMENT
-from recipes.translation import problem_of
-from recipes.yaml_source import parse_source, read_source
+from recipes.text.document import OptionPath, Source
+from recipes.text.option_names import options_at
+from recipes.text.problems import Problem, RecipeError, nearest
+from recipes.text.section import FROM_DOCUMENT
+from recipes.text.translation import problem_of
+from recipes.text.yaml_source import parse_source, read_source
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Context = Mapping[str, Any] | Callable[[Any], Mapping[str, Any]]

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from recipes.metric_schema import MetricWanted, preset_metrics
-from recipes.metric_text import read_metric, twice
-from recipes.recipe_schema import Recipe
-from recipes.section import RATED, REFERENCE
+from recipes.schema.metric_schema import MetricWanted, preset_metrics
+from recipes.schema.metric_text import read_metric, twice
+from recipes.schema.recipe_schema import Recipe
+from recipes.text.section import RATED, REFERENCE
 
 PLACE = "--metric"
 
 
 class Selection(NamedTuple):
-    """Name of a preset, and texts of single metrics as `recipes.metric_text` reads them; nothing: the recipe's own."""
+    """Name of a preset, and texts of single metrics as `metric_text` reads them; nothing: the recipe's own."""
 
     preset: str | None = None
     metrics: tuple[str, ...] = ()

@@ -6,15 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from recipes.bench_schema import Bench
-from recipes.document import Source
+from definitions.units import TORQUE
 from recipes.loader import load_source
-from recipes.problems import Problem, RecipeError, nearest, one_of
-from recipes.quantity import TORQUE, QuantityError, read_quantity
-from recipes.recipe_schema import Recipe
-from recipes.section import RATED, REFERENCE
-from recipes.sequence_schema import sequence_order
-from recipes.yaml_source import parse_source, read_source
+from recipes.schema.bench_schema import Bench
+from recipes.schema.recipe_schema import Recipe
+from recipes.schema.sequence_schema import sequence_order
+from recipes.text.document import Source
+from recipes.text.problems import Problem, RecipeError, nearest, one_of
+from recipes.text.quantity import QuantityError, read_quantity
+from recipes.text.section import RATED, REFERENCE
+from recipes.text.yaml_source import parse_source, read_source
 
 HERE = Path(__file__).parent
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import stat
 from errno import EACCES, EDQUOT, EINVAL, EIO, ENOENT, ENOSPC, ENOTDIR, EOPNOTSUPP, EPERM, EROFS
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from station.errors import RecordError
 
@@ -15,13 +16,13 @@ PART = ".part"
 CANNOT_RESERVE = (EINVAL, EOPNOTSUPP)
 """What a file system answers that takes no room ahead of time."""
 
-_LET_IN = "Give this user the right to it"
-_PUT_BACK = "Put back what is missing there"
+_LET_IN = "Give this user write permission"
+_PUT_BACK = "Restore the missing folder"
 NEXT_ACTIONS: dict[int, str] = {
     ENOSPC: "Free the disk",
-    EDQUOT: "Free what this user has on the disk, or raise the quota",
-    EROFS: "Mount the disk for writing. If it was, it failed and was then taken out of use: see dmesg, and check it",
-    EIO: "The disk fails, or is not connected any more: see dmesg, check its cable, and replace it before the next run",
+    EDQUOT: "Free disk space of this user, or raise the disk quota",
+    EROFS: "Mount the disk for writing. If it was, the disk failed: see dmesg, and check it",
+    EIO: "The disk failed or is disconnected: see dmesg, check its cable, and replace it before the next run",
     EACCES: _LET_IN,
     EPERM: _LET_IN,
     ENOENT: _PUT_BACK,
@@ -30,12 +31,28 @@ NEXT_ACTIONS: dict[int, str] = {
 """What a person does about a disk, by what it answered."""
 
 OTHERWISE = "Check the disk"
+VANISHED = "was deleted, moved or replaced while it was written. Put it back where it was"
+"""What is said of a file that its path does not lead to any more."""
 
 
 def refused(path: Path, error: OSError, deed: str = "written") -> RecordError:
     """Return the error of a disk that refused a deed (written, flushed, read): place, its answer, and what to do."""
     action = NEXT_ACTIONS.get(error.errno or 0, OTHERWISE)
     return RecordError(f"{path}: cannot be {deed}: {error.strerror or error}. {action}")
+
+
+def open_file(path: Path) -> BinaryIO:
+    """Open a file to read it. A pipe or a device in its place is refused at once, and nobody waits for it.
+
+    Raises:
+        OSError: it cannot be opened, or is no file.
+
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise OSError(EINVAL, "it is no file", str(path))
+    return os.fdopen(handle, "rb")
 
 
 def sync_folder(folder: Path) -> None:
@@ -59,7 +76,7 @@ def write_durable(path: Path, content: bytes, *, flush: bool = True) -> None:
     beside = _beside(path)
     try:
         # Not emptied first: the room that was taken for it is there still, and no longer once it has been given back.
-        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT, 0o666), "wb") as file:
+        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666), "wb") as file:
             file.write(content)
             file.truncate()
             file.flush()
@@ -126,12 +143,18 @@ def read_from_disk(path: Path) -> bytes:
 
 
 class Appender:
-    """A file that only grows by whole writes; flushed by `sync`, which the owner calls about once a second."""
+    """A file that only grows by whole writes; flushed by `sync`, which the owner calls about once a second.
 
-    def __init__(self, path: Path) -> None:
+    A file that was deleted, moved or replaced under it takes nothing more: what goes on there, nobody would find.
+    """
+
+    def __init__(self, path: Path, *, must_exist: bool = False) -> None:
+        """Open a file to append to it; with `must_exist` one that is not there is refused and not made."""
         self._path = path
         try:
-            self._file = path.open("ab", buffering=0)
+            made = 0 if must_exist else os.O_CREAT
+            flags = os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | made
+            self._file = os.fdopen(os.open(path, flags, 0o666), "ab", buffering=0)
             self._size = self._file.seek(0, os.SEEK_END)
             sync_folder(path.parent)
         except OSError as error:
@@ -140,6 +163,7 @@ class Appender:
     def write(self, data: bytes | memoryview) -> None:
         """Append all of `data`, or nothing: then RecordError, because the disk is full or refuses."""
         view = memoryview(data)
+        self._refuse_vanished()
         try:
             while view:
                 view = view[self._file.write(view) :]
@@ -150,11 +174,23 @@ class Appender:
         self._size += len(data)
 
     def sync(self) -> None:
-        """Flush to the disk."""
+        """Flush to the disk; RecordError when it refuses, or when the file is no longer in its place."""
+        self._refuse_vanished()
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise refused(self._path, error, "flushed") from error
+
+    def _refuse_vanished(self) -> None:
+        """Refuse to go on in a file that its path does not lead to any more."""
+        try:
+            own, there = os.fstat(self._file.fileno()), self._path.stat()
+        except OSError as error:
+            if error.errno in (ENOENT, ENOTDIR):
+                raise RecordError(f"{self._path}: {VANISHED}") from error
+            raise refused(self._path, error) from error
+        if own.st_nlink == 0 or not os.path.samestat(own, there):
+            raise RecordError(f"{self._path}: {VANISHED}")
 
     def close(self) -> None:
         """Flush and close; closed also when flushing raises RecordError."""

@@ -1,13 +1,128 @@
-"""Which lostmotion this is: what `--version` prints, what a run keeps, and what a stored verdict is compared with."""
+"""Which software this is: what `--version` prints, what a run keeps of it, and what a stored verdict is compared with.
+
+A version is the newest release and the commits since: `0.2.0.post12+g1a2b3c4d5`. In a checkout (also one that is
+installed with `pip install -e`) git is asked now, because what was written down at the installation is of that day. A
+wheel has it from its build (setuptools-scm, pyproject.toml). The SHA-256 over the program's own files is true for both,
+and where there is no git.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
+import os
+import platform
+import pwd
+import subprocess
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from controller.decisions import DECISIONS_VERSION
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("analysis", "controller", "definitions", "drivers", "faultlab", "recipes", "station", "virtual_bench")
+NOT_PROGRAM = frozenset({".pyc", ".nbi", ".nbc"})
+"""Endings of files that are made from the program while it runs."""
+
+DECIDING = ("numpy", "scipy", "transitions", "canopen", "python-can", "pymodbus")
+"""Dependencies that a measurement or a decision goes through; the bench file names the virtual bench's own."""
+
+UNRELEASED = "0.0"
+"""The release before the first one, as setuptools-scm calls it."""
+
+NODE_DIGITS = 9
+GIT_S = 5.0
+
+
+class Commit(NamedTuple):
+    """A commit of the checkout that the program runs from, the version it is, and whether files were changed since."""
+
+    id: str
+    version: str
+    changed: bool
 
 
 def version() -> str:
-    """Return the version that is installed; words where the program runs from its source folder."""
-    try:
+    """Return the version; words where nobody knows it: a copy of the sources without git, and not installed."""
+    commit = checkout()
+    if commit is not None:
+        return commit.version
+    with suppress(importlib.metadata.PackageNotFoundError):
         return importlib.metadata.version("lostmotion")
+    return "from its source folder"
+
+
+@cache
+def checkout(root: Path = ROOT) -> Commit | None:
+    """Return the commit that the program runs from; None for an installed wheel, and where git does not answer."""
+    if not (root / ".git").exists():
+        return None
+    try:
+        commit = _git(root, "rev-parse", "HEAD")
+        changed = bool(_git(root, "status", "--porcelain", "--", *PACKAGES))
+        release, distance = _since_release(root)
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return None
+    plain = release if distance == 0 else f"{release}.post{distance}"
+    node = f"+g{commit[:NODE_DIGITS]}" if distance or changed else ""
+    return Commit(commit, f"{plain}{node}{'.changed' if changed else ''}", changed)
+
+
+def _since_release(root: Path) -> tuple[str, int]:
+    """Return the newest release that the commit comes after, and the number of commits since."""
+    try:
+        tag, distance, _ = _git(root, "describe", "--tags", "--long", "--match", "v[0-9]*").rsplit("-", 2)
+    except subprocess.CalledProcessError:
+        return UNRELEASED, int(_git(root, "rev-list", "--count", "HEAD"))
+    return tag.removeprefix("v"), int(distance)
+
+
+def _git(root: Path, *words: str) -> str:
+    command = ("git", "-C", str(root), *words)
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=GIT_S).stdout.strip()  # noqa: S603
+
+
+def files_sha256(root: Path = ROOT) -> str:
+    """Return the SHA-256 over names and contents of the program's files: the same for a wheel and its commit."""
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*")):
+            if path.suffix not in NOT_PROGRAM and path.is_file():
+                content = hashlib.sha256(path.read_bytes()).hexdigest()
+                digest.update(f"{path.relative_to(root).as_posix()} {content}\n".encode())
+    return digest.hexdigest()
+
+
+def software() -> dict[str, Any]:
+    """Return what a run keeps of the software that makes it, and of the computer that it runs on, as plain data."""
+    commit = checkout()
+    return {
+        "name": "lostmotion",
+        "version": version(),
+        "commit": None if commit is None else commit.id,
+        "changed": None if commit is None else commit.changed,
+        "files_sha256": files_sha256(),
+        "decisions": DECISIONS_VERSION,
+        "dependencies": {name: _installed(name) for name in DECIDING},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "host": platform.node(),
+        "user": _user(),
+    }
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
-        return "from its source folder"
+        return None
+
+
+def _user() -> str:
+    """Return the operating system's name of the user; the number where the system has no name for it."""
+    try:
+        return pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        return str(os.geteuid())

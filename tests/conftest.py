@@ -3,18 +3,55 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import json
 import os
 import shutil
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 from lostmotion_command import ROOT, Ran, here
+
+pytest_plugins = ("command_fixtures",)
 
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Before numpy is loaded: on small matrices a second thread only waits, and doubles the processor time of the fits."""
+
+settings.register_profile("tests", deadline=None)
+settings.load_profile("tests")
+"""How long an example takes says how busy the machine is, and nothing of what the test is about."""
+
+IN_MEMORY = Path("/dev/shm")  # noqa: S108 - the folders below it are pytest's own
+ROOM_BYTES = 4 << 30
+if IN_MEMORY.is_dir() and os.access(IN_MEMORY, os.W_OK) and shutil.disk_usage(IN_MEMORY).free > ROOM_BYTES:
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(IN_MEMORY))
+"""Runs of tests are flushed some ten thousand times: what a busy disk takes for that is not what they are about.
+
+What disks do wrong is tested on disks of their own (`end_to_end/test_disks.py`, `test_failing_disk.py`).
+"""
+
+if "LOSTMOTION_STATE" not in os.environ:
+    os.environ["LOSTMOTION_STATE"] = tempfile.mkdtemp(
+        prefix="lostmotion-state-", dir=os.environ.get("PYTEST_DEBUG_TEMPROOT")
+    )
+    MADE_HERE: Path | None = Path(os.environ["LOSTMOTION_STATE"])
+else:
+    MADE_HERE = None
+"""Keys and heads of chains, of the tests and not of whoever runs them; workers share the folder of their parent."""
+
+
+def pytest_collection_finish() -> None:
+    """Leave what is loaded out of every later collection of garbage, here and in the processes that tests fork."""
+    gc.freeze()
+
+
+def pytest_sessionfinish() -> None:
+    if MADE_HERE is not None:
+        shutil.rmtree(MADE_HERE, ignore_errors=True)
 
 
 @dataclass(frozen=True)
@@ -54,7 +91,7 @@ def stored_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Store
 @pytest.fixture(scope="session")
 def quick_run(stored_once: Callable[..., Stored]) -> Stored:
     """The shipped quick recipe with a good unit: PASS."""
-    stored = stored_once("quick", "rv-40e-121-quick", "--serial", "SN 1", "--operator", "A. Tester")
+    stored = stored_once("quick", "rv-40e-121-quick", "--serial", "SN 1", "--operator", "A. Tester", "--report")
     assert stored.ran.exit_code == 0, stored.ran
     return stored
 
@@ -80,4 +117,4 @@ def worn_run(stored_once: Callable[..., Stored]) -> Stored:
 @pytest.fixture(scope="session")
 def golden_run(stored_once: Callable[..., Stored]) -> Stored:
     """The short recipe of the golden runs: nothing to decide by."""
-    return stored_once("golden", str(ROOT / "tests" / "golden" / "golden.yaml"), "--serial", "R")
+    return stored_once("golden", str(ROOT / "tests" / "proofs" / "golden" / "golden.yaml"), "--serial", "R")

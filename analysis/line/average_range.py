@@ -15,7 +15,7 @@ from scipy import stats
 from analysis.line.gage_design import GageDesign
 from analysis.line.gage_study import SEED, Interval, distinct_categories, share_of_tolerance
 from analysis.line.samples import checked_level
-from analysis.units import FloatArray
+from analysis.trace.units import FloatArray
 
 DRAWS = 4000
 

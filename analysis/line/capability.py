@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from analysis.errors import AnalysisError
 from analysis.line.samples import checked_level, checked_row
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 MOVING_RANGE = 2.0 / math.sqrt(math.pi)
 """d₂ for two values (1.128): mean moving range over it estimates the standard deviation within."""
@@ -70,7 +70,7 @@ def indices(mean: float, sd: float, lower: float | None, upper: float | None) ->
     if not all(math.isfinite(limit) for limit in (lower, upper) if limit is not None):
         raise AnalysisError(f"capability: limits {lower} and {upper}; leave a limit out that does not exist")
     if not (sd > 0.0 and math.isfinite(sd) and math.isfinite(mean)):
-        raise AnalysisError(f"capability: mean {mean:g}, standard deviation {sd:g}; needed is a spread above zero")
+        raise AnalysisError(f"capability: mean {mean:g}, standard deviation {sd:g}; expected a spread above zero")
     sides = [] if lower is None else [(mean - lower) / (3.0 * sd)]
     if upper is not None:
         sides.append((upper - mean) / (3.0 * sd))
@@ -147,7 +147,7 @@ def _within(row: FloatArray, subgroup: int) -> tuple[float, float]:
     groups = row.size // subgroup if subgroup > 1 else 0
     if groups < 2:
         raise AnalysisError(
-            f"capability: subgroups of {subgroup} in {row.size} values; needed are 2 whole subgroups or more"
+            f"capability: subgroups of {subgroup} in {row.size} values; expected 2 whole subgroups or more"
         )
     whole = row[: groups * subgroup].reshape(groups, subgroup)
     return math.sqrt(float(whole.var(axis=1, ddof=1).mean())), float(groups * (subgroup - 1))

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.errors import AnalysisError
 from analysis.line.samples import checked_row
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 COLUMNS = ("operator", "trial", "part", "value")
 
@@ -30,7 +30,7 @@ class GageDesign:
         if values.ndim != 3 or min(values.shape) < 2:
             raise AnalysisError(
                 f"gage study: found {' × '.join(str(n) for n in values.shape)} (parts × operators × trials); "
-                "needed are 2 or more of each"
+                "expected 2 or more of each"
             )
         if (len(self.parts), len(self.operators)) != values.shape[:2]:
             raise AnalysisError(
@@ -50,7 +50,7 @@ def gage_design(operator: Sequence[str], part: Sequence[str], value: Sequence[fl
     if not len(operator) == len(part) == len(value):
         raise AnalysisError(
             f"gage study: {len(operator)} operators, {len(part)} parts, {len(value)} values; "
-            "needed is one of each per row"
+            "expected one of each per row"
         )
     cells: dict[tuple[str, str], list[float]] = {}
     for who, which, measured in zip(operator, part, value, strict=True):
@@ -79,17 +79,17 @@ def read_gage_study(path: Path | str) -> GageDesign:
         with file.open(encoding="utf-8-sig", newline="") as stream:
             rows = list(csv.DictReader(stream, restkey="", restval=""))
     except (OSError, UnicodeError, csv.Error) as error:
-        raise AnalysisError(f"{file}: cannot be read: {error}; needed is a CSV with {', '.join(COLUMNS)}") from error
+        raise AnalysisError(f"{file}: cannot be read: {error}; expected a CSV with {', '.join(COLUMNS)}") from error
     missing = [name for name in ("operator", "part", "value") if not rows or name not in rows[0]]
     if missing:
-        raise AnalysisError(f"{file}: no rows with column {', '.join(missing)}; needed are {', '.join(COLUMNS)}")
+        raise AnalysisError(f"{file}: no rows with column {', '.join(missing)}; expected {', '.join(COLUMNS)}")
     values = []
     for number, row in enumerate(rows, start=1):
         try:
             values.append(float(row["value"]))
         except ValueError as error:
             raise AnalysisError(
-                f"{file}: row {number}, column value: found '{row['value']}'; needed is a number"
+                f"{file}: row {number}, column value: found '{row['value']}'; expected a number"
             ) from error
     try:
         return gage_design([row["operator"] for row in rows], [row["part"] for row in rows], values)

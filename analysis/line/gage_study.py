@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from analysis.errors import AnalysisError
 from analysis.line.gage_design import GageDesign
 from analysis.line.samples import checked_level
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 POOL_ABOVE = 0.25
 """The interaction is pooled with repeatability when its p value is above this (AIAG)."""
@@ -88,8 +88,8 @@ def analyse_gage_study(
     part, operator, interaction, repeatability = sums_of_squares(design.values)
     if not np.ptp(design.values) > 0.0:
         raise AnalysisError(
-            f"gage study: every reading is {float(design.values.flat[0]):g}; needed are parts that differ and a "
-            "gage that shows it; enter what was read"
+            f"gage study: every reading is {float(design.values.flat[0]):g}; expected different "
+            "readings; check the gage resolution and the entered values"
         )
     ratio = interaction.mean_square / repeatability.mean_square if repeatability.sum_of_squares > 0.0 else math.inf
     p = float(stats.f.sf(ratio, interaction.freedom, repeatability.freedom))
@@ -147,7 +147,7 @@ def share_of_tolerance(sd_gage: float, tolerance: float | None) -> float | None:
     if tolerance is None:
         return None
     if not 0.0 < tolerance < math.inf:
-        raise AnalysisError(f"gage study: tolerance {tolerance}; needed is upper minus lower limit, above zero")
+        raise AnalysisError(f"gage study: tolerance {tolerance}; expected upper minus lower limit, above zero")
     return 100.0 * 6.0 * sd_gage / tolerance
 
 

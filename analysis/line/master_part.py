@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from analysis.errors import AnalysisError
 from analysis.line.capability import MOVING_RANGE
 from analysis.line.samples import checked_level, checked_row
-from analysis.units import BoolArray, FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import BoolArray, FloatArray
 
 LEAST_BASELINE = 5
 """Measurements that the control limits are made of, at least."""
@@ -79,13 +79,12 @@ def master_part_trend(
     when, row = checked_row(days, "master part: days", 3), checked_row(values, "master part: values", 3)
     checked_level(level)
     if when.size != row.size:
-        raise AnalysisError(f"master part: {when.size} days for {row.size} values; needed is one of each")
+        raise AnalysisError(f"master part: {when.size} days for {row.size} values; expected one of each")
     if (np.diff(when) < 0.0).any() or when[-1] <= when[0]:
         raise AnalysisError("master part: the days do not rise; sort the measurements by time")
     if not LEAST_BASELINE <= baseline <= row.size:
         raise AnalysisError(
-            f"master part: baseline of {baseline} in {row.size} values; needed are "
-            f"{LEAST_BASELINE} or more to begin with"
+            f"master part: baseline of {baseline} in {row.size} values; expected {LEAST_BASELINE} or more to begin with"
         )
     centre = float(row[:baseline].mean())
     sd = float(np.abs(np.diff(row[:baseline])).mean()) / MOVING_RANGE

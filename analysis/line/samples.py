@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 LARGEST = 1e12
 """Larger magnitudes are refused: squares of it still are finite, and no metric reaches it."""
@@ -18,20 +18,18 @@ def checked_row(values: Sequence[float] | FloatArray, what: str, least: int) -> 
     try:
         row = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise AnalysisError(f"{what}: {error}; needed are numbers") from error
+        raise AnalysisError(f"{what}: {error}; expected numbers") from error
     if row.ndim != 1 or row.size < least:
-        raise AnalysisError(f"{what}: found {row.size} values; needed are {least} or more in a row")
+        raise AnalysisError(f"{what}: found {row.size} values; expected {least} or more in a row")
     bad = ~(np.abs(row) <= LARGEST)
     if bad.any():
         place = int(np.argmax(bad)) + 1
-        raise AnalysisError(
-            f"{what}: value {place} is {row[place - 1]}; needed is a finite number; remove or repair it"
-        )
+        raise AnalysisError(f"{what}: value {place} is {row[place - 1]}; expected a finite number; remove or repair it")
     return row
 
 
 def checked_level(level: float) -> float:
     """Return a level of confidence; AnalysisError unless it is between 0.5 and 1."""
     if not 0.5 <= level < 1.0:
-        raise AnalysisError(f"level of confidence: found {level}; needed is 0.5 up to below 1, usually 0.95")
+        raise AnalysisError(f"level of confidence: found {level}; expected 0.5 up to below 1, usually 0.95")
     return level

@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from scipy import stats
 
-from analysis.errors import AnalysisError
-from analysis.line.samples import checked_level, checked_row
-from analysis.units import FloatArray
+from analysis.line.samples import LARGEST, checked_level, checked_row
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray, IntArray
 
 UNUSUAL = 3.5
 """Units whose modified z score (0.6745·distance from the median over the MAD) is beyond this are named (Iglewicz)."""
@@ -50,20 +51,21 @@ def unit_to_unit(by_unit: Mapping[str, Sequence[float] | FloatArray], level: flo
     """
     checked_level(level)
     if len(by_unit) < 3:
-        raise AnalysisError(f"unit to unit: found {len(by_unit)} units; needed are 3 or more")
-    rows = {serial: checked_row(values, f"unit to unit: {serial}", 1) for serial, values in by_unit.items()}
-    means = np.array([row.mean() for row in rows.values()])
+        raise AnalysisError(f"unit to unit: found {len(by_unit)} units; expected 3 or more")
+    values, sizes = _unit_by_unit(by_unit)
+    first = np.cumsum(sizes) - sizes
+    means = np.add.reduceat(values, first) / sizes
     sd = float(means.std(ddof=1))
     freedom = means.size - 1
     low, high = (sd * math.sqrt(freedom / stats.chi2.ppf(0.5 + sign * 0.5 * level, freedom)) for sign in (1, -1))
-    within, between = _components(list(rows.values()), means)
-    names = list(rows)
+    within, between = _components(values, sizes, means)
+    names = list(by_unit)
     distance = np.abs(means - np.median(means))
     scale = float(np.median(distance))
     unusual = distance > UNUSUAL / 0.6745 * scale if scale > 0.0 else distance > 0.0
     return UnitToUnit(
         units=means.size,
-        measurements=sum(row.size for row in rows.values()),
+        measurements=values.size,
         mean=float(means.mean()),
         median=float(np.median(means)),
         sd=sd,
@@ -77,15 +79,24 @@ def unit_to_unit(by_unit: Mapping[str, Sequence[float] | FloatArray], level: flo
     )
 
 
-def _components(rows: list[FloatArray], means: FloatArray) -> tuple[float | None, float | None]:
-    """Standard deviations within and between units by the mean squares."""
-    counts = np.array([row.size for row in rows])
-    total = int(counts.sum())
-    freedom = total - counts.size
+def _unit_by_unit(by_unit: Mapping[str, Sequence[float] | FloatArray]) -> tuple[FloatArray, IntArray]:
+    """Return all values in one row, unit by unit, and how many each unit has; AnalysisError names the unit at fault."""
+    sizes = np.array([len(values) for values in by_unit.values()])
+    values = np.array(list(chain.from_iterable(by_unit.values())), dtype=np.float64)
+    if not (sizes.all() and (np.abs(values) <= LARGEST).all()):
+        for serial, row in by_unit.items():
+            checked_row(row, f"unit to unit: {serial}", 1)
+    return values, sizes
+
+
+def _components(values: FloatArray, sizes: IntArray, means: FloatArray) -> tuple[float | None, float | None]:
+    """Standard deviations within and between units by the mean squares; values stand unit by unit."""
+    total = values.size
+    freedom = total - sizes.size
     if freedom < 1:
         return None, None
-    within = sum(float(np.square(row - row.mean()).sum()) for row in rows) / freedom
-    grand = float((counts * means).sum()) / total
-    between = float((counts * np.square(means - grand)).sum()) / (counts.size - 1)
-    effective = (total - float(np.square(counts).sum()) / total) / (counts.size - 1)
+    within = float(np.square(values - np.repeat(means, sizes)).sum()) / freedom
+    grand = float((sizes * means).sum()) / total
+    between = float((sizes * np.square(means - grand)).sum()) / (sizes.size - 1)
+    effective = (total - float(np.square(sizes).sum()) / total) / (sizes.size - 1)
     return math.sqrt(within), math.sqrt(max(between - within, 0.0) / effective)

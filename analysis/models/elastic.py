@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.units import FloatArray
+from analysis.trace.units import FloatArray
 
 TABLE_POINTS = 400
 """Torques at which the compliance is tabulated before Newton's steps polish its inverse."""

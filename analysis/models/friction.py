@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.models.path import Element
-from analysis.units import FloatArray
+from analysis.trace.units import FloatArray
 
 SATURATION = 28.0
 """The Bouc–Wen state is tabulated up to 1 − e⁻²⁸, where 1 − z is at the rounding of a float."""

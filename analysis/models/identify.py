@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from analysis.errors import AnalysisError
 from analysis.models.path import PathState
 from analysis.models.samples import LoopSamples, loop_shape
 from analysis.models.table import Model, checked_values, model_named
 from analysis.models.trust import MOST_CORRELATION, Refusal, RobustFit, trust
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 __all__ = ["MOST_CORRELATION", "Identified", "Refusal", "identify", "torque_on_branches"]
 

@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.errors import AnalysisError
 from analysis.models.friction import maxwell_slip
 from analysis.models.path import PathState, follow
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 NAME = "maxwell_slip"
 
@@ -90,14 +90,14 @@ def checked_maxwell_slip(values: Mapping[str, float]) -> dict[str, float]:
     if unknown or missing:
         raise AnalysisError(
             f"model {NAME}: unknown parameters: {', '.join(unknown) or 'none'}; "
-            f"missing: {', '.join(missing) or 'none'}; needed are {', '.join(units)}"
+            f"missing: {', '.join(missing) or 'none'}; expected {', '.join(units)}"
         )
     for name in units:
         value, sided = values[name], name.endswith("_side")
         allowed = abs(value) == 1.0 if sided else value >= 0.0 or name in COMMON
         if not (math.isfinite(value) and abs(value) <= 1e9 and allowed):
             needed = "1 or -1" if sided else "a finite number up to 1e9, not below zero for an element"
-            raise AnalysisError(f"model {NAME}: {name}: found {value}; needed is {needed}")
+            raise AnalysisError(f"model {NAME}: {name}: found {value}; expected {needed}")
     return {name: float(values[name]) for name in units}
 
 

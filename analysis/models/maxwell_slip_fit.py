@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize
 
-from analysis.errors import AnalysisError
 from analysis.models.identify import MOST_CORRELATION, Identified, Refusal
 from analysis.models.maxwell_slip import NAME, Elements
 from analysis.models.path import PathState
 from analysis.models.samples import LoopSamples
-from analysis.units import BoolArray, FloatArray, IntArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import BoolArray, FloatArray, IntArray
 
 SLIPS = 16
 """Yield angles tried, by equal ratios from 1/2000 to 1/8 of the angle range: what slips later is an elastic spring."""
@@ -33,7 +33,7 @@ def identify_maxwell_slip(loop: LoopSamples, slips: int = SLIPS, springs: int = 
     Raises AnalysisError for a grid without elements or a fit that fails.
     """
     if slips < 1 or springs < 1:
-        raise AnalysisError(f"model {NAME}: {slips} yield angles and {springs} gaps; needed is one of each or more")
+        raise AnalysisError(f"model {NAME}: {slips} yield angles and {springs} gaps; expected one of each or more")
     low, high = loop.angle_range_arcmin
     half = 0.5 * (high - low)
     grid = Elements(

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 LARGEST_ANGLE_ARCMIN = 1e6
 """Larger angles are refused: no reducer winds up by 46 turns, and cubes of it still are finite."""
@@ -54,12 +54,12 @@ def checked_angles(angle_arcmin: FloatArray) -> FloatArray:
     """Return the angles as a float array; AnalysisError for what is no finite row of angles."""
     angle = np.asarray(angle_arcmin, dtype=np.float64)
     if angle.ndim != 1:
-        raise AnalysisError(f"model: the angles have {angle.ndim} dimensions; needed is one angle per sample")
+        raise AnalysisError(f"model: the angles have {angle.ndim} dimensions; expected one angle per sample")
     bad = ~(np.abs(angle) <= LARGEST_ANGLE_ARCMIN)
     if bad.any():
         row = int(np.argmax(bad)) + 1
         raise AnalysisError(
-            f"model: angle {row} is {angle[row - 1]} arcmin; needed is a finite angle within "
+            f"model: angle {row} is {angle[row - 1]} arcmin; expected a finite angle within "
             f"±{LARGEST_ANGLE_ARCMIN:g} arcmin; repair or remove it"
         )
     return angle

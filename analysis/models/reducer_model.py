@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from analysis.errors import AnalysisError
 from analysis.models import maxwell_slip
 from analysis.models.identify import Identified
 from analysis.models.path import PathState
 from analysis.models.table import checked_values, model_named
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 FORMAT = "lostmotion reducer model"
 VERSION = 1
@@ -100,12 +100,12 @@ def model_from_json(text: str, source: str = "model file") -> ReducerModel:
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise AnalysisError(f"{source}: no JSON: {error}; needed is a file written by the model export") from error
+        raise AnalysisError(f"{source}: no JSON: {error}; expected a file written by the model export") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("version") != VERSION:
-        raise AnalysisError(f"{source}: needed is a JSON object with format '{FORMAT}' and version {VERSION}")
+        raise AnalysisError(f"{source}: expected a JSON object with format '{FORMAT}' and version {VERSION}")
     entries = document.get("parameters")
     if not isinstance(document.get("model"), str) or not isinstance(entries, list):
-        raise AnalysisError(f"{source}: needed are 'model' (a name) and 'parameters' (a list)")
+        raise AnalysisError(f"{source}: expected 'model' (a name) and 'parameters' (a list)")
     values: dict[str, float] = {}
     for number, entry in enumerate(entries, start=1):
         name, value = _entry(entry, f"{source}: parameters[{number}]")
@@ -120,10 +120,10 @@ def model_from_json(text: str, source: str = "model file") -> ReducerModel:
 
 def _entry(entry: Any, where: str) -> tuple[str, float]:
     if not isinstance(entry, dict) or not isinstance(entry.get("name"), str):
-        raise AnalysisError(f"{where}: found {entry!r:.60}; needed is an object with name and value")
+        raise AnalysisError(f"{where}: found {entry!r:.60}; expected an object with name and value")
     value = entry.get("value")
     if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e300:
-        raise AnalysisError(f"{where}.value: found {value!r:.60}; needed is a finite number")
+        raise AnalysisError(f"{where}.value: found {value!r:.60}; expected a finite number")
     return entry["name"], float(value)
 
 

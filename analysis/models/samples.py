@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize
 
-from analysis.branches import Branch
-from analysis.errors import AnalysisError
-from analysis.runs import Run, found_runs
-from analysis.units import FloatArray
+from analysis.loop.branches import Branch
+from analysis.trace.errors import AnalysisError
+from analysis.trace.runs import Run, found_runs
+from analysis.trace.units import FloatArray
 
 MOST_POINTS = 4000
 """Samples of a loop that are identified from, unless asked for otherwise."""
@@ -84,23 +84,23 @@ def loop_samples(
     angle, torque = np.asarray(angle_arcmin, dtype=np.float64), np.asarray(torque_nm, dtype=np.float64)
     if angle.ndim != 1 or angle.shape != torque.shape:
         raise AnalysisError(
-            f"model: found {angle.size} angles and {torque.size} torques; needed is one of each per sample"
+            f"model: found {angle.size} angles and {torque.size} torques; expected one of each per sample"
         )
     if not (np.isfinite(angle).all() and np.isfinite(torque).all()):
         row = int(np.argmax(~(np.isfinite(angle) & np.isfinite(torque)))) + 1
         raise AnalysisError(f"model: row {row} is not finite; repair or remove it")
     if angle.size < LEAST_POINTS:
-        raise AnalysisError(f"model: found {angle.size} samples; needed are {LEAST_POINTS} or more of a whole loop")
+        raise AnalysisError(f"model: found {angle.size} samples; expected {LEAST_POINTS} or more of a whole loop")
     measured = [run for run in (found_runs(torque) if runs is None else runs) if run.role not in UNUSED_ROLES]
     if {run.direction for run in measured} != {-1, 1}:
         raise AnalysisError(
-            f"model: found {len(measured)} measured branches; needed are a rising and a falling one; record a loop"
+            f"model: found {len(measured)} measured branches; expected a rising and a falling one; record a loop"
         )
     if len(measured) % 2:
         measured = measured[:-1]
     samples = _joined([(run.take(angle), run.take(torque), run.direction) for run in measured], most_points)
     if np.ptp(samples.angle_arcmin) <= 0.0 or np.ptp(samples.torque_nm) <= 0.0:
-        raise AnalysisError("model: angle or torque does not move; needed is a loop; check the channels")
+        raise AnalysisError("model: angle or torque does not move; expected a loop; check the channels")
     return samples
 
 
@@ -118,7 +118,7 @@ def samples_of_branches(
     branches that are no pairs, or hold fewer than 40 points.
     """
     if not forward or len(forward) != len(backward):
-        raise AnalysisError(f"model: {len(forward)} rising and {len(backward)} falling branches; needed are pairs")
+        raise AnalysisError(f"model: {len(forward)} rising and {len(backward)} falling branches; expected pairs")
     path = [
         piece
         for rising, falling in zip(forward, backward, strict=True)
@@ -140,7 +140,7 @@ def _joined(path: Sequence[tuple[FloatArray, FloatArray, int]], most_points: int
         for (angle, _, _), (ahead, _, _) in zip(path, turned, strict=True)
     )
     if total < LEAST_POINTS:
-        raise AnalysisError(f"model: {total} points in the branches; needed are {LEAST_POINTS} or more")
+        raise AnalysisError(f"model: {total} points in the branches; expected {LEAST_POINTS} or more")
     stride = max(1, -(-total // most_points))
     return LoopSamples(
         np.concatenate([angle[::stride] for angle, _, _ in turned]),

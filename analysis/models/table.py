@@ -7,12 +7,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from analysis.errors import AnalysisError
 from analysis.models import friction
 from analysis.models.elastic import Compliance, cubic_torque_nm
 from analysis.models.path import PathState, checked_angles, follow
 from analysis.models.samples import LoopSamples, LoopShape
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 Values = Mapping[str, float]
 Play = Callable[[Values, FloatArray, PathState], tuple[FloatArray, PathState]]
@@ -180,7 +180,7 @@ def checked_values(name: str, values: Values) -> dict[str, float]:
     if unknown or missing:
         raise AnalysisError(
             f"model {name}: unknown parameters: {', '.join(unknown) or 'none'}; "
-            f"missing: {', '.join(missing) or 'none'}; needed are {', '.join(row)}"
+            f"missing: {', '.join(missing) or 'none'}; expected {', '.join(row)}"
         )
     for key, parameter in row.items():
         if not (math.isfinite(values[key]) and parameter.least <= values[key] <= parameter.most):

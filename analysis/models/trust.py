@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.units import FloatArray, IntArray
+from analysis.trace.units import FloatArray, IntArray
 
 MOST_CORRELATION = 0.95
 """Parameters whose estimates hang together by more than this cannot be told apart."""

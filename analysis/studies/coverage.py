@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from analysis.method import MetricWanted
-from analysis.metric_result import MetricResult
+from analysis.evaluation.metric_result import MetricResult
+from analysis.loop.method import MetricWanted
 
 Pair = tuple[Sequence[MetricResult], Sequence[MetricResult]]
 """Metrics of one unit: true, and as measured."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from analysis.errors import AnalysisError
-from analysis.units import BoolArray, FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import BoolArray, FloatArray
 
 LEAST_COHERENCE = 0.9
-"""Lines below are not used."""
+"""Smallest coherence of the lines to use."""
 
 LEAST_AVERAGES = 3
 """With one segment the coherence is 1 whatever was measured."""
@@ -66,7 +66,7 @@ def frequency_response(
     low, high = band_hz
     if not 0.0 < low < high <= 0.5 / step:
         raise AnalysisError(
-            f"frequency response: band {low:g}…{high:g} Hz; needed is a rising band above 0, up to {0.5 / step:g} Hz"
+            f"frequency response: band {low:g}…{high:g} Hz; expected a rising band above 0, up to {0.5 / step:g} Hz"
         )
     length, overlap, window = _segments(t.size, step, period_s)
     if period_s is not None:
@@ -76,8 +76,8 @@ def frequency_response(
     averages = float(count) if period_s is not None else 1.0 + 0.62 * (count - 1)
     if count < LEAST_AVERAGES:
         raise AnalysisError(
-            f"frequency response: {count} segments of {length} samples; needed are {LEAST_AVERAGES} or more, or the "
-            "coherence says nothing; record longer, or more periods"
+            f"frequency response: {count} segments of {length} samples; expected {LEAST_AVERAGES} or more for "
+            "a coherence; record longer, or more periods"
         )
     options = {"fs": 1.0 / step, "window": window, "nperseg": length, "noverlap": overlap, "detrend": "constant"}
     frequency, s_xx = signal.welch(x, **options)
@@ -98,7 +98,7 @@ def frequency_response(
     if not used.any():
         raise AnalysisError(
             f"frequency response: no line reaches a coherence of {least_coherence:g} (best {coherence.max():.3f}); "
-            "raise the amplitude of the chirp, or lower the gate"
+            "raise the amplitude of the chirp, or lower the coherence limit"
         )
     u_relative = np.sqrt(noise / np.maximum(2.0 * averages * explained, 1e-300))
     return FrequencyResponse(frequency, response, coherence, u_relative, used, averages)
@@ -107,7 +107,7 @@ def frequency_response(
 def _checked_step(t: FloatArray, x: FloatArray, y: FloatArray) -> float:
     if not t.ndim == x.ndim == y.ndim == 1 or not t.size == x.size == y.size or t.size < 64:
         raise AnalysisError(
-            f"frequency response: {t.size} times, {x.size} torques, {y.size} angles; needed are 64 or more of each"
+            f"frequency response: {t.size} times, {x.size} torques, {y.size} angles; expected 64 or more of each"
         )
     for name, row in (("t_s", t), ("torque", x), ("angle", y)):
         bad = ~(np.abs(row) <= 1e9)
@@ -136,7 +136,7 @@ def _segments(size: int, step: float, period_s: float | None) -> tuple[int, int,
     length = round(period_s / step)
     if length < 16 or abs(length * step - period_s) > LARGEST_JITTER * step:
         raise AnalysisError(
-            f"frequency response: a period of {period_s:g} s is {period_s / step:.4g} samples; needed are whole "
+            f"frequency response: a period of {period_s:g} s is {period_s / step:.4g} samples; expected whole "
             "samples, 16 or more; choose period and sample rate together"
         )
     return length, 0, "boxcar"

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from analysis.errors import AnalysisError
 from analysis.line.samples import checked_level, checked_row
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 LEAST_POSITIONS = 4
 """A correlation and its interval need one more than Fisher's three."""
@@ -62,7 +62,7 @@ def lock_angle_study(metrics: Mapping[str, Sequence[float] | FloatArray], level:
     sizes = {name: row.size for name, row in rows.items()}
     if len(set(sizes.values())) > 1:
         found = ", ".join(f"{name} has {size}" for name, size in sizes.items())
-        raise AnalysisError(f"lock angle: {found} positions; needed is one value of each metric per position")
+        raise AnalysisError(f"lock angle: {found} positions; expected one value of each metric per position")
     spreads = {
         name: Spread(float(row.mean()), float(row.std(ddof=1)), float(row.min()), float(row.max()))
         for name, row in rows.items()

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from analysis.errors import AnalysisError
 from analysis.studies.frequency_response import FrequencyResponse
-from analysis.units import ARCMIN_PER_RAD, FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
+from definitions.units import ARCMIN_PER_RAD
 
 LEAST_LINES = 8
 """Four parameters from complex lines: with fewer there is nothing left to judge the fit by."""
@@ -62,7 +63,8 @@ def fit_resonance(found: FrequencyResponse) -> Resonance:
     f, h = found.frequency_hz[found.used], found.response[found.used]
     if f.size < LEAST_LINES:
         raise AnalysisError(
-            f"resonance: {f.size} lines pass the gate; needed are {LEAST_LINES} or more; record longer or excite more"
+            f"resonance: {f.size} lines reach the coherence limit; "
+            f"expected {LEAST_LINES} or more; record longer or excite more"
         )
     weight = 1.0 / (np.abs(h) * np.maximum(found.u_relative[found.used], NOISE_FLOOR))
     static = float(np.median(np.abs(h[: max(3, f.size // 20)])))

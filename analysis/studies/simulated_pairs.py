@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.method import Method, MetricWanted
-from analysis.metric_result import MetricResult
-from analysis.pipeline import analyse
+from analysis.evaluation.metric_result import MetricResult
+from analysis.evaluation.pipeline import analyse
+from analysis.loop.method import Method, MetricWanted
 from analysis.studies.coverage import Pair
 from analysis.studies.simulated_run import (
     Course,

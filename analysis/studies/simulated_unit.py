@@ -12,7 +12,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from analysis.units import RAD_PER_ARCMIN, FloatArray
+from analysis.trace.units import FloatArray
+from definitions.units import RAD_PER_ARCMIN
 
 CURVE_POINTS = 20_001
 """Points of a branch: 0.05 N·m apart, and nearer where the branch turns."""

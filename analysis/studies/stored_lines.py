@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.quadrant_fit import fit_quadrants
-from analysis.quadrants import QUADRANTS, Quadrants, TorqueLine
-from analysis.runs import commanded_runs
 from analysis.studies.simulated_run import Sensors, SimulatedBench, course_of, measured_trace
 from analysis.studies.simulated_unit import SimulatedUnit
+from analysis.torque_ratio.quadrant_fit import fit_quadrants
+from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
+from analysis.trace.runs import commanded_runs
 from analysis.uncertainty.figures import LineCovariance, SensorFigures, UnitDeviation
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from analysis.errors import AnalysisError
 from analysis.line.samples import checked_level, checked_row
-from analysis.units import FloatArray
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 
 LEAST_RUNS = 4
 LEAST_SPAN_C = 2.0
@@ -68,10 +68,10 @@ def temperature_trend(
     x = checked_row(temperature_c, "temperature: °C", LEAST_RUNS)
     y = checked_row(values, "temperature: values", LEAST_RUNS)
     if x.size != y.size:
-        raise AnalysisError(f"temperature: {x.size} temperatures for {y.size} values; needed is one of each per run")
+        raise AnalysisError(f"temperature: {x.size} temperatures for {y.size} values; expected one of each per run")
     if float(np.ptp(x)) < LEAST_SPAN_C:
         raise AnalysisError(
-            f"temperature: runs from {x.min():g} to {x.max():g} °C; needed are {LEAST_SPAN_C:g} °C or more between them"
+            f"temperature: runs from {x.min():g} to {x.max():g} °C; expected {LEAST_SPAN_C:g} °C or more between them"
         )
     centre = float(x.mean())
     spread = float(np.square(x - centre).sum())

@@ -1,1 +1,4 @@
-"""Measurement uncertainty of every metric: declared figures, budget by sensitivity (GUM), and Monte Carlo (GUM-S1)."""
+"""Measurement uncertainty: declared figures of the sensors and how a loop was measured in; a budget of any metric out.
+
+By sensitivity (GUM), and by Monte Carlo beside it (GUM-S1).
+"""

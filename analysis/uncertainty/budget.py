@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.errors import AnalysisError
+from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.monte_carlo import MonteCarlo
-from analysis.uncertainty.repeatability import deviation, enlarged
+from analysis.uncertainty.scatter import deviation, enlarged
 
 COVERAGE_FACTOR = 2.0
 """k of the expanded uncertainty U = k·u."""

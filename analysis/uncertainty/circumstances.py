@@ -9,16 +9,15 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from analysis.branches import Branch
-from analysis.closure import closure_gaps_arcmin
-from analysis.loop import Loop
-from analysis.measured import Measured
-from analysis.method import Method
-from analysis.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
-from analysis.quadrants import QUADRANTS, Quadrants, TorqueLine
-from analysis.samples import BranchSamples
-from analysis.turning import converts
-from analysis.units import FloatArray
+from analysis.loop.branches import Branch
+from analysis.loop.closure import closure_gaps_arcmin
+from analysis.loop.loop import Loop
+from analysis.loop.measured import Measured
+from analysis.loop.method import Method
+from analysis.loop.samples import BranchSamples, converts
+from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
+from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
+from analysis.trace.units import FloatArray
 
 AngleName = Literal["angle_in", "angle_out"]
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.units import FloatArray
+from analysis.trace.units import FloatArray
 
 
 class Distribution(NamedTuple):

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
-from analysis.errors import AnalysisError
-from analysis.quadrants import QUADRANTS
+from analysis.torque_ratio.quadrants import QUADRANTS
+from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.distributions import STATED_BY
 
 StatedBy = Literal["data_sheet", "certificate"]
@@ -46,7 +46,7 @@ class TorqueFigures:
         if self.stated_by not in STATED_BY:
             raise AnalysisError(f"torque sensor: stated_by: found '{self.stated_by}'; allowed: {', '.join(STATED_BY)}")
         if not self.full_scale_nm > 0.0:
-            raise AnalysisError(f"torque sensor: full_scale_nm: found {self.full_scale_nm}; needed is one above zero")
+            raise AnalysisError(f"torque sensor: full_scale_nm: found {self.full_scale_nm}; expected one above zero")
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class LineCovariance:
         """Refuse what is no covariance."""
         _check("calibration line", {"u_offset_nm": self.u_offset_nm, "u_slope": self.u_slope})
         if not -1.0 <= self.correlation <= 1.0:
-            raise AnalysisError(f"calibration line: correlation: found {self.correlation}; needed is -1 to 1")
+            raise AnalysisError(f"calibration line: correlation: found {self.correlation}; expected -1 to 1")
 
 
 class UnitDeviation(NamedTuple):
@@ -161,4 +161,4 @@ def _numbers(figures: object) -> dict[str, float]:
 def _check(where: str, figures: Mapping[str, float]) -> None:
     for name, value in figures.items():
         if not (math.isfinite(value) and value >= 0.0):
-            raise AnalysisError(f"{where}: {name}: found {value}; needed is a finite number, zero or more")
+            raise AnalysisError(f"{where}: {name}: found {value}; expected a finite number, zero or more")

@@ -2,6 +2,10 @@
 
 Sensitivities are central differences: the loop is moved by plus and minus one standard uncertainty of a source, and the
 metric is evaluated as it always is. So a new metric needs nothing here. GUM 5.1.4 note 2.
+
+Noise of the sensors is another matter: what averaging in blocks and monotone regression leave of it is no formula, so
+it is tried. The branch is laid out evenly in time, as it was measured, noise as declared is added, and it is reduced
+again, many times.
 """
 
 from __future__ import annotations
@@ -13,21 +17,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.branches import Branch
-from analysis.errors import AnalysisError
-from analysis.loop import Loop
+from analysis.loop.branches import MOST_BLOCKS, Branch, made_rising
+from analysis.loop.loop import Loop
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
 from analysis.uncertainty.budget import Budget, Entry, beyond, combined
-from analysis.uncertainty.chain import Move, moves_of
+from analysis.uncertainty.chain import Move, covariance_moves, covariance_of, moves_of, quadrants_used, u_torque_nm
 from analysis.uncertainty.circumstances import Circumstances
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
-from analysis.uncertainty.lines import covariance_of, line_moves, quadrants_used, u_torque_nm
 from analysis.uncertainty.monte_carlo import Drawn, drawn_loops, monte_carlo
-from analysis.uncertainty.noise import noisy_loops
-from analysis.uncertainty.other_units import unit_moves
-from analysis.uncertainty.repeatability import deviation
+from analysis.uncertainty.scatter import deviation
 from analysis.uncertainty.sources import SOURCES
-from analysis.uncertainty.transfer import transfer_moves
+from analysis.uncertainty.transfer import transfer_moves, unit_moves
+from definitions.units import ARCMIN_PER_RAD
 
 SMOOTH_POINTS = 400
 """Points per branch, about, of the loop that errors are tried on."""
@@ -86,7 +89,7 @@ def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigure
         line = covariance_of(name, circumstances, figures)
         if line is not None:
             u = u_torque_nm(name, line, circumstances)
-            moves = line_moves(name, line, loop, circumstances)
+            moves = covariance_moves(name, line, loop, circumstances)
             text = f"calibration line, {name.replace('_', ' ')}, at the reference torque"
             found.append(UsedSource(f"{LINE}{name}", text, "N·m", "normal", 1.0, u, 1.0, moves))
     u, moves = unit_moves(loop, circumstances, figures)
@@ -226,3 +229,60 @@ def _contribution(estimate: Estimate, base: float, pairs: Sequence[tuple[Loop, L
     changes = [_change(base, estimate(high), estimate(low)) for high, low in pairs]
     # one component keeps its sign; of several with unknown phase only the size means something
     return changes[0] if len(changes) == 1 else math.hypot(*changes)
+
+
+NOISY_LOOPS = 40
+"""Loops that are tried: their scatter is then known to 11 %."""
+
+SEED = 1
+"""The same loop has the same uncertainty whenever it is evaluated."""
+
+
+def noisy_loops(loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> list[Loop]:
+    """Return the loop as one cycle might have shown it with other noise; empty when no noise is declared."""
+    random = np.random.default_rng(SEED)
+    angle_sd = _angle_noise(circumstances, figures)
+    sensor = figures.torque_in if circumstances.converted else figures.torque_out
+    torque_sd = 0.0 if sensor is None else sensor.noise_fraction * sensor.full_scale_nm
+    if torque_sd == 0.0 and angle_sd == 0.0:
+        return []
+    laid_out = [
+        _even(loop.forward, circumstances, 1, torque_sd, angle_sd),
+        _even(loop.backward, circumstances, -1, torque_sd, angle_sd),
+    ]
+    found = []
+    for _ in range(NOISY_LOOPS):
+        forward, backward = (
+            made_rising(
+                branch.torque_nm + torque * random.standard_normal(branch.torque_nm.size),
+                branch.angle_arcmin + angle * random.standard_normal(branch.torque_nm.size),
+                np.ones(branch.torque_nm.size),
+            )
+            for branch, torque, angle in laid_out
+        )
+        found.append(Loop(forward, backward, loop.method))
+    return found
+
+
+def _even(
+    branch: Branch, circumstances: Circumstances, direction: int, torque_sd: float, angle_sd: float
+) -> tuple[Branch, FloatArray | float, float]:
+    """Lay a branch out in blocks evenly in time; return it with the noise of a block's torque and wind-up."""
+    samples = (circumstances.forward if direction > 0 else circumstances.backward).samples
+    size = -(-samples // MOST_BLOCKS)
+    torque = np.linspace(branch.torque_nm[0], branch.torque_nm[-1], -(-samples // size))
+    even = Branch(torque, np.interp(torque, branch.torque_nm, branch.angle_arcmin))
+    slope = circumstances.points(even, direction).slope if circumstances.converted else 1.0
+    return even, slope * torque_sd / math.sqrt(size), angle_sd / math.sqrt(size)
+
+
+def _angle_noise(circumstances: Circumstances, figures: SensorFigures) -> float:
+    """Standard deviation of the wind-up of one sample, arcmin."""
+    variance = 0.0
+    for name, encoder, scale in (
+        ("angle_in", figures.angle_in, circumstances.method.ratio),
+        ("angle_out", figures.angle_out, 1.0),
+    ):
+        if encoder is not None and name in circumstances.encoders:
+            variance += (encoder.noise_rad * ARCMIN_PER_RAD / scale) ** 2
+    return math.sqrt(variance)

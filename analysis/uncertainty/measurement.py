@@ -1,39 +1,46 @@
 """What is known of the errors of one measurement, ready to be asked about any metric.
 
 Without declared figures there is the scatter of the cycles and of the calibration line, and nothing else.
+
+The torque ratio itself, which is no reading of a loop, has its own budget: its fit, and the sensors on both sides of
+it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.loop import Loop
-from analysis.measured import Measured
-from analysis.stages import StageRecord
-from analysis.uncertainty.budget import Budget, of_scatter
+from analysis.loop.loop import Loop
+from analysis.loop.measured import Measured
+from analysis.loop.stages import StageRecord
+from analysis.trace.errors import AnalysisError
+from analysis.uncertainty.budget import Budget, Entry, combined, of_scatter, only
+from analysis.uncertainty.chain import components, covariance_of, line_moves
 from analysis.uncertainty.circumstances import Circumstances, circumstances_of
+from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
 from analysis.uncertainty.loop_uncertainty import LoopUncertainty
-from analysis.uncertainty.ratio import ratio_budget
+from analysis.uncertainty.monte_carlo import SEED, interval
+from analysis.uncertainty.sources import SOURCES
 
-WITH_FIGURES = "uncertainty: from the declared figures of the bench, U = k·u with k = 2"
+WITH_FIGURES = "uncertainty: from the sensor specifications in the bench file, U = k·u with k = 2"
 WITHOUT_FIGURES = (
-    "uncertainty: repeatability only, for no figures of the sensors were given; "
-    "what is wrong in all cycles alike is not in it"
+    "uncertainty: repeatability only, because no sensor specification was given; systematic errors are not included"
 )
 
 
 WITHOUT_TIME = (
-    "uncertainty: from the declared figures of the bench but for delay and drift, for the trace has no time to say "
-    "what these make, U = k·u with k = 2"
+    "uncertainty: from the sensor specifications in the bench file, without delay and drift (the trace has no time), "
+    "U = k·u with k = 2"
 )
 TOO_LARGE = (
-    "could not be computed: moved by the declared errors of its sensors, the loop no longer has this metric; check the "
-    "figures of the bench (accuracy, tared_zero, reversibility, fixture.accuracy)"
+    "could not be computed: the sensor errors in the bench file are too large for this metric; check them "
+    "(accuracy, tared_zero, reversibility, fixture.accuracy)"
 )
 ONE_CYCLE = "is not known from one cycle; measure two cycles or more"
 
@@ -91,3 +98,56 @@ def measurement_of(
     measurement = Measurement(found.loops[0], circumstances_of(found), figures, by_output=by_output, draws=draws)
     text = WITHOUT_FIGURES if figures is None else WITH_FIGURES if measurement.timed else WITHOUT_TIME
     return measurement, StageRecord("uncertainty", text)
+
+
+FIT = ("line_fit", "scatter of the points about the fitted line", "normal")
+
+
+def ratio_budget(
+    name: str, unit: str, circumstances: Circumstances, figures: SensorFigures | None, *,
+    of_slope: bool, value: float = 0.0, draws: int = 0,
+) -> Budget | None:  # fmt: skip
+    """Return the budget of offset or slope of a calibration line, by the line's name; None for one of no known origin.
+
+    Without figures it is the scatter about the line alone. draws: of Monte Carlo about the value, 0 for none.
+    """
+    covariance = covariance_of(name, circumstances, SensorFigures() if figures is None else figures)
+    if covariance is None:
+        return None
+    fit = _Drawn("normal", 1.0, tuple(move.slope if of_slope else move.offset_nm for move in components(covariance)))
+    u_fit = covariance.u_slope if of_slope else covariance.u_offset_nm
+    fitted = Entry(*FIT, u_fit, unit, u_fit)
+    if figures is None or not circumstances.lines_of_this_run:
+        return _with_draws(only(fitted), [fit], value, draws)
+    entries, drawn = [fitted], [fit]
+    for source in SOURCES:
+        declared = source.declared(figures, circumstances)
+        if declared is None:
+            continue
+        moves = [line_moves(shape, circumstances, figures)[name] for shape in source.shapes]
+        parts = [move.slope if of_slope else move.offset_nm for move in moves]
+        if any(parts):
+            part = declared.u * (parts[0] if len(parts) == 1 else math.hypot(*parts))
+            entries.append(Entry(source.id, source.text, declared.distribution, declared.u, source.unit, part))
+            drawn.append(_Drawn(declared.distribution, declared.figure, tuple(parts)))
+    return _with_draws(combined(entries, 0.0, (), unit), drawn, value, draws)
+
+
+class _Drawn(NamedTuple):
+    """What is drawn of one source: distribution, limit, and what one unit of each component does to the value."""
+
+    distribution: str
+    limit: float
+    parts: tuple[float, ...]
+
+
+def _with_draws(budget: Budget, sources: Sequence[_Drawn], value: float, draws: int) -> Budget:
+    """Return a budget with the distribution of the value when every source is drawn at once."""
+    if not draws:
+        return budget
+    random = np.random.default_rng(SEED)
+    errors = np.zeros(draws)
+    for one in sources:
+        errors += DISTRIBUTIONS[one.distribution].draw(random, one.limit, draws, len(one.parts)) @ np.array(one.parts)
+    u = float(errors.std(ddof=1)) if draws > 1 else math.nan
+    return replace(budget, monte_carlo=interval(errors, value, u))

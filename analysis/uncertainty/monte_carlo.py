@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.branches import Branch, made_rising
-from analysis.loop import Loop
+from analysis.loop.branches import Branch, made_rising
+from analysis.loop.loop import Loop
+from analysis.trace.units import FloatArray
 from analysis.uncertainty.chain import Move
 from analysis.uncertainty.distributions import DISTRIBUTIONS
-from analysis.uncertainty.repeatability import CONFIDENCE
-from analysis.units import FloatArray
+from analysis.uncertainty.scatter import CONFIDENCE
 
 SEED = 11
 

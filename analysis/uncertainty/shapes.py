@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.trace.units import FloatArray
 from analysis.uncertainty.circumstances import AngleName, Circumstances, Points
 from analysis.uncertainty.figures import AngleFigures, SensorFigures
-from analysis.units import RAD_PER_ARCMIN, FloatArray
+from definitions.units import RAD_PER_ARCMIN
 
 ROUNDINGS = 24
 """Ways in which the counts of an encoder may lie over a loop; their contributions are averaged as variances."""

@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from analysis.trace.units import FloatArray
 from analysis.uncertainty.circumstances import AngleName, Circumstances
 from analysis.uncertainty.distributions import DISTRIBUTIONS, STATED_BY
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
@@ -30,9 +31,7 @@ from analysis.uncertainty.shapes import (
     roundings,
     skew,
 )
-from analysis.units import FloatArray
-
-ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
+from definitions.units import ARCSEC_PER_RAD
 
 TorqueName = Literal["torque_in", "torque_out"]
 

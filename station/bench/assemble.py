@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
+from drivers.pace import PaceConfig
 from drivers.profile import DriveProfile, ModbusProfile
 from recipes import Bench, load_document
-from recipes.bench_schema import ModbusDevice
+from recipes.schema.bench_schema import ModbusDevice
 
 Ports = Mapping[str, Any]
 """Ready line of the virtual bench: host and port of `can`, `amplifier`, `brake` and `remote_io`."""
@@ -30,8 +31,12 @@ def channels(bench: Bench) -> tuple[str, ...]:
     return tuple(channel for name, channel in CHANNEL_OF_SENSOR.items() if getattr(sensors, name) is not None)
 
 
-def wire_config(bench: Bench, profiles: Mapping[str, Path], period_ns: int, ports: Ports | None) -> WireBenchConfig:
+def wire_config(
+    bench: Bench, profiles: Mapping[str, Path], period_ns: int, ports: Ports | None, *, waits: bool = False
+) -> WireBenchConfig:
     """Return the configuration of a `WireBench`; `ports` of a started virtual bench replace the file's.
+
+    `waits`: the bench is one that waits for the scan, where its ready line or its file says.
 
     Raises:
         recipes.RecipeError: a profile has problems, each with its place.
@@ -44,8 +49,15 @@ def wire_config(bench: Bench, profiles: Mapping[str, Path], period_ns: int, port
         amplifier=_modbus(bench.amplifier, profiles, ports, "amplifier"),
         brake=_modbus(bench.brake, profiles, ports, "brake"),
         remote_io=_modbus(bench.remote_io, profiles, ports, "remote_io"),
+        pace=_pace(bench, ports) if waits else None,
         channels=channels(bench),
     )
+
+
+def _pace(bench: Bench, ports: Ports | None) -> PaceConfig | None:
+    if ports is not None:
+        return PaceConfig(ports["pace"]["host"], ports["pace"]["port"])
+    return None if bench.pace is None else PaceConfig(bench.pace.host, bench.pace.port)
 
 
 def can_config(bench: Bench, ports: Ports | None = None) -> CanConfig:

@@ -8,14 +8,22 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from drivers.virtual.config import (
+from recipes import Bench, Problem, Recipe, RecipeError, load_document, parse_document
+from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
+from recipes.schema.bench_schema import ModbusDevice
+from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
+from station.bench.virtual_unit import VirtualUnit, drawn_seed
+from station.records.clocks import SCAN, VIRTUAL, WALL
+from virtual_bench.config import (
     AngleSensor,
     BenchConfig,
     BrakeConfig,
     CanBus,
+    Catalogue,
     DriveConfig,
     DriveProfile,
     ModbusPort,
+    PaceServer,
     Protections,
     RegisterMap,
     ServerConfig,
@@ -24,22 +32,37 @@ from drivers.virtual.config import (
     Socketcand,
     TorqueSensor,
 )
-from drivers.virtual.fault_vocabulary import ONLY_IN_VIRTUAL_TIME, ONLY_OVER_WIRES
-from drivers.virtual.scenario import Scenario
-from drivers.virtual.units import default_unit, find_unit
-from recipes import Bench, Problem, RecipeError, load_document, parse_document
-from recipes.bench_schema import AngleSensor as AngleSensorFile
-from recipes.bench_schema import ModbusDevice
-from recipes.bench_schema import TorqueSensor as TorqueSensorFile
+from virtual_bench.faults.scenario import Scenario
+from virtual_bench.faults.vocabulary import NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES
+from virtual_bench.physics.find_unit import default_unit, find_unit
 
 Profiles = Mapping[str, Path]
 
 
-def choose_unit(asked: str | None, model: str) -> str:
-    """Return the unit to put on the virtual bench, NAME[:SEED]; VirtualBenchError when there is none like it."""
-    unit = asked or default_unit(model)
-    find_unit(unit)
-    return unit
+def choose_unit(asked: str | None, recipe: Recipe, seed: int | None = None) -> VirtualUnit:
+    """Return the unit to put on the virtual bench; VirtualBenchError when there is none like it.
+
+    `asked` is NAME[:SEED], by default the good unit of the recipe's model. Without `seed` one is drawn.
+    """
+    unit = asked or default_unit(recipe.unit_under_test.model)
+    catalogue = catalogue_of(recipe)
+    find_unit(unit, catalogue)
+    return VirtualUnit(unit, drawn_seed() if seed is None else seed, catalogue)
+
+
+def catalogue_of(recipe: Recipe) -> Catalogue:
+    """Return what a recipe says of its model, and what it demands of it."""
+    unit, metrics = recipe.unit_under_test, recipe.metrics
+    return Catalogue(
+        model=unit.model,
+        ratio=unit.ratio,
+        rated_torque_nm=unit.rated_torque_nm,
+        stiffness_nm_per_arcmin=unit.stiffness_nm_per_arcmin,
+        loading_slope=unit.loading_torque_ratio.slope,
+        loading_offset_nm=unit.loading_torque_ratio.offset_nm,
+        most={metric.id: metric.max for metric in reversed(metrics) if metric.max is not None},
+        least={metric.id: metric.min for metric in reversed(metrics) if metric.min is not None},
+    )
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -52,10 +75,17 @@ def parse_scenario(raw: bytes, path: str) -> Scenario:
     return parse_document(raw, path, Scenario)
 
 
-def check_clock(path: Path, scenario: Scenario, *, wires: bool) -> None:
+LACKING: dict[str, tuple[frozenset[tuple[str, str]], str, str]] = {
+    WALL: (NOT_BY_WALL_CLOCK, "a fault that the wall clock can have", "leave --wall-clock out, or --wires"),
+    SCAN: (frozenset(), "", ""),
+    VIRTUAL: (ONLY_OVER_WIRES, "a fault that is not for wires only", "run it over wires"),
+}
+"""Faults that a clock cannot have, what is allowed, and what to do."""
+
+
+def check_clock(path: Path, scenario: Scenario, clock: str) -> None:
     """Refuse faults that the clock of the run cannot have; RecipeError with every one of them."""
-    lacking, hint = (ONLY_IN_VIRTUAL_TIME, "leave --wires out") if wires else (ONLY_OVER_WIRES, "run it over wires")
-    where = "virtual time" if wires else "wires"
+    lacking, allowed, hint = LACKING[clock]
     problems = [
         Problem(
             str(path),
@@ -63,7 +93,7 @@ def check_clock(path: Path, scenario: Scenario, *, wires: bool) -> None:
             0,
             f"faults.{place}",
             f"{fault.target} {fault.verb}",
-            f"a fault that is not for {where} only",
+            allowed,
             hint,
         )
         for place, fault in enumerate(scenario.faults)
@@ -79,11 +109,11 @@ def plain_document(path: Path) -> Mapping[str, Any]:
     return document
 
 
-def virtual_config(bench: Bench, profiles: Profiles, unit: str) -> BenchConfig:
+def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> BenchConfig:
     """Return the plant, drive and sensors that stand in for the hardware of a bench file."""
     sensors, brake = bench.sensors, bench.brake
     return BenchConfig(
-        unit=unit,
+        unit=unit.name,
         loading=bench.bench.loading,
         drive=_drive(bench, profiles),
         brake=BrakeConfig(brake.torque_constant_nm_per_a, brake.max_current_a, brake.time_constant_s),
@@ -92,7 +122,8 @@ def virtual_config(bench: Bench, profiles: Profiles, unit: str) -> BenchConfig:
         angle_in=_angle(sensors.angle_in),
         angle_out=None if sensors.angle_out is None else _angle(sensors.angle_out),
         fixture_stiffness_nm_per_arcmin=_lock_nm_per_arcmin(bench),
-        seed=find_unit(unit).seed or 1,
+        noise_seed=unit.seed,
+        catalogue=unit.catalogue,
         amplifier_poll=SlowPoll(bench.amplifier.poll_every_s),
         brake_poll=SlowPoll(brake.poll_every_s),
         remote_io_poll=SlowPoll(bench.remote_io.poll_every_s),
@@ -143,13 +174,17 @@ def _drive(bench: Bench, profiles: Profiles) -> DriveConfig:
 def server_config(
     bench: Bench,
     profiles: Profiles,
-    unit: str,
+    unit: VirtualUnit,
     *,
     scenario: Path | None,
     embedded: bool,
     truth: Path | None = None,
+    waits: bool = False,
 ) -> ServerConfig:
-    """Return the virtual bench as a process; an embedded one takes free loopback ports and ends with its parents."""
+    """Return the virtual bench as a process; an embedded one takes free loopback ports and ends with its parents.
+
+    `waits`: it lets a scan lead.
+    """
     can = bench.can
 
     def port(device: ModbusDevice) -> ModbusPort:
@@ -173,5 +208,12 @@ def server_config(
         can=bus,
         scenario=scenario,
         end_with_parent=embedded,
+        pace=_pace(bench, embedded=embedded) if waits else None,
         truth=truth,
     )
+
+
+def _pace(bench: Bench, *, embedded: bool) -> PaceServer:
+    if embedded:
+        return PaceServer(from_rest=True)
+    return PaceServer() if bench.pace is None else PaceServer(bench.pace.host, bench.pace.port)

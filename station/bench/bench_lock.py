@@ -1,6 +1,7 @@
 """One controller at a time on a real bench: a lock that the process holds which scans it.
 
-The kernel lets go of it when that process ends, however it ends; the file itself stays and means nothing.
+The kernel lets go of it when that process ends, however it ends; the file itself stays and means nothing. It stands in
+the service's own place with mode 0600: elsewhere any local user could hold it, and keep the bench from measuring.
 """
 
 from __future__ import annotations
@@ -8,15 +9,15 @@ from __future__ import annotations
 import fcntl
 import os
 import re
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from recipes import Bench
 from station.errors import StationError
-from station.record.ring import SHARED_MEMORY
+from station.own_place import own_folder
 
+FOLDER = "benches"
 FILE_PREFIX = "lostmotion-bench-"
 
 
@@ -25,11 +26,15 @@ class BenchBusyError(StationError):
 
 
 def lock_path(bench: Bench) -> Path:
-    """Return the lock's file: named by the wires, so that two files that describe one bench share it."""
+    """Return the lock's file: named by the wires, so that two files that describe one bench share it.
+
+    Raises:
+        StationError: the service's own place cannot be had; a lock anywhere else could be held by any local user.
+
+    """
     can = bench.can
-    place = SHARED_MEMORY if SHARED_MEMORY.is_dir() else Path(tempfile.gettempdir())
     name = f"{can.interface}-{can.channel}-{can.host}-{can.port}"
-    return place / (FILE_PREFIX + re.sub(r"[^A-Za-z0-9._-]", "_", name))
+    return own_folder(FOLDER) / (FILE_PREFIX + re.sub(r"[^A-Za-z0-9._-]", "_", name))
 
 
 @contextmanager
@@ -40,11 +45,14 @@ def alone_on(bench: Bench) -> Iterator[None]:
         BenchBusyError: another process holds it, or the lock cannot be had.
 
     """
-    path = lock_path(bench)
     try:
-        handle = _open(path)
+        path = lock_path(bench)
+    except StationError as error:
+        raise BenchBusyError(f"the lock file of the bench cannot be used: {error}") from error
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     except OSError as error:
-        raise BenchBusyError(f"{path}: the lock of the bench cannot be opened: {error.strerror}") from error
+        raise BenchBusyError(f"{path}: the lock file of the bench cannot be opened: {error.strerror}") from error
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -55,20 +63,8 @@ def alone_on(bench: Bench) -> Iterator[None]:
                 f"the bench '{bench.bench.name}' ({can.interface}, channel {can.channel}, {can.host}:{can.port}) is in "
                 f"use by process {holder or 'unknown'}; nothing was sent to it. Wait for that run to end, or stop it"
             ) from error
-        _leave_name(handle)
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
         yield
     finally:
         os.close(handle)
-
-
-def _open(path: Path) -> int:
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
-    except PermissionError:  # made by another user: to lock it, reading is enough
-        return os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
-
-
-def _leave_name(handle: int) -> None:
-    if fcntl.fcntl(handle, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDWR:
-        os.ftruncate(handle, 0)
-        os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from analysis import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation, fixture_stiffness
-from analysis.conversions import stiffness_at_output
-from analysis.quadrants import QUADRANTS
-from analysis.units import ARCMIN_PER_RAD
+from analysis.torque_ratio.quadrants import QUADRANTS
+from analysis.trace.conversions import fixture_stiffness, stiffness_at_output
+from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation
+from definitions.units import ARCMIN_PER_RAD
 from recipes import Bench, Calibration
-from recipes.bench_schema import AngleSensor, TorqueSensor
-from recipes.calibration_schema import QuadrantLine
+from recipes.schema.bench_schema import AngleSensor, TorqueSensor
+from recipes.schema.calibration_schema import QuadrantLine
 
 U_SLOPE_FRACTION = 0.005
 U_OFFSET_NM = 0.5

@@ -13,18 +13,18 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from drivers.errors import DriverError
-from drivers.virtual.config import RegisterMap
-from drivers.virtual.errors import VirtualBenchError
-from drivers.virtual.gateway import GatewayConfig, run_gateway
-from drivers.virtual.modbus_gateway import ModbusTarget
-from drivers.virtual.process_lines import log_line
 from recipes import Bench, RecipeError, load_bench
-from recipes.bench_schema import ModbusDevice
+from recipes.schema.bench_schema import ModbusDevice
 from station.bench.assemble import can_config
 from station.bench.assemble_virtual import load_scenario, plain_document
 from station.bench.bench_lock import alone_on
 from station.bench.virtual_bench_process import FIFO_PRIORITY
 from station.errors import StationError
+from virtual_bench.config import RegisterMap
+from virtual_bench.devices.gateway import GatewayConfig, run_gateway
+from virtual_bench.devices.modbus_gateway import ModbusTarget
+from virtual_bench.devices.process_lines import log_line
+from virtual_bench.errors import VirtualBenchError
 
 
 def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_parent: bool) -> GatewayConfig:

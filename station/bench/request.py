@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
 from pathlib import Path
 
 import drivers
-from controller.compiler import compile_program
-from controller.program import Program
+from definitions.program import Program
 from drivers.profile import DriveProfile, ModbusProfile
 from recipes import (
     Bench,
@@ -27,8 +27,10 @@ from recipes import (
     shipped_recipes,
     warnings,
 )
+from recipes.compiler.compiler import compile_program
+from station.durable import refused
 from station.errors import StationError
-from station.record.run_record import RunRecord
+from station.records.run_record import RunRecord
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
 
@@ -154,10 +156,25 @@ def stored_job(run: RunRecord) -> Job:
     """Load recipe and bench of a stored run as they were accepted then: what is out of date since was not on its day.
 
     Raises:
-        RecipeError, RecordError: recipe, bench or run.json cannot be read any more.
+        RecipeError: what stands in recipe, bench or a profile cannot be accepted any more.
+        RecordError: run.json is damaged, or one of the files cannot be read now.
 
     """
-    return load_job(str(run.folder / "recipe.yaml"), str(run.folder / "bench.yaml"), run.day())
+    for profile in sorted(run.folder.glob("profiles/*.yaml")):
+        _stored_source(profile)
+    return _loaded(
+        lambda: _stored_source(run.folder / "recipe.yaml"),
+        lambda _: _stored_source(run.folder / "bench.yaml"),
+        run.day(),
+    )
+
+
+def _stored_source(path: Path) -> Source:
+    """Read a file of a record; RecordError when it cannot be read: that may pass, and says nothing of its content."""
+    try:
+        return Source(path, path.read_bytes())
+    except OSError as error:
+        raise refused(path, error, "read") from error
 
 
 def load_job(recipe_name: str, bench_name: str | None, day: date | None = None) -> Job:
@@ -169,24 +186,33 @@ def load_job(recipe_name: str, bench_name: str | None, day: date | None = None) 
         RecipeError: with all problems of both files, or all that speaks against the pair.
 
     """
+    return _loaded(
+        lambda: Source.read(recipe_path(recipe_name)),
+        lambda recipe: None if bench_name is None and recipe is None else Source.read(_bench_file(bench_name, recipe)),
+        day,
+    )
+
+
+def _loaded(
+    read_recipe: Callable[[], Source], read_bench: Callable[[Recipe | None], Source | None], day: date | None
+) -> Job:
+    """Read both files, and check each and the pair; `read_bench` is told the recipe, None where that is none."""
     problems: list[Problem] = []
     recipe: Recipe | None = None
     bench: Bench | None = None
-    recipe_file = recipe_path(recipe_name)
     try:
-        recipe_source = Source.read(recipe_file)
+        recipe_source = read_recipe()
         recipe = recipe_source.recipe()
     except RecipeError as error:
         problems += error.problems
     try:
-        if bench_name is not None or recipe is not None:
-            bench_source = Source.read(_bench_file(bench_name, recipe))
-            bench = bench_source.bench()
+        bench_source = read_bench(recipe)
+        bench = None if bench_source is None else bench_source.bench()
     except RecipeError as error:
         problems += error.problems
-    if recipe is None or bench is None or problems:
+    if recipe is None or bench is None or bench_source is None or problems:
         raise RecipeError(problems)
-    found = check(recipe, bench, recipe_file, day)
+    found = check(recipe, bench, recipe_source.path, day)
     if found:
         raise RecipeError(found)
     job = Job(recipe, bench, recipe_source, bench_source)

@@ -1,6 +1,7 @@
 """Entry of the embedded virtual bench: `python -m station.bench.virtual_bench_process SPEC.json`.
 
-The spec names bench file, profiles, unit, scenario and where the torque in the unit is to be written (`truth`). The
+The spec names bench file, profiles, unit, scenario, where the torque in the unit is to be written (`truth`), and the
+clock: "scan" lets the scan lead, "wall" has the bench live by the wall clock. The
 ready line with the ports goes to standard output, what the drive and the injected faults do to standard error, one
 JSON line each.
 """
@@ -14,13 +15,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from drivers.virtual.config import ServerConfig
-from drivers.virtual.errors import VirtualBenchError
-from drivers.virtual.plant import warm_up
-from drivers.virtual.process_lines import log_line
-from drivers.virtual.server import run
 from recipes import RecipeError, load_bench
 from station.bench.assemble_virtual import load_scenario, server_config
+from station.bench.virtual_unit import VirtualUnit
+from station.records.clocks import SCAN
+from virtual_bench.config import ServerConfig
+from virtual_bench.devices.process_lines import log_line
+from virtual_bench.errors import VirtualBenchError
+from virtual_bench.physics.plant import warm_up
+from virtual_bench.server import run
 
 FIFO_PRIORITY = 60
 """The bench plays hardware, which never waits for a processor: below the scan, above everything ordinary."""
@@ -33,10 +36,11 @@ def serve(spec: dict[str, Any]) -> None:
     config = server_config(
         load_bench(spec["bench"]),
         profiles,
-        spec["unit"],
+        VirtualUnit.from_plain(spec["unit"]),
         scenario=scenario,
         embedded=spec["embedded"],
         truth=None if spec["truth"] is None else Path(spec["truth"]),
+        waits=spec["clock"] == SCAN,
     )
     faults = None if scenario is None else load_scenario(scenario)
     play_hardware(config)

@@ -5,21 +5,26 @@ Every command imports what it needs when it runs, so that help answers at once.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
+from functools import cache, partial
 from typing import Annotated
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_group
 
-from station.cli import bench as cli_bench
-from station.cli import line as cli_line
-from station.cli import measure as cli_measure
-from station.cli import models as cli_models
-from station.cli import runs as cli_runs
+from station.cli.bench import commands as cli_bench
 from station.cli.errors import EXIT_BENCH, can_be_mended, nobody_reads, program_failed, refuse
-from station.cli.faults import faults_app
+from station.cli.faults.commands import faults_app
 from station.cli.help import GroupedHelp
-from station.cli.studies import study_app
+from station.cli.line import commands as cli_line
+from station.cli.measure import commands as cli_measure
+from station.cli.runs import commands as cli_runs
+from station.cli.store.commands import store_app
+from station.cli.studies import model_commands as cli_models
+from station.cli.studies.commands import study_app
 from station.errors import BenchFaultError
 from station.plain_text import never_crash
 
@@ -39,6 +44,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "check": cli_measure.check,
         "run": cli_measure.run,
         "resume": cli_measure.resume,
+        "conclude": cli_measure.conclude,
         "recover": cli_measure.recover,
     },
     "Look at runs": {
@@ -49,6 +55,8 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "metrics": cli_runs.metrics,
         "export": cli_runs.export,
         "replay": cli_runs.replay,
+        "verify": cli_runs.verify,
+        "store": store_app,
     },
     "Models": {
         "model": cli_models.model,
@@ -69,6 +77,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "blank": cli_bench.blank,
         "torque-ratio": cli_bench.torque_ratio,
         "calibration": cli_bench.calibration,
+        "key": cli_runs.key,
         "faults": faults_app,
     },
 }
@@ -96,21 +105,49 @@ def _print_version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with t
         raise typer.Exit
 
 
+STORE_URL = "LOSTMOTION_STORE"
+"""Environment variable that names the database of the store."""
+
+
 @app.callback()
 def options(
-    version: Annotated[  # noqa: FBT002 - typer reads this signature
+    context: typer.Context,
+    version: Annotated[  # noqa: FBT002, ARG001 - typer reads this signature, and calls `_print_version`
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version."),
     ] = False,
+    store: Annotated[
+        str | None,
+        typer.Option(
+            "--store", metavar="URL", help=f"Database: sqlite:///FILE or postgresql://USER@HOST/NAME; also {STORE_URL}."
+        ),
+    ] = None,
 ) -> None:
     """End-of-line test bench for precision gear reducers: torsional stiffness, backlash and lost motion."""
+    if store is not None:
+        before = os.environ.get(STORE_URL)
+        os.environ[STORE_URL] = store
+        context.call_on_close(partial(_put_back, before))
+
+
+def _put_back(before: str | None) -> None:
+    if before is None:
+        os.environ.pop(STORE_URL, None)
+    else:
+        os.environ[STORE_URL] = before
+
+
+@cache
+def command_line() -> TyperGroup:
+    """Return all commands with their options, made of the table and the signatures once in a process."""
+    return get_group(app)
 
 
 def main() -> None:
     """Run the command line; errors that a person can mend are plain text on standard error, without a traceback."""
     never_crash()
     try:
-        ended = app(standalone_mode=False)
+        ended = command_line()(standalone_mode=False)
         sys.stdout.flush()  # a reader that is gone is told here, not when the interpreter ends with a code of its own
         sys.exit(ended)
     except BenchFaultError as error:

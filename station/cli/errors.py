@@ -8,7 +8,7 @@ import tempfile
 import traceback
 from typing import NoReturn
 
-from station.commands.json_errors import errors_json
+from station.cli.json_errors import errors_json
 from station.errors import StationError
 
 EXIT_BAD_INPUT = 2
@@ -25,8 +25,8 @@ def _bad_input() -> tuple[type[Exception], ...]:
     loaded = sys.modules
     names = (
         ("recipes", "RecipeError"),
-        ("analysis", "AnalysisError"),
-        ("drivers.virtual.errors", "VirtualBenchError"),
+        ("analysis.trace.errors", "AnalysisError"),
+        ("virtual_bench.errors", "VirtualBenchError"),
     )
     return (StationError, *(getattr(loaded[module], name) for module, name in names if module in loaded))
 

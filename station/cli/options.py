@@ -14,12 +14,8 @@ RunArgument = Annotated[
     str, typer.Argument(metavar="RUN", help="Run id or part of it, serial number, folder, or 'last'.")
 ]
 TraceArgument = Annotated[str, typer.Argument(metavar="TRACE", help="Stored run, or a CSV, Parquet or TDMS file.")]
-FileArgument = Annotated[
-    Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Without it, the stored runs are taken.")
-]
-TableArgument = Annotated[
-    Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Without it, the published table is taken.")
-]
+FileArgument = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Default: the stored runs.")]
+TableArgument = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Default: the published table.")]
 
 DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
@@ -31,16 +27,26 @@ UnitOption = Annotated[
     str | None,
     typer.Option("--unit", metavar="NAME[:SEED]", help="Unit on the virtual bench: P1, worn, soft, tight, cracked ..."),
 ]
+SeedOption = Annotated[
+    int | None,
+    typer.Option("--seed", metavar="N", min=0, help="Seed of the noise on the virtual bench. Default: a new one."),
+]
 ScenarioOption = Annotated[
     Path | None,
     typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
+]
+WallClockOption = Annotated[
+    bool,
+    typer.Option(
+        "--wall-clock", help="Real time, as with real hardware: the virtual bench does not wait for the scan."
+    ),
 ]
 PresetOption = Annotated[
     str | None,
     typer.Option(
         "--preset",
         metavar="NAME",
-        help="Definitions of static, inverse, measurement, output, nabtesco, spinea or harmonic.",
+        help="Set of metric definitions: static, inverse, measurement, output, nabtesco, spinea or harmonic.",
     ),
 ]
 ChosenMetricOption = Annotated[
@@ -59,10 +65,10 @@ RecipeFilter = Annotated[
 ]
 SerialFilter = Annotated[str | None, typer.Option("--serial", metavar="SN", help="Only runs of this serial number.")]
 SideOption = Annotated[
-    str | None, typer.Option("--side", metavar="+|-", help="Side of the metric. Default: the one that stands first.")
+    str | None, typer.Option("--side", metavar="+|-", help="Side of the metric. Default: the first one of the result.")
 ]
 BranchOption = Annotated[
-    str | None, typer.Option("--branch", metavar="NAME", help="Branch, where a run has the metric on several.")
+    str | None, typer.Option("--branch", metavar="NAME", help="Branch, if a run has the metric on several branches.")
 ]
 ColumnOption = Annotated[str, typer.Option("--column", metavar="NAME", help="Column of FILE that holds the values.")]
 LevelOption = Annotated[

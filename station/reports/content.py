@@ -7,14 +7,18 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis import Result, SegmentInfo, segment_name
-from analysis.method import Method
+from analysis.evaluation.pipeline import Result
+from analysis.loop.method import Method
+from analysis.trace.segment_names import segment_name
+from analysis.trace.trace import SegmentInfo
+from definitions.checks import CHECKS
 from station.bench.request import Job
-from station.record.run_record import RunRecord
+from station.records.run_record import RunRecord
 from station.reports.budget_rows import BudgetTable, budget_tables
 from station.reports.result_text import figure_text, metric_name, minus
 from station.reports.timing_tables import TimingTables, timing_proof, timing_tables
@@ -22,7 +26,8 @@ from station.reports.torque_ratio_rows import calibration_rows, line_rows, lines
 from station.results.evaluation import method_of, newest_calibration
 
 LOOP_CSV = "loop.csv"
-PASSED: dict[bool | None, str] = {True: "in order", False: "FAILED", None: "not checked"}
+FAILED = "FAILED"
+PASSED: dict[bool | None, str] = {True: "passed", False: FAILED, None: "not applicable"}
 
 Row = tuple[str, ...]
 
@@ -31,14 +36,15 @@ Row = tuple[str, ...]
 class Content:
     """Sections of a report; an empty one is not shown.
 
-    gates: (id, words with figure and limit, said). stages: (name, words, figures). fits and method: (name, text).
-    lines: torque ratio per quadrant; lines_of: whose they are. calibrations: (id, text).
+    checks: (title, id, words with figure and limit, said); checks_line: counts. stages: (name, words, figures).
+    fits and method: (name, text). lines: torque ratio per quadrant; lines_of: whose they are. calibrations: (id, text).
     checksums: (file, bytes, SHA-256). loop: the branches as CSV, which `analyze` reads. ratio: the points of the lines.
     """
 
     uncertainty: str
     budgets: tuple[BudgetTable, ...] = ()
-    gates: tuple[Row, ...] = ()
+    checks: tuple[Row, ...] = ()
+    checks_line: str = ""
     stages: tuple[Row, ...] = ()
     method: tuple[Row, ...] = ()
     lines: tuple[Row, ...] = ()
@@ -51,7 +57,7 @@ class Content:
     timing: TimingTables = field(default_factory=TimingTables)
 
 
-GATE_HEADS = ("gate", "what was found", "")
+CHECK_HEADS = ("validity check", "what was found", "")
 
 
 def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | None, job: Job) -> Content:
@@ -62,7 +68,8 @@ def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | Non
     return Content(
         uncertainty=uncertainty_kind(result["metrics"]),
         budgets=budget_tables(result["metrics"]),
-        gates=gate_rows(shown_gates(result)),
+        checks=check_rows(shown_checks(result)),
+        checks_line=checks_line(shown_checks(result)),
         stages=stage_rows(result.get("stages") or ()),
         method=() if analysis is None else _method_rows(method),
         lines=line_rows(analysis, stored),
@@ -83,45 +90,70 @@ def uncertainty_kind(metrics: Sequence[Mapping[str, Any]]) -> str:
     known = [one for one in metrics if one.get("uncertainty") is not None]
     kinds = {one.get("uncertainty_kind", "budget") for one in known if one.get("budget")}
     if not known:
-        return f"No uncertainty is known (no U): {NO_U}." if metrics else ""
+        return f"No uncertainty (no U): {NO_U}." if metrics else ""
     budgeted = [one for one in known if one.get("uncertainty_kind", "budget") in WITH_FIGURES and one.get("budget")]
     none = f" No U: {NO_U}." if len(known) < len(metrics) else ""
     if not budgeted:
-        alone = "holds the scatter within this run alone, not the uncertainty of the sensors"
-        return f"± is U = k·u with k = 2: it {alone}.{none}"
+        return f"{U_TEXT} of the scatter within this run only, without the sensors.{none}"
     holds = WITH_FIGURES["untimed" if "untimed" in kinds else "budget"]
     others = [metric_name(dict(one)) for one in known if one not in budgeted]
-    scatter = f" Of {', '.join(others)} it holds the scatter within this run alone." if others else ""
-    return f"± is U = k·u with k = 2: it holds {holds}.{scatter}{none}"
+    scatter = f" Scatter within this run only: {', '.join(others)}." if others else ""
+    return f"{U_TEXT}{holds}.{scatter}{none}"
 
 
-NO_U = "one cycle and no budget, or declared errors that are too large for the metric"
+U_TEXT = "± is the expanded uncertainty U (k = 2)"
+
+NO_U = "needs two cycles or an uncertainty budget, and sensor errors small enough for the metric"
 
 WITH_FIGURES = {
-    "budget": "every source of the uncertainty budget",
-    "untimed": "every source of the uncertainty budget but delay and drift, for the trace has no time",
+    "budget": "",
+    "untimed": ", without delay and drift: the trace has no time column",
 }
-"""Kinds of an uncertainty that comes from declared figures, and what it holds."""
+"""Kinds of an uncertainty that comes from sensor specifications, and what it leaves out."""
 
 
-def shown_gates(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the gates that say something: of a run that was not evaluated, only those that failed."""
-    return [gate for gate in result.get("gates") or () if result["metrics"] or gate.get("passed") is False]
+def shown_checks(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the checks that say something: of a run that was not evaluated, only those that failed."""
+    return [check for check in result.get("gates") or () if result["metrics"] or check.get("passed") is False]
 
 
-def gate_rows(gates: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:
-    """Return the validity gates: those that failed, those in order, those that were not checked."""
-    ordered = sorted(gates, key=lambda gate: {False: 0, True: 1, None: 2}[gate.get("passed")])
-    return tuple((str(gate.get("id", "")), _gate_words(gate), PASSED[gate.get("passed")]) for gate in ordered)
+def check_rows(checks: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:
+    """Return the validity checks: those that failed, those that passed, those that were not checked."""
+    ordered = sorted(checks, key=lambda check: {False: 0, True: 1, None: 2}[check.get("passed")])
+    return tuple(
+        (check_title(check), str(check.get("id", "")), _check_words(check), PASSED[check.get("passed")])
+        for check in ordered
+    )
 
 
-def _gate_words(gate: Mapping[str, Any]) -> str:
-    """Return the words of a gate; its figure and limit are in them, or stand behind them."""
-    text, unit = str(gate.get("text") or ""), str(gate.get("unit") or "")
-    text = text.replace("not applicable: not ", "not ")  # a reason such as "not measured: …" says it already
-    if gate.get("figure") is None or "allowed" in text:
+def checks_line(checks: Sequence[Mapping[str, Any]]) -> str:
+    """Return the validity checks as counts; nothing where there are none."""
+    counts = Counter(check.get("passed") for check in checks)
+    parts = (
+        _counted(counts[False], "failed"),
+        _counted(counts[True], "passed"),
+        f"{counts[None]} not applicable" if counts[None] else "",
+    )
+    return ", ".join(part for part in parts if part)
+
+
+def _counted(count: int, became: str) -> str:
+    return f"{count} {'check' if count == 1 else 'checks'} {became}" if count else ""
+
+
+def check_title(check: Mapping[str, Any]) -> str:
+    """Return what people read of a check; of one that this version does not know, nothing."""
+    row = CHECKS.get(str(check.get("id")))
+    return row.title if row is not None else ""
+
+
+def _check_words(check: Mapping[str, Any]) -> str:
+    """Return the words of a check; its figure and limit are in them, or stand behind them."""
+    text, unit = str(check.get("text") or ""), str(check.get("unit") or "")
+    text = text.removeprefix(f"{check_title(check)}: ").removeprefix("not applicable: ")  # both stand beside it
+    if check.get("figure") is None or "allowed" in text:
         return text
-    return f"{text}: {figure_text(gate['figure'], unit)}, limit {figure_text(gate.get('limit'), unit)}"
+    return f"{text}: {figure_text(check['figure'], unit)}, limit {figure_text(check.get('limit'), unit)}"
 
 
 def stage_rows(stages: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:

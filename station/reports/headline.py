@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
+
+from definitions.checks import CHECKS
+from station.records.clocks import VIRTUAL, clock_of
+from station.reports.result_text import titled_reason
 
 BENCH_FAULT = "BENCH FAULT"
 FAULTS_INJECTED = "FAULTS INJECTED"
@@ -14,7 +19,8 @@ ENDINGS: dict[str, str] = {
     "fault": "ended in a fault",
     "stopped": "was stopped",
     "interrupted": "was interrupted",
-    "recording": "is still going on",
+    "recording": "is still in progress",
+    "not concluded": "is not concluded",
     "complete": "complete",
     "analyzed": "analyzed",
 }
@@ -23,10 +29,10 @@ ENDINGS: dict[str, str] = {
 
 STOPPED_BY: dict[str, str] = {
     "operator": "by the operator",
-    "disk": "the disk did not take the records",
-    "records_lost": "records were lost, because they were not taken in time",
-    "desk_silent": "the desk was gone in the middle of the run",
-    "desk_gone": "the desk was gone before the run had started",
+    "disk": "records could not be written to disk",
+    "records_lost": "records were lost: the supervisor process was too slow",
+    "desk_silent": "the supervisor process ended during the run",
+    "desk_gone": "the supervisor process ended before the run started",
 }
 """Who or what stopped a run, as it stands behind STOPPED."""
 
@@ -74,10 +80,18 @@ def ending_text(result: dict[str, Any]) -> str:
 
 
 def remaining_reasons(result: dict[str, Any]) -> list[str]:
-    """Return the reasons with what the headline says already left out of the first one."""
+    """Return the reasons, metrics and checks by title, without what the headline says already."""
     cause = first_cause(result)
     said = f"{cause['text']}: " if cause is not None and result["state"] == "fault" else ""
-    return [reason.removeprefix(said) if said else reason for reason in result["reasons"]]
+    titles = {name: check.title for name, check in CHECKS.items()}
+    titles |= {str(metric["id"]): str(metric.get("title", "")) for metric in result.get("metrics") or ()}
+    return [titled_reason(reason.removeprefix(said), titles) for reason in result["reasons"]]
+
+
+def objection(result: Mapping[str, Any]) -> str:
+    """Return why a result's measurement was invalid, in its own words; '' where it was not."""
+    said = (str(reason) for reason in result.get("reasons", ()))
+    return next((reason for reason in said if reason.startswith("measurement invalid")), "")
 
 
 def badges(result: dict[str, Any]) -> tuple[str, ...]:
@@ -85,11 +99,19 @@ def badges(result: dict[str, Any]) -> tuple[str, ...]:
     return (*virtual_badges(result), *((FAULTS_INJECTED,) if result.get("scenario") else ()))
 
 
+def virtual_unit(unit: Mapping[str, Any]) -> str:
+    """Return the unit on the virtual bench, with what makes its noise again; empty for a real one."""
+    name, seed = unit.get("virtual"), unit.get("noise_seed")
+    if not name:
+        return ""
+    return str(name) if seed is None else f"{name}, noise seed {seed} (again: --unit {name} --seed {seed})"
+
+
 def virtual_badges(result: dict[str, Any]) -> tuple[str, ...]:
     """Return what says that no real unit was measured; empty for a real bench in real time."""
     bench, unit = result.get("bench") or {}, result.get("unit") or {}
     timing = result.get("timing") or {}
-    in_virtual_time = "virtual" in (result.get("clock"), timing.get("clock"))
+    in_virtual_time = VIRTUAL in (clock_of(result), clock_of(timing))
     found = []
     if in_virtual_time and bench.get("embedded") is False:
         found.append(f"SIMULATED BENCH {bench['name']}")

@@ -10,8 +10,8 @@ from typing import Any
 import jinja2
 
 from station.reports.budget_rows import BUDGET_HEADS
-from station.reports.content import GATE_HEADS, LOOP_CSV, Content, uncertainty_kind
-from station.reports.headline import badges, ending_text, headline, remaining_reasons
+from station.reports.content import CHECK_HEADS, FAILED, LOOP_CSV, Content, uncertainty_kind
+from station.reports.headline import badges, ending_text, headline, remaining_reasons, virtual_unit
 from station.reports.metric_sides import side_rows
 from station.reports.result_notes import one_sided, within_uncertainty
 from station.reports.result_text import (
@@ -20,6 +20,7 @@ from station.reports.result_text import (
     metric_name,
     minus,
     number,
+    software_rows,
     spread_text,
     uncertainty_text,
     unit_text,
@@ -44,8 +45,8 @@ FIRST = ("loop.png", "time.png")
 """Pictures that stand before the metrics; the others stand where they are explained."""
 
 RULES = {
-    "simple": "Simple acceptance: the measured value itself is compared with the limit.",
-    "guard_band": "Guard band: limits are moved in by w = r·U to accept, out by w to reject; between is not decidable.",
+    "simple": "Simple acceptance: the measured value is compared with the limit; U is ignored.",
+    "guard_band": "Guard band w = r·U: accepted inside the limits by w, rejected outside by w, NOT DECIDABLE between.",
 }
 
 WITHOUT: dict[str, Any] = {
@@ -98,9 +99,15 @@ def _joules(metric: dict[str, Any]) -> str:
 
 
 def metric_groups(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return one entry per metric, those with a limit first; its `rows` are its sides, the one that judges first."""
+    """Return one entry per metric, those with a limit first; its `rows` are its sides, the one that judges first.
+
+    A result of before titles were kept has none: its `title` is empty, and the name stands alone.
+    """
     ordered = sorted(metrics, key=lambda metric: metric["verdict"] is None)
-    return [metric | {"rows": side_rows(metric), "name": metric_name(metric | {"side": "both"})} for metric in ordered]
+    return [
+        {"title": ""} | metric | {"rows": side_rows(metric), "name": metric_name(metric | {"side": "both"})}
+        for metric in ordered
+    ]
 
 
 def side_text(row: dict[str, Any]) -> str:
@@ -124,6 +131,7 @@ def _environment() -> jinja2.Environment:
         "metric_name": metric_name,
         "uncertainty": spread_text,
         "unit": unit_text,
+        "virtual_unit": virtual_unit,
         "explained": explained,
         "side": side_text,
     }
@@ -163,12 +171,14 @@ def report_html(
         .render(
             result=result,
             run=run,
+            software=software_rows(run["software"]),
             events=events,
             files=files,
             first_pictures=[encoded[name] for name in FIRST if name in encoded],
             pictures=encoded,
             metrics=metric_groups(result["metrics"]),
             rule=rule_text(result),
+            failed=FAILED,
             timing_line=timing_line(result["timing"]) if result["timing"].get("scans") else "",
             head=headline(result),
             conditions=conditions or {},
@@ -180,7 +190,7 @@ def report_html(
             heads={
                 "lines": LINE_HEADS,
                 "budget": BUDGET_HEADS,
-                "gates": GATE_HEADS,
+                "checks": CHECK_HEADS,
                 "percentiles": PERCENTILE_HEADS,
                 "missed": MISSED_HEADS,
                 "scans": SCAN_HEADS,

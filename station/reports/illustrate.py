@@ -7,21 +7,23 @@ import textwrap
 from dataclasses import dataclass
 from typing import Any
 
-from analysis import AnalysisError, Result
-from controller.program import Program
+from analysis.evaluation.pipeline import Result
+from analysis.trace.errors import AnalysisError
+from definitions.program import Program
 from station.bench.request import Job
 from station.errors import RecordError
-from station.record.check import read_table
-from station.record.history import conditions_of, history_of
-from station.record.run_record import RunRecord
+from station.records.run_record import RunRecord
+from station.records.samples.history import conditions_of, history_of
+from station.records.samples.samples import read_samples
+from station.records.samples.table import Table
 from station.reports.content import content_of
+from station.reports.figures.loop_plot import loop_figure, png
+from station.reports.figures.residual_plot import residual_figure
+from station.reports.figures.stiffness_plot import stiffness_figure
+from station.reports.figures.time_plot import time_figure
+from station.reports.figures.timing_plot import timing_figure
 from station.reports.headline import badges, first_cause, headline
 from station.reports.html_page import report_html
-from station.reports.loop_plot import loop_figure, png
-from station.reports.residual_plot import residual_figure
-from station.reports.stiffness_plot import stiffness_figure
-from station.reports.time_plot import time_figure
-from station.reports.timing_plot import timing_figure
 from station.results.evaluation import method_of
 
 HTML, PDF = "report.html", "report.pdf"
@@ -45,9 +47,10 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
         RecordError: a file of the record cannot be read, or a picture not be written.
 
     """
-    from station.reports.pdf import report_pdf  # noqa: PLC0415 - the layout library is needed here only
+    from station.reports.pdf_pages.document import report_pdf  # noqa: PLC0415 - the layout library is needed here only
 
-    pictures = pictures_of(record, shown)
+    table = read_samples(record)
+    pictures = pictures_of(record, table, shown)
     for name in ("loop.png", "time.png"):
         if keep and name in pictures:
             record.write_bytes(name, pictures[name])
@@ -58,17 +61,17 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
     except (OSError, ValueError) as error:
         raise RecordError(f"{record.folder}: no report: {error}") from error
     content = content_of(record, shown.result, shown.analysis, shown.job)
-    conditions = conditions_of(read_table(record.samples), shown.job.program)
+    conditions = conditions_of(table, shown.job.program)
     html = report_html(shown.result, record.manifest(), events, files, pictures, conditions=conditions, content=content)
     return html, report_pdf(shown.result, record.manifest(), content, pictures, conditions)
 
 
-def pictures_of(record: RunRecord, shown: Shown) -> dict[str, bytes]:
+def pictures_of(record: RunRecord, table: Table, shown: Shown) -> dict[str, bytes]:
     """Return the pictures of a run by file name: what it came to is the first of them."""
     result, job = shown.result, shown.job
     program: Program = job.program
     history = history_of(
-        read_table(record.samples),
+        table,
         program,
         angle_out=job.bench.sensors.angle_out is not None,
         alarm=first_cause(result),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Mapping
 from typing import Any
 
-from analysis import GATES, Decision, Verdict, is_loose, judge
-from analysis.metric_definition import SIDED
-from station.reports.content import uncertainty_kind
+from analysis.evaluation.verdict import Verdict, judge
+from analysis.loop.method import Decision
+from analysis.validity.judge import is_loose
+from definitions.checks import CHECKS
+from definitions.metrics import SIDED
+from station.reports.content import check_title, checks_line, shown_checks, uncertainty_kind
 from station.reports.result_text import figure_text, limits_text, metric_name, number, uncertainty_text
 
 CORRECTIONS = ("time alignment", "drift", "fixture")
@@ -66,7 +69,7 @@ def one_sided(result: Mapping[str, Any]) -> list[str]:
     for metric in limited:
         sides[_whole_name(metric)] |= set(metric.get("sides") or ())
     alone = [metric_name(metric) for metric in limited if sides[_whole_name(metric)] in ONE_SIDE]
-    return [f"judged on one side alone: {', '.join(alone)}"] if alone else []
+    return [f"judged on one side only: {', '.join(alone)}"] if alone else []
 
 
 def _has_limit(metric: Mapping[str, Any]) -> bool:
@@ -88,9 +91,7 @@ def within_uncertainty(result: Mapping[str, Any]) -> list[str]:
         for side, row in (metric.get("sides") or {}).items()
         if row["uncertainty"] is not None and _undecided(metric, row)
     ]
-    return (
-        [f"nearer to its limit than its uncertainty, which rule simple leaves out: {', '.join(said)}"] if said else []
-    )
+    return [f"decided within the uncertainty of the limit (rule simple ignores U): {', '.join(said)}"] if said else []
 
 
 def _undecided(metric: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
@@ -101,29 +102,28 @@ def _undecided(metric: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
 def loose_limits(result: Mapping[str, Any]) -> list[str]:
     """Return one note on the validity limits that let more pass than the usual ones; none where none does."""
     said = [
-        f"{name} {figure_text(gate['limit'], gate['unit'])} ({figure_text(GATES[name].limit, gate['unit'])})"
-        for gate in result.get("gates") or ()
-        if (name := gate.get("id")) in GATES and is_loose(name, gate["limit"])
+        f"{name} {figure_text(check['limit'], check['unit'])} ({figure_text(CHECKS[name].limit, check['unit'])})"
+        for check in result.get("gates") or ()
+        if (name := check.get("id")) in CHECKS and is_loose(name, check["limit"])
     ]
-    return [f"validity limits of the recipe wider than usual (in brackets): {', '.join(said)}"] if said else []
+    return (
+        [f"validity limits wider than usual in the recipe (usual ones in brackets): {', '.join(said)}"] if said else []
+    )
 
 
-def gate_lines(result: Mapping[str, Any]) -> list[str]:
-    """Return one line per failed gate, with its figure and limit; empty when none failed."""
+def check_lines(result: Mapping[str, Any]) -> list[str]:
+    """Return one line per failed check, with its figure and limit; empty when none failed."""
     return [
-        f"{gate.get('id')}: {figure_text(gate.get('figure'), gate.get('unit') or '')}, "
-        f"limit {figure_text(gate.get('limit'), gate.get('unit') or '')}"
-        for gate in result.get("gates") or ()
-        if gate.get("passed") is False
+        f"{check_title(check)}: ".removeprefix(": ")
+        + f"{figure_text(check.get('figure'), check.get('unit') or '')}, "
+        + f"limit {figure_text(check.get('limit'), check.get('unit') or '')}  {check.get('id')}"
+        for check in result.get("gates") or ()
+        if check.get("passed") is False
     ]
 
 
-def summary_line(result: Mapping[str, Any]) -> str:
-    """Return in one line what U is, and how many gates were in order; nothing for a run without metrics."""
+def summary_lines(result: Mapping[str, Any]) -> list[str]:
+    """Return what ± is, and how many checks passed; nothing for a run without metrics."""
     metrics = result.get("metrics") or []
-    parts = [uncertainty_kind(metrics)] if metrics else []
-    counts = Counter(gate.get("passed") for gate in result.get("gates") or ())
-    if counts and not counts[False] and metrics:
-        skipped = f", {counts[None]} do not apply" if counts[None] else ""
-        parts.append(f"{counts[True]} validity gates in order{skipped}.")
-    return " ".join(parts)
+    said = (uncertainty_kind(metrics), checks_line(shown_checks(result))) if metrics else ()
+    return [line for line in said if line]

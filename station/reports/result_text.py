@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from math import floor, log10
 from typing import Any
 
 NO_UNCERTAINTY = "no uncertainty: one cycle"
+
+REASON = re.compile(r"(?P<invalid>measurement invalid: )?(?P<id>\w+)(?P<side>, side [+-])?: ")
+"""How a reason begins that is about one metric or check."""
 
 
 def minus(text: str) -> str:
@@ -63,6 +68,16 @@ def metric_name(metric: dict[str, Any]) -> str:
     return " ".join(parts)
 
 
+def titled_reason(reason: str, titles: Mapping[str, str]) -> str:
+    """Return a reason with the title of the metric or check that it begins with, and the id behind it."""
+    found = REASON.match(reason)
+    if found is None or not titles.get(found["id"]):
+        return reason
+    invalid = "Measurement invalid. " if found["invalid"] else ""
+    side = minus(found["side"] or "")
+    return f"{invalid}{titles[found['id']]}{side} [{found['id']}]: {reason[found.end() :]}"
+
+
 def uncertainty_text(metric: dict[str, Any]) -> str:
     """Return the expanded uncertainty with two digits, why there is none, or nothing."""
     uncertainty = metric["uncertainty"]
@@ -91,3 +106,16 @@ def figure_text(value: Any, unit: str = "", digits: int = 5) -> str:
         minus(f"{value:.{digits}g}") if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
     )
     return f"{text} {unit_text(unit)}".rstrip()
+
+
+def software_rows(software: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what made a run, name and text: the program, its libraries, the computer; as far as the record says it."""
+    changed = ", files changed since that commit" if software.get("changed") else ""
+    program = f"{software['name']} {software['version']}{changed}, Python {software['python']}, {software['platform']}"
+    libraries = ", ".join(f"{name} {number}" for name, number in (software.get("dependencies") or {}).items())
+    return [
+        ("software", program),
+        *([("files of the program", f"SHA-256 {software['files_sha256']}")] if software.get("files_sha256") else []),
+        *([("libraries", libraries)] if libraries else []),
+        *([("computer, user", f"{software['host']}, {software.get('user')}")] if software.get("host") else []),
+    ]

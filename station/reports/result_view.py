@@ -12,10 +12,11 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from station.record.run_record import RunRecord
-from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
+from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
+from station.records.run_record import RunRecord
+from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons, virtual_unit
 from station.reports.metric_sides import judging_rows, side_rows
-from station.reports.result_notes import gate_lines, note_lines, summary_line
+from station.reports.result_notes import check_lines, note_lines, summary_lines
 from station.reports.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
 from station.reports.timing_tables import timing_details, timing_proof
 
@@ -27,7 +28,7 @@ BADGE_STYLE = "bold white on magenta"
 def metrics_table(metrics: list[dict[str, Any]]) -> Table:
     """Return the metrics as a table, those that decide first, each by the side that judges it."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("metric", no_wrap=True)
+    table.add_column("metric")
     table.add_column("value", justify="right", no_wrap=True)
     for name in ("", "unit", "limit", ""):
         table.add_column(name, no_wrap=True)
@@ -35,7 +36,7 @@ def metrics_table(metrics: list[dict[str, Any]]) -> Table:
         verdict = metric["verdict"]
         style = {"PASS": "green", "FAIL": "bold red", "NOT DECIDABLE": "yellow"}.get(verdict or "", "")
         table.add_row(
-            metric_name(metric),
+            titled_name(metric),
             Text(number(metric["value"], metric["uncertainty"]), style="bold" if verdict else ""),
             Text(spread_text(metric), style="dim"),
             unit_text(metric["unit"]),
@@ -43,6 +44,12 @@ def metrics_table(metrics: list[dict[str, Any]]) -> Table:
             Text(verdict or "", style=style),
         )
     return table
+
+
+def titled_name(row: dict[str, Any]) -> Text:
+    """Return the title of a metric with its name below; the name alone where an older result has no title."""
+    name = metric_name(row)
+    return Text.assemble(row["title"], "\n", (name, "dim")) if row.get("title") else Text(name)
 
 
 def definitions_table(metrics: list[dict[str, Any]]) -> Table:
@@ -57,8 +64,10 @@ def definitions_table(metrics: list[dict[str, Any]]) -> Table:
 def _add_defined(table: Table, metric: dict[str, Any]) -> None:
     """Add a metric: a line per side, and below them what the numbers are."""
     for row in side_rows(metric):
+        title = row.get("title")
         head = Text.assemble(
-            metric_name(row),
+            f"{title}   " if title else "",
+            (metric_name(row), "dim" if title else ""),
             "   ",
             (f"{number(row['value'], row['uncertainty'])} {unit_text(row['unit'])}".strip(), "bold"),
             (f" {uncertainty_text(row)}", "dim"),
@@ -80,8 +89,11 @@ def definition_text(metric: dict[str, Any]) -> str:
 def timing_line(timing: dict[str, Any]) -> str:
     """Return the proof of timing as one line."""
     scans, missed = timing["scans"], timing["missed"]
-    if timing.get("clock") == "virtual":
+    clock = clock_of(timing)
+    if clock == VIRTUAL:
         return f"{scans} scans of {timing['period_ns'] / 1e6:g} ms in virtual time"
+    if clock == SCAN:
+        return f"{scans} scans of {timing['period_ns'] / 1e6:g} ms, clock: scan, {pace_text(timing.get('pace') or {})}"
     late, work = timing["lateness_us"], timing["work_us"]
     share = missed / max(scans + missed, 1)
     return (
@@ -89,6 +101,18 @@ def timing_line(timing: dict[str, Any]) -> str:
         f"lateness {late['p50']:.0f} µs typical, {late['p99']:.0f} µs p99, {late['max']:.0f} µs worst, "
         f"work {work['p50']:.0f} µs, oldest sample {timing['oldest_sample_scans']} scans"
     )
+
+
+def pace_text(pace: dict[str, Any]) -> str:
+    """Return what became of the periods on a bench that waits: how many were stretched, and by how much."""
+    if pace.get("fast"):
+        return "as fast as possible: no deadlines"
+    stretched = int(pace.get("stretched", 0))
+    if not stretched:
+        return "no period stretched"
+    periods = "1 period" if stretched == 1 else f"{stretched} periods"
+    total_ms, longest_ms = (1e3 * float(pace.get(name, 0.0)) for name in ("stretched_s", "longest_s"))
+    return f"{periods} stretched by {total_ms:.0f} ms in all, {longest_ms:.0f} ms at most"
 
 
 def proof_of(result: dict[str, Any]) -> dict[str, Any]:
@@ -111,9 +135,10 @@ def show_result(console: Console, result: dict[str, Any], *, files: bool = True)
         console.print()
     elif result["metrics"]:
         console.print(metrics_table(result["metrics"]))
-        console.print(summary_line(result), style="dim", highlight=False)
+        for told in summary_lines(result):
+            console.print(told, style="dim", highlight=False)
         console.print()
-    for style, word, lines in (("red", "GATE   ", gate_lines(result)), ("cyan", "note   ", note_lines(result))):
+    for style, word, lines in (("red", "FAILED ", check_lines(result)), ("cyan", "note   ", note_lines(result))):
         for said in lines:
             console.print(Text.assemble((word, style), said))
     for line in alarm_lines(result):
@@ -121,11 +146,19 @@ def show_result(console: Console, result: dict[str, Any], *, files: bool = True)
     if result.get("timing"):
         for told in (timing_line(result["timing"]), *timing_details(proof_of(result))):
             console.print(told, style="dim", highlight=False)
-    if files and result.get("record"):
-        console.print(f"record  {result['record']}", style="dim", highlight=False, soft_wrap=True)
+    _show_origin(console, result, files=files)
     console.print(verdict_panel(result))
     if files and result.get("record"):
         show_report(console, Path(result["record"]))
+
+
+def _show_origin(console: Console, result: dict[str, Any], *, files: bool) -> None:
+    """Print what was on a virtual bench, and where the record is."""
+    on_bench = virtual_unit(result.get("unit") or {})
+    record = result.get("record") if files else None
+    for name, text in (("unit    virtual ", on_bench), ("record  ", record)):
+        if text:
+            console.print(f"{name}{text}", style="dim", highlight=False, soft_wrap=True)
 
 
 def show_report(console: Console, folder: Path) -> None:
@@ -162,7 +195,11 @@ def alarm_lines(result: dict[str, Any]) -> list[Text]:
 def way_back_command(result: dict[str, Any]) -> str:
     """Return the command that takes a bench back after a fault; '' where nothing is left to take back."""
     bench = result.get("bench") or {}
-    if result.get("clock") != "real" or bench.get("embedded", True) or result["state"] not in ("fault", "interrupted"):
+    if (
+        clock_of(result) not in (WALL, SCAN)
+        or bench.get("embedded", True)
+        or result["state"] not in ("fault", "interrupted")
+    ):
         return ""
     data = Path(result["record"]).parent
     return "lostmotion recover" + ("" if data.name == "runs" and not data.is_absolute() else f" --data {data}")
@@ -188,7 +225,7 @@ def verdict_panel(result: dict[str, Any]) -> Panel:
         body.append(f"\n{left['text']}: ", style="bold").append(left["next_action"])
         way_back = way_back_command(result)
         if way_back:
-            body.append("\nThe bench can do it, step by step, and asks before it moves: ").append(
+            body.append("\nThis command brings the bench back step by step, and asks before it moves: ").append(
                 way_back, style="bold"
             )
     return Panel(body, border_style=style.split()[-1], padding=(0, 1))

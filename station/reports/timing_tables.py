@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from station.errors import RecordError
-from station.record.run_record import RunRecord
-from station.record.scan_times import CAUSES, PARTS
+from station.records.clocks import SCAN, WALL, clock_of
+from station.records.run_record import RunRecord
+from station.records.scan_times import CAUSES, PARTS
 
 Row = tuple[str, ...]
 Scan = Mapping[str, Any]
@@ -54,7 +55,7 @@ def timing_proof(record: RunRecord) -> dict[str, Any]:
 
 def timing_tables(proof: Mapping[str, Any]) -> TimingTables:
     """Return the tables of a run in real time, empty ones for virtual time or a proof that is damaged."""
-    if proof.get("clock") != "real":
+    if clock_of(proof) not in (WALL, SCAN):
         return TimingTables()
     try:
         period_s = float(proof["period_ns"]) * 1e-9
@@ -76,7 +77,7 @@ def timing_tables(proof: Mapping[str, Any]) -> TimingTables:
 
 def timing_details(proof: Mapping[str, Any]) -> list[str]:
     """Return at most two lines for the screen: the longest gaps and why, and what the parts of a scan took."""
-    if proof.get("clock") != "real":
+    if clock_of(proof) not in (WALL, SCAN):
         return []
     try:
         told = []

@@ -7,18 +7,18 @@ import io
 from collections.abc import Mapping
 from typing import Any
 
-from analysis import Result
-from analysis.quadrants import QUADRANTS
+from analysis.evaluation.pipeline import Result
+from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes import Bench, Calibration
 from station.errors import RecordError
-from station.record.run_record import RunRecord
+from station.records.run_record import RunRecord
 from station.reports.result_text import minus
 
 RATIO_CSV = "torque_ratio.csv"
 
 LINE_HEADS = ("quadrant", "C [N·m]", "m", "u(C)", "u(m)", "correlation", "s [N·m]", "points", "flagged")
 
-ASSUMED = "a line without uncertainties is taken as known to 0.5 % of its slope and 0.5 N·m"
+ASSUMED = "a line without uncertainties is assumed known to 0.5 % of its slope and 0.5 N·m"
 
 Row = tuple[str, ...]
 

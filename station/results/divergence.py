@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from controller.controller import Controller
-from controller.faults import Fault, cause_among
-from controller.image import ORDERS_FIELDS, ORDERS_STRUCT, DriveCommand, DriveMode, Image, Orders, Reaction, State
+from definitions.faults import Fault, cause_among
+from definitions.image import ORDERS_FIELDS, ORDERS_STRUCT, DriveCommand, DriveMode, Image, Orders, Reaction, State
 
 NAMES = {"state": State, "reaction": Reaction, "drive_command": DriveCommand, "drive_mode": DriveMode}
 """Orders whose numbers have names."""

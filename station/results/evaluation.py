@@ -7,28 +7,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from analysis import (
-    Decision,
-    FixtureCurve,
-    Method,
-    MetricWanted,
-    Quadrants,
-    Result,
-    RunFacts,
-    SegmentInfo,
-    SensorFigures,
-    TorqueLine,
-    Trace,
-    analyse,
-)
-from analysis.trace import ROLES
-from controller.image import State
+from analysis.evaluation.pipeline import Result, analyse
+from analysis.loop.fixture_curve import FixtureCurve
+from analysis.loop.method import Decision, Method, MetricWanted
+from analysis.torque_ratio.quadrants import Quadrants, TorqueLine
+from analysis.trace.trace import ROLES, SegmentInfo, Trace
+from analysis.uncertainty.figures import SensorFigures
+from analysis.validity.evidence import RunFacts
+from definitions.image import State
 from recipes import OWN, Bench, Calibration, Recipe, Selection, selected
-from recipes.section import option_name
 from station.bench.assemble import CHANNEL_OF_SENSOR, channels
 from station.bench.figures import figures_of, fixture_of
 from station.errors import StationError
-from station.record.check import Table
+from station.records.samples.table import Table
 
 LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
 
@@ -63,15 +54,6 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
     )
 
 
-def gate_limits_of(recipe: Recipe) -> dict[str, float]:
-    """Return the recipe's limits of the validity gates, in the units of the gates."""
-    validity = recipe.validity.model_dump()
-    return {
-        option_name(name): value * 100.0 if name.endswith("_fraction") else float(value)
-        for name, value in validity.items()
-    }
-
-
 def _fixture_curve(bench: Bench) -> FixtureCurve | None:
     stored = bench.fixture.curve
     if stored is None:
@@ -94,7 +76,7 @@ def method_fields(recipe: Recipe) -> dict[str, Any]:
         "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
         "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
         "catalogue_stiffness_nm_per_arcmin": unit.stiffness_nm_per_arcmin,
-        "gate_limits": gate_limits_of(recipe),
+        "check_limits": recipe.validity.limits(),
     }
 
 
@@ -111,7 +93,8 @@ def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
     newest = bench.newest_calibration(model)
     if newest is None:
         raise StationError(
-            f"bench {bench.bench.name}: no stored calibration for {model}. Measure one, or choose measured",
+            f"bench {bench.bench.name}: no stored calibration for {model}. Measure one, or "
+            "write 'measured' in the recipe",
         )
     return newest
 
@@ -180,7 +163,7 @@ def measured_channels(table: Table, bench: Bench) -> dict[str, npt.NDArray[np.fl
     """Return the channels of a trace that the bench has, for every record: torques tared, angles from their zero."""
     image, orders, there = table["image"], table["orders"], channels(bench)
     measured = {name: image[name] - orders[zero] for name, zero in ZEROES.items() if name in there}
-    return measured | {name: image[field].copy() for name, field in AS_RECORDED.items()}
+    return measured | {name: image[field].copy() for name, field in AS_RECORDED.items() if field in image}
 
 
 def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:

@@ -16,17 +16,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from analysis import UNUSED, segment_names
-from analysis.trace import CHANNELS
-from controller.image import IMAGE_FIELDS, ORDERS_FIELDS
+from analysis.trace.segment_names import UNUSED, segment_names
+from analysis.trace.trace import CHANNELS
+from definitions.image import IMAGE_FIELDS
 from recipes import Bench
-from station.record.check import Table
-from station.record.scan_record import HEADER_FIELDS
+from station.records.samples.packed import ORDER_PREFIX
+from station.records.samples.scan_record import CHECK_FIELD
+from station.records.samples.table import Table
+from station.records.samples.value_names import CODED, Coded, Names
 from station.results.evaluation import AS_RECORDED, ZEROES, evaluated, measured_channels, segment_table
-from station.results.value_names import CODED, Coded, Names
 
 IMAGE_PREFIX = "image_"
-ORDER_PREFIX = "order_"
 GROUPS = ("trace", "record", "image", "orders")
 
 RUN_KEY = "lostmotion"
@@ -45,25 +45,24 @@ class Column(NamedTuple):
 
     def names(self) -> dict[str, dict[str, str]]:
         """Return what the numbers stand for as JSON has it: `values` or `bits`, number and name; empty for others."""
-        both = {"values": self.coded.values, "bits": self.coded.bits}
-        return {kind: {str(number): name for number, name in of.items()} for kind, of in both.items() if of}
+        return self.coded.as_json()
 
 
 def columns_of(table: Table, period_ns: int, measured: Sequence[Column] = ()) -> list[Column]:
     """Return all columns of a run, the time first, then those of its trace (`trace_columns`)."""
     time_s = table["scan"] * (period_ns * 1e-9)
     found = [Column("t_s", "trace", "s", "time of the scan since the first period: scan * period", time_s), *measured]
-    sources = (
-        ("record", "", HEADER_FIELDS, table),
-        ("image", "", IMAGE_FIELDS, table["image"]),
-        ("orders", ORDER_PREFIX, ORDERS_FIELDS, table["orders"]),
-    )
-    for group, prefix, fields, part in sources:
-        for field in fields:
+    sources = (("record", "", table.rows), ("image", "", table["image"]), ("orders", ORDER_PREFIX, table["orders"]))
+    for group, prefix, part in sources:
+        # By the record's own layout: what today's version does not know leaves with the rest.
+        for one in table.layout.group(group):
+            if (group, one.name) == ("record", CHECK_FIELD.name):
+                continue
             # A reader of traces must not take a torque before tare for the torque.
-            before = IMAGE_PREFIX if group == "image" and field.name in CHANNELS else prefix
-            values, coded = np.ascontiguousarray(part[field.name]), CODED.get((group, field.name), Coded())
-            found.append(Column(before + field.name, group, field.unit, field.meaning, values, coded))
+            before = IMAGE_PREFIX if group == "image" and one.name in CHANNELS else prefix
+            coded = one.coded if any(one.coded) else CODED.get((group, one.name), Coded())
+            values = np.ascontiguousarray(part[one.name])
+            found.append(Column(before + one.name, group, one.unit, one.meaning, values, coded))
     return found
 
 

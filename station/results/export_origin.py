@@ -17,14 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from analysis import AnalysisError, RunFacts, Trace
-from analysis.trace import CHANNELS, ROLES
+from analysis.trace.errors import AnalysisError
+from analysis.trace.trace import CHANNELS, ROLES, Trace
+from analysis.validity.evidence import RunFacts
 from recipes import Recipe, RecipeError, load_bench
-from recipes.recipe_schema import Sampling
+from recipes.schema.recipe_schema import Sampling
 from station.errors import StationError
-from station.record.check import Table
-from station.record.run_record import RunRecord
-from station.record.timing_proof import counts_of, facts_of_counts
+from station.records.clocks import VIRTUAL, clock_of
+from station.records.program_file import StoredProgram
+from station.records.run_record import RunRecord
+from station.records.samples.table import Table
+from station.records.timing_proof import counts_of, facts_of_counts
 from station.results.evaluation import trace_of
 from station.results.export import RUN_KEY, Column, sidecar, trace_columns
 
@@ -45,7 +48,7 @@ def for_analysis(run: RunRecord, table: Table) -> tuple[Sequence[Column], dict[s
     columns: Sequence[Column] = ()
     with suppress(*UNREADABLE):
         bench = load_bench(run.folder / "bench.yaml")
-        segments = run.read_json("program.json")["segments"]
+        segments = StoredProgram.of(run).segments
         columns = trace_columns(table, segments, bench)
         trace = trace_of(table, segments, bench, int(run.manifest()["period_ns"]), run.id)
         said |= {"trace": fingerprint_of(trace), "recorded": counts_of(table, run.read_json("timing.json"))}
@@ -93,7 +96,7 @@ class Origin:
     @property
     def virtual(self) -> bool:
         """Whether no real unit was measured."""
-        return self.run.get("clock") == "virtual" or bool(self.run.get("virtual_unit"))
+        return clock_of(self.run) == VIRTUAL or bool(self.run.get("virtual_unit"))
 
     def facts(self, sampling: Sampling) -> RunFacts:
         """Return how the trace was recorded, with what a recipe allows."""
@@ -160,7 +163,9 @@ def origin_of(file: Path, trace: Trace) -> Origin | None:
             _ = RunFacts(**run["recorded"], missed_allowed=0.0, sample_age_allowed_scans=0), 1e9 / run["period_ns"]
             _ = [count + 0 for count in run["recorded"].values()]
     except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise StationError(f"{file}: what it says of its run is damaged ({error!r}). Export the run again") from error
+        raise StationError(
+            f"{file}: its description of the run is damaged ({error!r}). Export the run again"
+        ) from error
     if "trace" not in run:
         raise StationError(
             f"{file}: exported from run {run['id']} without its trace: nothing was measured, or an older version wrote "

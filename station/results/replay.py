@@ -2,20 +2,23 @@
 
 The controller is a pure function of the program and of every image that came before, so a record that was made by the
 same controller replays identically on any machine. The first scan that does not is shown with both sides.
+
+A record may have been made by a version with other channels. Orders are compared where both have them. An input that
+the record does not have is absent: the replay goes on as long as the controller does not look at it.
 """
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
+from typing import Any, NamedTuple, NoReturn, Protocol
 
-from controller.image import ORDERS_FIELDS, ORDERS_STRUCT, Image, Orders, State
-from station.record.scan_record import BODY_BYTES, BODY_STRUCT, CHECK_FIELD, IMAGE_FIRST, ORDERS_FIRST, RECORD_BYTES
-
-RECORD_STRUCT = struct.Struct(BODY_STRUCT.format + CHECK_FIELD.format)
-ORDERS_OFFSET = BODY_BYTES - ORDERS_STRUCT.size
+from definitions.image import ORDERS_FIELDS, Image, Orders
+from station.records.samples.event_log import state_name
+from station.records.samples.layout import CURRENT, Channel, Layout
+from station.records.samples.table import AbsentChannelError
 
 
 class Steps(Protocol):
@@ -39,25 +42,89 @@ class FieldPair(NamedTuple):
         return struct.pack("<d", self.recorded) != struct.pack("<d", self.replayed)
 
 
+class Absent:
+    """Stands for an input that the record does not have: AbsentChannelError for whoever asks for its value."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def _refuse(self, *_: object) -> NoReturn:
+        raise AbsentChannelError("image", self._name)
+
+    __bool__ = __int__ = __float__ = __index__ = __abs__ = __neg__ = __hash__ = _refuse
+    __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = _refuse
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
+    __and__ = __rand__ = __or__ = __ror__ = __xor__ = __rxor__ = __mod__ = __rmod__ = _refuse
+    __floordiv__ = __rfloordiv__ = __lshift__ = __rlshift__ = __rshift__ = __rrshift__ = _refuse
+
+
+Values = tuple[Any, ...]
+Take = Callable[[Values], Values]
+
+
+def _taking(places: Sequence[int]) -> Take:
+    """Return what takes the values at these places of a tuple."""
+    if len(places) == 1:
+        return lambda values: (values[places[0]],)
+    return itemgetter(*places)
+
+
+class Reading:
+    """How a record of this layout is fed to today's controller, and its orders compared."""
+
+    def __init__(self, layout: Layout) -> None:
+        places = {(one.group, one.name): place for place, one in enumerate(layout.channels)}
+        self.sequence, self.scan = places["record", "sequence"], places["record", "scan"]
+        absent = [name for name in Image._fields if ("image", name) not in places]
+        self._absent: Values = tuple(Absent(name) for name in absent)
+        behind = {("image", name): len(places) + number for number, name in enumerate(absent)}
+        self._inputs = _taking([(places | behind)["image", name] for name in Image._fields])
+        made = {field.name: place for place, field in enumerate(ORDERS_FIELDS)}
+        self.compared = [one for one in layout.group("orders") if one.name in made]
+        if "state" not in [one.name for one in self.compared]:
+            raise AbsentChannelError("orders", "state")
+        self.recorded = _taking([places["orders", one.name] for one in self.compared])
+        self.replayed = _taking([made[one.name] for one in self.compared])
+        self._pack = struct.Struct("<" + "".join(one.format for one in self.compared)).pack
+
+    def image(self, values: Values) -> Image:
+        """Return the inputs of a scan."""
+        return Image(*self._inputs(values + self._absent if self._absent else values))
+
+    def same(self, values: Values, orders: Orders) -> bool:
+        """Whether the recorded orders and those of the replay are the same bytes."""
+        try:
+            return self._pack(*self.replayed(orders)) == self._pack(*self.recorded(values))
+        except struct.error:  # of a value that the format of the record cannot hold
+            return False
+
+
+def not_compared(layout: Layout) -> list[str]:
+    """Return what of the orders only the record has, or only this version, one text each."""
+    made, kept = [field.name for field in ORDERS_FIELDS], [one.name for one in layout.group("orders")]
+    only_kept = [f"{name}: recorded, and not made by this version" for name in kept if name not in made]
+    return only_kept + [f"{name}: made by this version, and not recorded" for name in made if name not in kept]
+
+
 class Difference(NamedTuple):
-    """The first scan whose orders differ."""
+    """The first scan whose orders differ: values of the orders that were compared, on both sides."""
 
     sequence: int
     scan: int
-    recorded: Orders
-    replayed: Orders
+    fields: Sequence[Channel]
+    recorded: Values
+    replayed: Values
     image: Image
 
     def pairs(self) -> Iterator[FieldPair]:
-        """Yield every field of the orders, in the order of the record."""
-        # Through the binary format: what the record cannot hold must not be shown as a difference.
-        replayed = ORDERS_STRUCT.unpack(ORDERS_STRUCT.pack(*self.replayed))
-        for field, before, now in zip(ORDERS_FIELDS, self.recorded, replayed, strict=True):
-            yield FieldPair(field.name, field.unit, before, now)
+        """Yield every field that was compared, in the order of the record."""
+        for field, before, now in zip(self.fields, self.recorded, self.replayed, strict=True):
+            yield FieldPair(field.name, field.unit, before, _held(field.format, now))
 
     def lines(self, period_ns: int) -> list[str]:
         """Return the difference for a person: a head line and a row per field, `*` before those that differ."""
-        state = State(int(self.recorded.state)).name.lower()
+        values = {field.name: value for field, value in zip(self.fields, self.recorded, strict=True)}
+        state = state_name(int(values["state"]))
         head = f"first difference at scan {self.scan} (record {self.sequence}, {self.scan * period_ns * 1e-9:.3f} s)"
         rows = [f"{head}, recorded state {state}:", f"  {'':2}{'field':30}{'recorded':>24}{'replayed':>24}"]
         for pair in self.pairs():
@@ -70,6 +137,15 @@ class Difference(NamedTuple):
         """Return the difference as plain data; only the fields that differ."""
         fields = [pair._asdict() for pair in self.pairs() if pair.differs]
         return {"scan": self.scan, "sequence": self.sequence, "fields": fields}
+
+
+def _held(letter: str, value: float) -> float:
+    """Return a value as the record's format holds it: what it cannot hold is shown as it is."""
+    try:
+        held: float = struct.unpack("<" + letter, struct.pack("<" + letter, value))[0]
+    except struct.error:
+        return value
+    return held
 
 
 def _text(value: float) -> str:
@@ -93,18 +169,18 @@ class Replayed(NamedTuple):
         return self.difference is None and not self.damage
 
 
-def _disorder(expected: int, found: int, rest: memoryview) -> str:
+def _disorder(expected: int, found: int, rest: list[int]) -> str:
     """Return what it means that one record stands where another belongs.
 
     Args:
         expected: number of the record that belongs there; all before it were in their places.
         found: number of the record that stands there.
-        rest: the records from there on.
+        rest: the numbers of the records from there on.
 
     """
     if found < expected:
         return f"record {found} stands a second time, where record {expected} belongs: the file was changed"
-    if any(expected <= values[0] < found for values in RECORD_STRUCT.iter_unpack(rest)):
+    if any(expected <= number < found for number in rest):
         return (
             f"record {found} stands where record {expected} belongs: they are not in their order, the file was changed"
         )
@@ -113,25 +189,33 @@ def _disorder(expected: int, found: int, rest: memoryview) -> str:
     return f"{missing} missing: the ring was full, or the file was changed"
 
 
-def replay(content: bytes, controller: Steps) -> Replayed:
-    """Step a fresh controller through the records in `content` until they end, differ, or are damaged."""
-    cut = len(content) % RECORD_BYTES
+def replay(content: bytes, controller: Steps, layout: Layout = CURRENT) -> Replayed:
+    """Step a fresh controller through the records in `content` until they end, differ, or are damaged.
+
+    Raises:
+        AbsentChannelError: the controller looks at an input that the record does not have.
+
+    """
+    size, body = layout.record_bytes, layout.body_bytes
+    cut = len(content) % size
     view = memoryview(content)[: len(content) - cut]
-    crc32, pack, step, image_of = zlib.crc32, ORDERS_STRUCT.pack, controller.step, Image._make
+    reading, unpacked = Reading(layout), layout.struct.iter_unpack
+    crc32, step, image_of, same = zlib.crc32, controller.step, reading.image, reading.same
+    number, scan = reading.sequence, reading.scan
     sequence = 0
     at = 0
-    for values in RECORD_STRUCT.iter_unpack(view):
-        end = at + BODY_BYTES
-        if crc32(view[at:end]) != values[-1]:
+    for values in unpacked(view):
+        if crc32(view[at : at + body]) != values[-1]:
             return Replayed(sequence, damage=f"record {sequence} fails its CRC", cut_bytes=cut)
-        if values[0] != sequence:
-            damage = _disorder(sequence, values[0], view[at:])
+        if values[number] != sequence:
+            damage = _disorder(sequence, values[number], [one[number] for one in unpacked(view[at:])])
             return Replayed(sequence, damage=damage, cut_bytes=cut)
-        image = image_of(values[IMAGE_FIRST:ORDERS_FIRST])
-        orders = step(image, values[1])
-        if pack(*orders) != view[at + ORDERS_OFFSET : end]:
-            recorded = Orders._make(values[ORDERS_FIRST:-1])
-            return Replayed(sequence, Difference(sequence, values[1], recorded, orders, image), cut_bytes=cut)
+        image = image_of(values)
+        orders = step(image, values[scan])
+        if not same(values, orders):
+            sides = (reading.recorded(values), reading.replayed(orders))
+            difference = Difference(sequence, values[scan], reading.compared, *sides, image)
+            return Replayed(sequence, difference, cut_bytes=cut)
         sequence += 1
-        at += RECORD_BYTES
+        at += size
     return Replayed(sequence, cut_bytes=cut)

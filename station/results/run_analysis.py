@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from analysis import Result, Trace
+from analysis.evaluation.pipeline import Result
+from analysis.trace.trace import Trace
 from recipes import OWN, Bench, Recipe, Selection
 from station.bench.request import Job, stored_job
 from station.errors import StationError
-from station.record.check import check_file, read_table
-from station.record.run_record import RunRecord
-from station.record.seal import alterations
-from station.record.timing_proof import run_facts
+from station.records.program_file import StoredProgram
+from station.records.run_record import RunRecord
+from station.records.samples.samples import checked_samples
+from station.records.seal import alterations
+from station.records.timing_proof import objections_to_clock, run_facts
 from station.results.evaluation import evaluate_trace, trace_of
 
 
@@ -43,11 +45,11 @@ def evaluate_run(
 
     """
     manifest, timing = run.manifest(), run.read_json("timing.json")
-    read_back = check_file(run.samples, manifest["records"])
+    read_back, table = checked_samples(run, manifest["records"])
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
-    table = read_table(run.samples)
+    broken += objections_to_clock(timing)
     facts = run_facts(table, timing, recipe.sampling)
-    segments = run.read_json("program.json")["segments"]
+    segments = StoredProgram.of(run).segments
     trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
     return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, selection, draws=draws)
 
@@ -64,7 +66,7 @@ def complete_run(run: RunRecord) -> RunAnalysis:
         raise StationError(f"{run.id}: the run ended as {state}: it has no complete trace to evaluate")
     altered = alterations(run)
     if altered:
-        raise StationError(f"{run.id}: record altered: {altered[0]}; nothing is computed from it")
+        raise StationError(f"{run.id}: record altered: {altered[0]}; it was not evaluated")
     job = stored_job(run)
     trace, result = evaluate_run(run, job.recipe, job.bench)
     return RunAnalysis(job, trace, result)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from recipes import Bench, Recipe, RecipeError, check_side, out_of_date
 from station.errors import StationError
-from station.record.run_record import RunRecord
+from station.records.run_record import RunRecord
 
 
 def objections_to_bench(recipe: Recipe, bench: Bench, day: date) -> list[str]:

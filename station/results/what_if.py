@@ -14,15 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis import Result
+from analysis.evaluation.pipeline import Result
 from controller.conditions import Measured
-from controller.faults import FAULT_BY_NUMBER
-from controller.image import Image, Reaction, State
 from controller.interlocks import INTERLOCKS, Watch
-from controller.program import Program
+from definitions.faults import FAULT_BY_NUMBER
+from definitions.image import Image, Reaction, State
+from definitions.program import Program
 from recipes import Bench, Recipe
-from station.record.check import Table
-from station.record.timing_proof import MEASURING_STATES, run_facts
+from station.records.samples.table import Table
+from station.records.timing_proof import MEASURING_STATES, run_facts
 from station.results.divergence import Divergence
 from station.results.evaluation import evaluate_trace, trace_of
 

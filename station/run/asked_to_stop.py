@@ -9,7 +9,7 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from controller.image import Command
+from definitions.image import Command
 
 ASKS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

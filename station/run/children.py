@@ -46,7 +46,8 @@ class LifeLine:
                 os.close(handle)
 
 
-def _run_module(module: str, spec: Path, **options: Any) -> subprocess.Popen[bytes]:
+def run_module(module: str, spec: Path, **options: Any) -> subprocess.Popen[bytes]:
+    """Start a module of this program as a process of its own, with the path of its spec."""
     # A session of its own: Ctrl-C in the terminal is for the desk, which unloads the torque first.
     command = [sys.executable, "-m", module, str(spec)]
     return subprocess.Popen(command, start_new_session=True, env=os.environ | ONE_THREAD, **options)  # noqa: S603
@@ -71,7 +72,7 @@ def _start_serving(
     module: str, name: str, spec: Path, log: Path, life_line: LifeLine
 ) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
     with log.open("wb") as errors:
-        process = _run_module(
+        process = run_module(
             module,
             spec,
             stdin=life_line.reader,
@@ -106,25 +107,11 @@ def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:
     return line
 
 
-def start_faulty_desk(spec: Path) -> subprocess.Popen[bytes]:
-    """Start a desk for a run with faults of the machine; it says on its standard output where its record is."""
-    return _run_module("station.faults.desk_process", spec, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
-
-
-def start_scan(spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
-    """Start the scan process; its standard error goes to `log`. It holds the virtual bench's life line too."""
-    return _start_scanning("station.scan.scan_process", spec, log, life_line)
-
-
-def start_measuring(spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
-    """Start the process that measures the machine instead of a unit (see `timing_process`)."""
-    return _start_scanning("station.scan.timing_process", spec, log, life_line)
-
-
-def _start_scanning(module: str, spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
+def start_scanning(module: str, spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
+    """Start a module that scans; its standard error goes to `log`. It holds the virtual bench's life line too."""
     handles = () if life_line is None else (life_line.writer,)
     with log.open("wb") as errors:
-        return _run_module(
+        return run_module(
             module,
             spec,
             stdin=subprocess.DEVNULL,

@@ -11,17 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from analysis import AnalysisError, Evidence, Result, RunFacts, Trace, gate_reasons, judge_gates
-from controller.image import State
+from analysis.evaluation.pipeline import Result
+from analysis.trace.errors import AnalysisError
+from analysis.trace.trace import Trace
+from analysis.validity.evidence import Evidence, RunFacts
+from analysis.validity.judge import check_reasons, judge_checks
+from definitions.image import State
 from station.bench.request import Job
 from station.durable import read_from_disk
 from station.errors import RecordError, StationError
-from station.record.check import Table, check_bytes, table_of
-from station.record.event_log import alarms_in, events_of
-from station.record.left_state import left_state
-from station.record.run_record import INTERRUPTED, RESULT, RunRecord
-from station.record.seal import seal
-from station.record.timing_proof import run_facts, timing_block
+from station.records.left_state import left_state
+from station.records.program_file import StoredProgram
+from station.records.run_record import INTERRUPTED, RESULT, RunRecord
+from station.records.samples.check import check_bytes, sound_table
+from station.records.samples.event_log import alarms_in, events_of
+from station.records.samples.samples import pack_samples
+from station.records.samples.table import Table
+from station.records.seal import seal
+from station.records.timing_proof import clock_note, objections_to_clock, run_facts, timing_block
 from station.results.evaluation import calibration_of, evaluate_trace, trace_of
 from station.run.ending import Ending
 from station.scan.desk_watch import DESK_GONE, DESK_SILENT
@@ -29,7 +36,7 @@ from station.wall_clock import now_text
 
 CALIBRATION = "calibration.json"
 NOT_DECIDABLE = "NOT DECIDABLE"
-END_STATES = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}
+END_STATES: dict[int, str] = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}
 
 
 @dataclass(frozen=True)
@@ -49,12 +56,15 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
             it can be concluded again when the disk is in order.
 
     """
-    content = read_from_disk(record.samples)
-    read_back = check_bytes(content, ending.written)
-    table = table_of(content)
-    run = record.manifest()
+    content, layout = read_from_disk(record.samples), record.layout()
+    read_back = check_bytes(content, ending.written, layout)
+    table = sound_table(content, layout)
+    run, program = record.manifest(), StoredProgram.of(record)
     period_ns = int(run["period_ns"])
     timing = timing_block(table, period_ns, run["clock"], ending.realtime) | {"wires": ending.counters}
+    if ending.pace is not None:
+        timing |= {"pace": ending.pace}
+        run = _with_virtual_unit(record, run, str(ending.pace["unit"]))
     if ending.disk:
         timing |= {"disk": ending.disk}
     if ending.clock_jumped_s:
@@ -64,22 +74,23 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     state = "fault" if ending.refused else _end_state(table)
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     if ending.lost:
-        broken.append(f"{ending.lost} records were lost because they were not taken from the ring in time")
+        broken.append(f"{ending.lost} records were lost: the supervisor process was too slow")
     # The last record may say complete although the process that wrote it was lost before it could say so.
     unsure = [ending.trouble] if ending.trouble and state == "complete" else []
-    objections, facts = broken + unsure, run_facts(table, timing, job.recipe.sampling)
+    of_clock = [] if ending.refused else objections_to_clock(timing)
+    objections, facts = broken + unsure + of_clock, run_facts(table, timing, job.recipe.sampling)
     trace, found, reasons = None, None, _early_reasons(state, events, ending)
     if len(table) and not broken:
-        trace, found, trouble = _evaluate(table, job, record, objections, facts)
+        trace, found, trouble = _evaluate(table, job, objections, facts, run_id=record.id, segments=program.segments)
         reasons += [trouble] if trouble and state == "complete" else []
     judged: dict[str, Any] = {"verdict": NOT_DECIDABLE, "metrics": [], "notes": [], "stages": []}
     if found is not None and state == "complete":
         judged = found.to_dict()
         reasons += list(found.reasons)
     else:
-        gates = judge_gates(Evidence(None, facts, tuple(objections)))
-        judged["gates"] = [gate.to_dict() for gate in gates]
-        reasons += gate_reasons(gates, objections)
+        checks = judge_checks(Evidence(None, facts, tuple(objections)))
+        judged["gates"] = [check.to_dict() for check in checks]
+        reasons += check_reasons(checks, objections)
     result = {
         "run": record.id,
         "serial": run["serial"],
@@ -97,13 +108,16 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
         "metrics": judged["metrics"],
         "gates": judged["gates"],
-        "notes": [*run.get("notes", []), *_desk_notes(ending), *_clock_notes(ending.clock_jumped_s), *judged["notes"]],
+        "notes": [
+            *run["notes"],
+            *_desk_notes(ending),
+            *_clock_notes(timing, ending.clock_jumped_s),
+            *judged["notes"],
+        ],
         "stages": judged["stages"],
         "timing": timing,
         "alarms": alarms_in(events),
-        "left": None
-        if state == "complete"
-        else left_state(table, record.read_json("program.json"), to_its_end=state != INTERRUPTED),
+        "left": None if state == "complete" else left_state(table, program, to_its_end=state != INTERRUPTED),
         "record": str(record.folder),
     }
     calibration = calibration_of(found, run, job.bench) if found is not None and state == "complete" else None
@@ -115,12 +129,22 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     record.write_bytes("events.jsonl", "".join(lines).encode())
     record.write_json("timing.json", proof)
     result = _store(record, result)
-    seal(record, state=state, ended=now_text(), verdict=result["verdict"], records=len(table), ring=None)
+    samples = pack_samples(record, content, sound=bool(len(table)) and not broken and state != INTERRUPTED)
+    changes = {"state": state, "ended": now_text(), "verdict": result["verdict"], "ring": None}
+    seal(record, **changes, records=read_back.records, **samples)
     return Conclusion(result, trace, found if state == "complete" else None)
 
 
+def _with_virtual_unit(record: RunRecord, run: dict[str, Any], unit: str) -> dict[str, Any]:
+    """Return the manifest with the unit that a virtual bench on wires has named; nobody else knew of it."""
+    if run["unit"].get("virtual") or not unit:
+        return run
+    record.update(unit={**run["unit"], "virtual": unit})
+    return record.manifest()
+
+
 def _end_state(table: Table) -> str:
-    return END_STATES.get(State(int(table["orders"]["state"][-1])), INTERRUPTED) if len(table) else INTERRUPTED
+    return END_STATES.get(int(table["orders"]["state"][-1]), INTERRUPTED) if len(table) else INTERRUPTED
 
 
 def stopped_by(ending: Ending) -> str:
@@ -134,14 +158,15 @@ def _desk_notes(ending: Ending) -> list[str]:
     return [ending.desk_died] if ending.desk_died else []
 
 
-def _clock_notes(jumped_s: float) -> list[str]:
+def _clock_notes(timing: dict[str, Any], jumped_s: float) -> list[str]:
+    of_scan = [note] if (note := clock_note(timing)) else []
     if not jumped_s:
-        return []
+        return of_scan
     note = (
         f"the computer's wall clock was set by {jumped_s:+.1f} s during the run: its times of day do not give its "
         "duration. Scans and all their times are on another clock, which is never set"
     )
-    return [note]
+    return [*of_scan, note]
 
 
 def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> list[str]:
@@ -153,25 +178,28 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
         reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
     elif state == "stopped" and stopped_by(ending) == "desk_gone":
         reasons.append(
-            "the desk was gone before it had started the run, so the scan process ended it; nothing has moved"
+            "the supervisor process ended before the run started; the scan process ended the run; nothing moved"
         )
     elif state == "stopped":
         silent = stopped_by(ending) == "desk_silent"
-        who = "the desk was gone and the scan process" if silent else ending.stopped_because or "the operator"
+        who = (
+            "the scan process, because the supervisor process ended,"
+            if silent
+            else ending.stopped_because or "the operator"
+        )
         reasons.append(f"{who} stopped the run; the torque was brought to zero and the lock opened")
     elif state == INTERRUPTED and not reasons:
-        reasons.append("the run has no end: its scan process stopped in the middle")
+        reasons.append("the run is incomplete: its scan process ended during the run")
     return reasons
 
 
 def _evaluate(
-    table: Table, job: Job, record: RunRecord, objections: list[str], facts: RunFacts
+    table: Table, job: Job, objections: list[str], facts: RunFacts, *, run_id: str, segments: list[dict[str, Any]]
 ) -> tuple[Any, Any, str]:
     """Return trace and analysis, None for what could not be had, and why."""
-    segments = record.read_json("program.json")["segments"]
     trace = None
     try:
-        trace = trace_of(table, segments, job.bench, job.recipe.sampling.period_ns, record.id)
+        trace = trace_of(table, segments, job.bench, job.recipe.sampling.period_ns, run_id)
         return trace, evaluate_trace(trace, job.recipe, job.bench, objections, facts), ""
     except (AnalysisError, StationError) as error:
         return trace, None, str(error)

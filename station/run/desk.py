@@ -15,18 +15,20 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from controller.image import Command
+from definitions.image import Command
 from station.bench.request import Job
+from station.bench.virtual_unit import VirtualUnit
 from station.durable import Appender
 from station.errors import BenchFaultError, RecordError
-from station.record.ring import ScanState, StopCause, create
-from station.record.ring_reader import RingReader
-from station.record.run_record import SCAN_REPORT, RunRecord
-from station.record.writer import RecordsWaitError, RecordWriter
+from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
+from station.records.ring.reader import RingReader
+from station.records.ring.ring import ScanState, StopCause, create
+from station.records.ring.to_disk import RecordsWaitError, RecordWriter
+from station.records.run_record import SCAN_REPORT, RunRecord
 from station.run import children
 from station.run.asked_to_stop import STOP_WORDS, Stopping, listening
 from station.run.ending import Ending, take_room
-from station.run.fault_companion import Companion, Reach
+from station.run.faults.companion import Companion, Reach
 from station.run.process_specs import write_bench_spec, write_scan_spec
 from station.run.scan_end import ending_of, what_waits
 from station.wall_clock import JumpWatch
@@ -76,10 +78,12 @@ class Desk:
         left: Mapping[str, float] | None = None,
         attend: Callable[[RingReader], None] | None = None,
         gateway: bool = False,
+        pacing: Pacing = BY_WALL_CLOCK,
     ) -> None:
         """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench."""
         self._job, self._record = job, record
         self._gateway = gateway
+        self._pacing = pacing
         self._companion = companion
         self._show, self._say = _if_possible(show), _if_possible(say)
         self._left, self._attend = left, attend
@@ -89,7 +93,7 @@ class Desk:
         self._seen: SimpleQueue[bytes] = SimpleQueue()
         self._wall_clock = JumpWatch()
 
-    def run(self, unit: str | None, scenario: Path | None) -> Ending:
+    def run(self, unit: VirtualUnit | None, scenario: Path | None) -> Ending:
         """Run to the end; `unit` and `scenario` are for the embedded virtual bench.
 
         Raises:
@@ -106,7 +110,7 @@ class Desk:
                 life_line = children.LifeLine()
                 cleanup.callback(life_line.close)
                 ports = self._start_bench(cleanup, life_line, unit, scenario)
-            ring_path = create(self._record.folder)
+            ring_path = create(self._record.folder, run=self._record.folder)
             ring = RingReader(ring_path)
             cleanup.callback(self._let_go, ring, ring_path)
             self._record.update(ring=str(ring_path))
@@ -145,11 +149,11 @@ class Desk:
         self,
         cleanup: ExitStack,
         life_line: children.LifeLine,
-        unit: str | None,
+        unit: VirtualUnit | None,
         scenario: Path | None,
     ) -> dict[str, Any]:
         self._say("starting the gateway" if self._gateway else "starting the virtual bench")
-        spec = write_bench_spec(self._job, self._record, unit, scenario)
+        spec = write_bench_spec(self._job, self._record, unit, scenario, self._pacing.clock)
         start = children.start_gateway if self._gateway else children.start_virtual_bench
         process, ready = start(spec, self._record.folder / BENCH_LOG, life_line)
         cleanup.callback(children.stop, process)
@@ -161,9 +165,18 @@ class Desk:
         self._say("opening the bench: identities, drive protections")
         after_end_scans = 0 if self._companion is None else self._companion.after_end_scans
         spec = write_scan_spec(
-            self._job, self._record, ring, report, ports, after_end_scans=after_end_scans, left=self._left
+            self._job,
+            self._record,
+            ring,
+            report,
+            ports,
+            pacing=self._pacing,
+            after_end_scans=after_end_scans,
+            left=self._left,
         )
-        return children.start_scan(spec, self._record.folder / "scan-process.log", life_line)
+        return children.start_scanning(
+            "station.scan.scan_process", spec, self._record.folder / "scan-process.log", life_line
+        )
 
     def _longest_unload_s(self) -> float:
         program = self._job.program
@@ -179,11 +192,12 @@ class Desk:
             time.sleep(LOOK_EVERY_S)
             ring.beat()
             now = time.monotonic()
-            if not armed and ring.state is ScanState.RUNNING and ring.written >= 1:
+            # a scan that leads its bench begins when the start is there; others have to be seen to scan
+            if not armed and ring.state is ScanState.RUNNING and (ring.written or self._pacing.clock == SCAN):
                 armed = True
                 ring.send(Command.START)
             if not armed and now - started > ARM_TIMEOUT_S:
-                raise BenchFaultError(f"the scan process did not come up within {ARM_TIMEOUT_S:.0f} s")
+                raise BenchFaultError(f"the scan process did not start within {ARM_TIMEOUT_S:.0f} s")
             self._pass_on(ring, process, armed=armed)
             if self._attend is not None and ring.written:
                 self._attend(ring)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from station.bench.request import Job
 from station.errors import StationError
-from station.record.scan_record import RECORD_BYTES
+from station.records.samples.scan_record import RECORD_BYTES
 
 OTHER_FILES_BYTES = 8_000_000
 """Pictures, report, events, logs and copies of the input."""
@@ -34,6 +34,6 @@ def refuse_full_disk(data: Path, job: Job) -> None:
     needed = needed_bytes(job)
     if free < needed:
         raise StationError(
-            f"--data {data}: found {free / 1e6:.1f} MB free on its disk; allowed is at least {needed / 1e6:.0f} MB "
+            f"--data {data}: found {free / 1e6:.1f} MB free on its disk; needed: at least {needed / 1e6:.0f} MB "
             f"for a run of {job.recipe.recipe.name}. Free the disk, or choose another folder with --data"
         )

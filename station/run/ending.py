@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Self
 
 from station.durable import reserve
 from station.errors import BenchFaultError
-from station.record.ring import StopCause
-from station.record.ring_reader import RingReader
-from station.record.run_record import SCAN_REPORT, RunRecord
+from station.records.ring.reader import RingReader
+from station.records.ring.ring import StopCause
+from station.records.run_record import SCAN_REPORT, RunRecord
 
 DESK_REPORT = "desk-report.json"
 REPORT_BYTES = 1 << 18
@@ -54,6 +57,8 @@ class Ending:
     desk_died: str = ""
     """What became of a run whose desk ended in the middle; empty where it was there to the end."""
     disk: dict[str, float] = field(default_factory=dict)
+    pace: dict[str, Any] | None = None
+    """What the scan says of a bench that waited for it: its unit, and what was stretched; None for any other bench."""
 
     @classmethod
     def refused_by(cls, record: RunRecord, error: BenchFaultError) -> Self:
@@ -63,8 +68,9 @@ class Ending:
     @classmethod
     def kept_in(cls, record: RunRecord) -> Self | None:
         """Return the ending that a desk has put on disk; None where it did not come so far, or nobody can read it."""
-        with suppress(OSError, ValueError, TypeError):
-            return cls(**json.loads((record.folder / DESK_REPORT).read_bytes()))
+        with suppress(TypeError):
+            said = _read(record.folder / DESK_REPORT)
+            return cls(**said) if said else None
         return None
 
     def keep(self, record: RunRecord) -> None:
@@ -84,10 +90,71 @@ def take_room(record: RunRecord) -> None:
 
 def scan_report(record: RunRecord) -> dict[str, Any]:
     """Return what the scan process said at its end; nothing where a failing disk kept none of it, or half."""
-    with suppress(OSError, ValueError):
-        said = json.loads((record.folder / SCAN_REPORT).read_bytes())
-        return said if isinstance(said, dict) else {}
+    return _read(record.folder / SCAN_REPORT)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return a report in which every entry is of its kind; nothing of one that is damaged: half of it may be wrong."""
+    with suppress(OSError, ValueError, RecursionError):
+        said = json.loads(path.read_bytes())
+        if isinstance(said, dict) and all(KINDS[name](value) for name, value in said.items() if name in KINDS):
+            return said
     return {}
+
+
+def _count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _flag(value: Any) -> bool:
+    return isinstance(value, bool)
+
+
+def _block(value: Any) -> bool:
+    return isinstance(value, dict)
+
+
+def _rows(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(one, dict) for one in value)
+
+
+def _notes(value: Any) -> bool:
+    return _rows(value) and all(
+        _count(one.get("scan")) and _text(one.get("kind")) and _text(one.get("text")) for one in value
+    )
+
+
+def _realtime(value: Any) -> bool:
+    return _block(value) and _block(value.get("details", {})) and _rows(value.get("machine", []))
+
+
+KINDS: dict[str, Callable[[Any], bool]] = {
+    "written": _count,
+    "lost": _count,
+    "started_ns": _count,
+    "clock_jumped_s": _number,
+    "state": _text,
+    "error": _text,
+    "trouble": _text,
+    "stopped_because": _text,
+    "stopped_by": _text,
+    "desk_died": _text,
+    "refused": _flag,
+    "realtime": _realtime,
+    "counters": _block,
+    "times": _block,
+    "disk": _block,
+    "notes": _notes,
+}
+"""Entries of the reports of desk and scan process that are read again, and what each may hold."""
 
 
 def cause_name(ring: RingReader) -> str:

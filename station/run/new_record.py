@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import platform
 from pathlib import Path
 from typing import NamedTuple
 
 from station.bench.request import Job, Source
-from station.record.program_file import PROGRAM, plain_program
-from station.record.run_record import RunRecord
-from station.record.store import Store
-from station.version import version
+from station.bench.virtual_unit import VirtualUnit
+from station.records.data_folder import Store
+from station.records.program_file import PROGRAM, plain_program
+from station.records.run_record import RunRecord
+from station.version import software
 
 
 class Wanted(NamedTuple):
-    """What was asked for beside recipe and bench; unit is that of the virtual bench, None on a real one."""
+    """What was asked for beside recipe and bench; unit is that of the virtual bench, None on a real one.
+
+    clock: one of `CLOCKS`.
+    """
 
     serial: str
-    unit: str | None
+    unit: VirtualUnit | None
     scenario: Source | None
     operator: str | None
-    virtual_time: bool
+    clock: str
 
 
 def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> RunRecord:
@@ -30,7 +33,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         RecordError: the folder cannot be written.
 
     """
-    scenario = wanted.scenario
+    scenario, unit = wanted.scenario, wanted.unit
     recipe, bench = job.recipe, job.bench
     manifest = {
         "recipe": {
@@ -45,17 +48,17 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
             "sha256": job.bench_source.sha256,
             "file": str(job.bench_source.path),
             "embedded": bench.bench.embedded,
+            "public_key": bench.bench.public_key,
         },
-        "software": {
-            "name": "lostmotion",
-            "version": version(),
-            "python": platform.python_version(),
-            "platform": platform.platform(),
+        "software": software(),
+        "unit": {
+            "model": recipe.unit_under_test.model,
+            "virtual": None if unit is None else unit.name,
+            "noise_seed": None if unit is None else unit.seed,
         },
-        "unit": {"model": recipe.unit_under_test.model, "virtual": wanted.unit},
         "scenario": None if scenario is None else str(scenario.path),
         "operator": wanted.operator,
-        "clock": "virtual" if wanted.virtual_time else "real",
+        "clock": wanted.clock,
         "period_ns": recipe.sampling.period_ns,
         "verdict": None,
         "notes": notes,
@@ -64,6 +67,9 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
-    record = Store(data).create(wanted.serial, manifest, files, own=True)
+    store = Store(data)
+    record = store.create(wanted.serial, manifest, files, own=True)
+    if store.warnings:
+        record.update(notes=[*notes, *store.warnings])
     record.write_json(PROGRAM, plain_program(job.program))
     return record

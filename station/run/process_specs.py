@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from station.bench.request import Job
-from station.record.program_file import PROGRAM
-from station.record.run_record import RunRecord
+from station.bench.virtual_unit import VirtualUnit
+from station.records.clocks import Pacing
+from station.records.program_file import PROGRAM
+from station.records.run_record import RunRecord
 
 TRUTH = "truth.csv"
 """Torque in the virtual reducer itself over the monotonic clock, in the folder of a run with faults."""
@@ -25,16 +27,17 @@ EMBEDDED_SPIN_NS = REAL_SPIN_NS if (os.cpu_count() or 1) > 1 else 0
 beside an embedded bench on a single processor there is none to spare."""
 
 
-def write_bench_spec(job: Job, record: RunRecord, unit: str | None, scenario: Path | None) -> Path:
+def write_bench_spec(job: Job, record: RunRecord, unit: VirtualUnit | None, scenario: Path | None, clock: str) -> Path:
     """Write what the embedded virtual bench, or the gateway before a real one, is told; return its path."""
     folder = record.folder
     spec = {
         "bench": str(folder / "bench.yaml"),
         "profiles": _profiles(job, record),
-        "unit": unit,
+        "unit": None if unit is None else unit.plain(),
         "scenario": None if scenario is None else str(scenario),
         "truth": None if scenario is None else str(folder / TRUTH),
         "embedded": True,
+        "clock": clock,
     }
     return _written(folder / "virtual-bench-spec.json", spec)
 
@@ -46,6 +49,7 @@ def write_scan_spec(
     report: Path,
     ports: dict[str, Any] | None,
     *,
+    pacing: Pacing,
     after_end_scans: int,
     left: Mapping[str, float] | None,
 ) -> Path:
@@ -63,6 +67,8 @@ def write_scan_spec(
         "bench": str(folder / "bench.yaml"),
         "profiles": _profiles(job, record),
         "ports": ports,
+        "clock": pacing.clock,
+        "fast": pacing.fast,
         "desk": os.getpid(),
         "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
         "after_end_scans": after_end_scans,

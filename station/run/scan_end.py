@@ -5,13 +5,13 @@ from __future__ import annotations
 import subprocess
 import time
 
-from controller.image import State
+from definitions.image import State
 from station.errors import BenchFaultError, RecordError
-from station.record.ring import ScanState
-from station.record.ring_reader import RingReader
-from station.record.run_record import RunRecord
-from station.record.scan_record import unpack
-from station.record.writer import RecordWriter
+from station.records.ring.reader import RingReader
+from station.records.ring.ring import ScanState
+from station.records.ring.to_disk import RecordWriter
+from station.records.run_record import RunRecord
+from station.records.samples.scan_record import unpack
 from station.run import children
 from station.run.ending import Ending, cause_name, scan_report
 from station.wall_clock import JumpWatch
@@ -21,11 +21,11 @@ LAST_WORDS_S = 0.6
 
 ENDED = {
     State.IDLE: "Nothing has moved",
-    State.COMPLETE: "The run had come to its end",
+    State.COMPLETE: "The run was complete",
     State.STOPPED: "The run was stopped: the torque was brought to zero and the lock opened",
-    State.FAULT: "The run ended in a fault: look at the bench before the unit is touched",
+    State.FAULT: "The run ended in a fault: check the bench before you touch the unit",
 }
-LOST_IN_THE_MIDDLE = "The scan process was lost in the middle: treat the unit as wound up"
+LOST_IN_THE_MIDDLE = "The scan process was lost during the run: treat the unit as wound up"
 
 
 def ending_of(
@@ -69,6 +69,7 @@ def ending_of(
         trouble=trouble,
         counters=said.get("counters", {}),
         times=said.get("times", {}),
+        pace=said.get("pace"),
         started_ns=ring.started_ns,
         clock_jumped_s=wall_clock.jumped_s(),
         stopped_because=ring.stopped_because,
@@ -84,6 +85,6 @@ def what_waits(run_id: str, error: RecordError, ring: RingReader) -> str:
         f"{ring.waiting} of {ring.written} records wait in memory" if ring.waiting else "how it ended is kept in memory"
     )
     return (
-        f"{error}. {ENDED.get(state, LOST_IN_THE_MIDDLE)}; {waits}. When the disk is in order, 'lostmotion show "
-        f"{run_id}' completes the record; do it before this computer is switched off"
+        f"{error}. {ENDED.get(state, LOST_IN_THE_MIDDLE)}; {waits}. When the disk works again, 'lostmotion "
+        f"conclude {run_id}' completes the record; do it before this computer is switched off"
     )

@@ -1,16 +1,17 @@
 """Records of a virtual-time run: kept as they come, packed and written many at a time.
 
 Packing one by one, between a step of the controller and one of the bench, costs more than twice as much: each pushes
-the other out of the processor's caches.
+the other out of the processor's caches. The values of the inputs are taken at once: the bench writes them anew.
 """
 
 from __future__ import annotations
 
 import zlib
+from typing import Any
 
-from controller.image import Image, Orders
+from definitions.image import Image, Orders, image_values
 from station.durable import Appender
-from station.record.scan_record import BODY_BYTES, BODY_STRUCT, CHECK_STRUCT, RECORD_BYTES
+from station.records.samples.scan_record import BODY_BYTES, BODY_STRUCT, CHECK_STRUCT, RECORD_BYTES
 
 BLOCK_RECORDS = 256
 
@@ -20,7 +21,7 @@ class VirtualRecorder:
 
     def __init__(self, file: Appender) -> None:
         self._file = file
-        self._waiting: list[tuple[int, int, int, int, Image, Orders]] = []
+        self._waiting: list[tuple[int, int, int, int, tuple[Any, ...], Orders]] = []
         self._block = memoryview(bytearray(BLOCK_RECORDS * RECORD_BYTES))
         self._last = self._block[:0]
         self.sequence = 0
@@ -28,7 +29,7 @@ class VirtualRecorder:
     def append(self, scan: int, lateness_ns: int, work_ns: int, image: Image, orders: Orders) -> bool:
         """Append one record; raises RecordError when the disk is full."""
         waiting = self._waiting
-        waiting.append((self.sequence, scan, lateness_ns, work_ns, image, orders))
+        waiting.append((self.sequence, scan, lateness_ns, work_ns, image_values(image), orders))
         self.sequence += 1
         if len(waiting) == BLOCK_RECORDS:
             self.flush()
@@ -44,9 +45,9 @@ class VirtualRecorder:
         waiting, self._waiting = self._waiting, []
         block, at = self._block, 0
         try:
-            for sequence, scan, lateness_ns, work_ns, image, orders in waiting:
+            for sequence, scan, lateness_ns, work_ns, inputs, orders in waiting:
                 end = at + BODY_BYTES
-                BODY_STRUCT.pack_into(block, at, sequence, scan, lateness_ns, work_ns, *image, *orders)
+                BODY_STRUCT.pack_into(block, at, sequence, scan, lateness_ns, work_ns, *inputs, *orders)
                 CHECK_STRUCT.pack_into(block, end, zlib.crc32(block[at:end]))
                 at += RECORD_BYTES
         finally:

@@ -7,16 +7,17 @@ from pathlib import Path
 
 from controller.context import Event
 from controller.controller import Controller
-from drivers.virtual.inprocess import VirtualTimeBench
 from station.bench.assemble_virtual import load_scenario, virtual_config
 from station.bench.request import Job
+from station.bench.virtual_unit import VirtualUnit
 from station.durable import Appender
-from station.record.run_record import RunRecord
+from station.records.run_record import RunRecord
 from station.run.asked_to_stop import Stopping, listening
 from station.run.ending import Ending, take_room
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
+from virtual_bench.in_process import VirtualTimeBench
 
 LOOK_EVERY = 1024
 """Scans between two looks at the operator's wishes and at the screen."""
@@ -24,7 +25,7 @@ LOOK_EVERY = 1024
 Show = Callable[[memoryview], None]
 
 
-def run_in_virtual_time(job: Job, record: RunRecord, unit: str, scenario: Path | None, show: Show) -> Ending:
+def run_in_virtual_time(job: Job, record: RunRecord, unit: VirtualUnit, scenario: Path | None, show: Show) -> Ending:
     """Run a job to its end and leave its records in the run's folder.
 
     Raises:

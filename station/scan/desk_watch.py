@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from station.record.ring import StopCause
-from station.record.ring_writer import RingWriter
+from station.records.ring.ring import StopCause
+from station.records.ring.writer import RingWriter
 from station.scan.scan_loop import Stop
 
 LONGEST_SILENCE_S = 2.0
 """A desk looks 50 times per second; a desk that takes a run over has this long to begin."""
 
-DESK_SILENT = f"the desk gave no sign for {LONGEST_SILENCE_S:g} s: stop ordered, so that the unit is unloaded"
-DESK_GONE = "the desk was gone before it had started the run: stop ordered, nothing has moved"
-STRANGE_COMMANDS = "the mailbox held {} number(s) that are no command: ignored"
+DESK_SILENT = f"no sign of life from the supervisor process for {LONGEST_SILENCE_S:g} s: stop ordered, unit unloaded"
+DESK_GONE = "the supervisor process ended before the run started: stop ordered, nothing moved"
+STRANGE_COMMANDS = "{} invalid command(s) ignored"
 
 
 class DeskWatch:
     """Takes the desk's commands and asks for a stop, once, when the desk has been silent for too long."""
 
-    def __init__(self, ring: RingWriter, stop: Stop, period_ns: int) -> None:
+    def __init__(self, ring: RingWriter, stop: Stop, period_ns: int, *, commands_from: int = 0) -> None:
+        """Watch; commands wait until the scan `commands_from`, so that a run can begin in the same scan every time."""
         self._ring, self._stop = ring, stop
+        self._scans_to_wait = commands_from
         self._beats = ring.desk_beats
         self._limit_scans = round(LONGEST_SILENCE_S * 1e9 / period_ns)
         self._silent_scans = 0
@@ -39,6 +41,9 @@ class DeskWatch:
                 self.silent_at = ring.last_scan
                 ring.note_stop(StopCause.DESK_SILENT)
                 self._stop.ask()
+        if self._scans_to_wait:
+            self._scans_to_wait -= 1
+            return 0
         return ring.take_command()
 
     def notes(self) -> list[dict[str, Any]]:

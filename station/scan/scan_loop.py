@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from controller.image import Command, Image, Orders, State
-from station.record.scan_times import ScanTimes
-from station.scan.schedule import RealTimeSchedule
+from definitions.image import Command, Image, Orders, State
+from station.records.scan_times import ScanTimes
+from station.scan.schedule import Schedule
 
 START_AT = 50
 """Sequence number of the scan that START is given to: by then every device has answered."""
@@ -87,8 +87,8 @@ def run_virtual(
         scan += 1 + missed
         image = read(scan, missed, take_command(sequence))
         orders = step(image, scan)
+        append(scan, 0, 0, image, orders)  # before the devices answer into the same image
         write(orders, scan)
-        append(scan, 0, 0, image, orders)
         if faults is not None:
             faults.tell(State(orders.state).name.lower(), scan)
         sequence += 1
@@ -102,7 +102,7 @@ def run_real(
     append: Append,
     take_command: Callable[[], int],
     *,
-    schedule: RealTimeSchedule,
+    schedule: Schedule,
     stop: Stop,
     times: ScanTimes,
     note_start: Callable[[int], None] | None = None,

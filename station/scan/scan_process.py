@@ -5,8 +5,8 @@ no waiting call in the scan. SIGTERM asks the controller for a stop (unload firs
 SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
 
 Spec: ring, report, recipe, bench, program (paths), profiles ({name: path}), ports (ready line of an embedded bench or
-null), spin_ns, desk (its process id), after_end_scans (to go on after the end), and for a recovery `left`, how the
-bench was left.
+null), clock (wall or scan), fast (scan clock without deadlines), spin_ns, desk (its process id), after_end_scans (to go
+on after the end), and for a recovery `left`, how the bench was left.
 """
 
 from __future__ import annotations
@@ -16,34 +16,40 @@ import json
 import os
 import signal
 import sys
+import time
 import traceback
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
-from controller.compiler import compile_program
 from controller.controller import Controller
 from controller.held_lock import Left
-from controller.program import Program
+from definitions.program import Program
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
 from recipes import Problem, RecipeError, load_bench, load_recipe
+from recipes.compiler.compiler import compile_program
 from station.bench.assemble import wire_config
 from station.bench.bench_lock import BenchBusyError, alone_on
 from station.durable import reserve, write_durable
 from station.errors import RecordError
-from station.record.program_file import program_differences
-from station.record.ring import ScanState, StopCause
-from station.record.ring_writer import RingWriter
-from station.record.run_record import process_birth
-from station.record.scan_times import ScanTimes
+from station.records.clocks import SCAN
+from station.records.program_file import program_differences
+from station.records.ring.ring import ScanState, StopCause
+from station.records.ring.writer import RingWriter
+from station.records.run_record import process_birth
+from station.records.scan_times import ScanTimes
 from station.scan import machine, realtime
-from station.scan.desk_watch import DeskWatch
-from station.scan.scan_loop import Stop, run_real
-from station.scan.schedule import RealTimeSchedule
+from station.scan.desk_watch import LONGEST_SILENCE_S, DeskWatch
+from station.scan.scan_loop import START_AT, Stop, run_real
+from station.scan.schedule import BenchSchedule, RealTimeSchedule, Schedule
 
 EXIT_REFUSED = 2
+LOOK_EVERY_S = 0.001
 PR_SET_PDEATHSIG = 1
+SHORTEST_SCAN_NS = 100_000
+"""No scan over wires takes less: without deadlines the silence of the desk is counted in these."""
+
 REPORT_BYTES = 1 << 18
 """Room for the last report: histograms of the timing, the periods that were missed, notes."""
 
@@ -65,15 +71,17 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
     refuse_another(program, Path(spec["program"]))
     left = spec.get("left")
     controller = Controller(program, left=None if left is None else Left(**left))
-    bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"]))
+    bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"], waits=spec["clock"] == SCAN))
     with ExitStack() as ending:
         if spec["ports"] is None:
             ending.enter_context(alone_on(bench_file))
         verified = bench.open()
         ending.callback(bench.close)
         grants = realtime.request_all()
+        if spec["fast"]:  # it never sleeps: with a priority above all others it would starve the desk
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         spin_ns, spinning = realtime.spin_tail(spec["spin_ns"], grants)
-        schedule = RealTimeSchedule(period_ns, spin_ns=spin_ns)
+        schedule = schedule_of(spec, bench, period_ns, spin_ns)
         told = realtime.as_json((*grants, spinning))
         told |= {"machine": machine.against(told)}
         armed = {"realtime": told, "verified": verified}
@@ -82,7 +90,11 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         _take_room(spec)
         ring.set_state(ScanState.RUNNING)
         times = ScanTimes()
-        desk = DeskWatch(ring, stop, period_ns)
+        scan_ns = SHORTEST_SCAN_NS if spec["fast"] else period_ns
+        desk = DeskWatch(ring, stop, scan_ns, commands_from=START_AT if spec["clock"] == SCAN else 0)
+        if spec["clock"] == SCAN:
+            _wait_for_start(ring, stop)
+            bench.begin()
         before_kb = machine.resident_kb()
         last = run_real(
             bench,
@@ -106,9 +118,32 @@ def scan(spec: dict[str, Any], ring: RingWriter, stop: Stop) -> dict[str, Any]:
         **armed,
         "counters": counters,
         "times": times.to_dict() | {"resident_kb": resident_kb},
+        "pace": pace_of(bench, schedule),
         "notes": [event._asdict() for event in controller.events if event.kind == "note"] + desk.notes(),
         "stopped_by_signal": stop.wanted,
     }
+
+
+def schedule_of(spec: dict[str, Any], bench: WireBench, period_ns: int, spin_ns: int) -> Schedule:
+    """Return the schedule of the clock that the spec names."""
+    if spec["clock"] == SCAN:
+        return BenchSchedule(period_ns, bench, spin_ns, fast=spec["fast"])
+    return RealTimeSchedule(period_ns, spin_ns=spin_ns)
+
+
+def pace_of(bench: WireBench, schedule: Schedule) -> dict[str, Any] | None:
+    """Return what is to be told of a bench that waited for the scan; None for one with a clock of its own."""
+    if bench.pace is None or not isinstance(schedule, BenchSchedule):
+        return None
+    frames = {"frames_sent_by_bench": bench.pace.answer.frames, "frames_received": bench.drive.link.frames_received}
+    return {"unit": bench.pace.unit, "unanswered": bench.pace.unanswered, **frames, **schedule.as_json()}
+
+
+def _wait_for_start(ring: RingWriter, stop: Stop) -> None:
+    """Wait for the desk's first command: where the first scan is the first instant, a run begins from there."""
+    until = time.monotonic() + LONGEST_SILENCE_S
+    while not (ring.commands_given or stop.wanted) and time.monotonic() < until:
+        time.sleep(LOOK_EVERY_S)
 
 
 def refuse_another(program: Program, recorded: Path) -> None:

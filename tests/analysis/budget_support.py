@@ -4,7 +4,10 @@ import dataclasses
 
 from reference_unit import FIGURES, RATIO, Bench, ReferenceUnit, bench_trace
 
-from analysis import Method, MetricResult, MetricWanted, SensorFigures, TorqueFigures, analyse
+from analysis.evaluation.metric_result import MetricResult
+from analysis.evaluation.pipeline import analyse
+from analysis.loop.method import Method, MetricWanted
+from analysis.uncertainty.figures import SensorFigures, TorqueFigures
 
 METHOD = Method(ratio=RATIO, rated_torque_nm=412.0, fixture_stiffness_nm_per_arcmin=1e4)
 CALIBRATED = dataclasses.replace(METHOD, output_torque="calibrated")

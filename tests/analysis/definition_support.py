@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from reference_unit import ARC, RATED_NM, ReferenceUnit, exact_trace
 
-from analysis import Method, MetricWanted, SegmentInfo, Trace, analyse
+from analysis.evaluation.pipeline import analyse
+from analysis.loop.method import Method, MetricWanted
+from analysis.trace.trace import SegmentInfo, Trace
 
 METHOD = Method(ratio=121, rated_torque_nm=RATED_NM)
 

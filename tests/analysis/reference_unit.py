@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import AngleFigures, SegmentInfo, SensorFigures, TorqueFigures, Trace
+from analysis.trace.trace import SegmentInfo, Trace
+from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
 
 ARC = math.pi / 10_800
 RATIO = 121.0

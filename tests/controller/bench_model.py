@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from controller.image import Command, DriveCommand, DriveMode, DriveState, Image, NmtState, Orders
-from controller.program import Program
+from definitions.image import Command, DriveCommand, DriveMode, DriveState, Image, NmtState, Orders
+from definitions.program import Program
 
 READY = Image(
     missed_periods=0, command=Command.NONE,

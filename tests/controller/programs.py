@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from controller.image import State
-from controller.program import Limits, Lock, Program, Segment, Tare, TorqueControl
+from definitions.image import State
+from definitions.program import Limits, Lock, Program, Segment, Tare, TorqueControl
 
 PEAK_NM = 453.2
 ARCMIN = math.pi / 10800.0

@@ -8,7 +8,7 @@ from functools import cache
 from programs import short_program
 from timeline import Timeline
 
-from controller.image import (
+from definitions.image import (
     AGE_NEVER,
     DriveCommand,
     DriveState,

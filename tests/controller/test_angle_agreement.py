@@ -7,16 +7,18 @@ from dataclasses import replace
 
 import pytest
 from bench_model import READY, freeze_limits
+from hypothesis import given
+from hypothesis import strategies as st
 from programs import ARCMIN, LIMITS, short_program
 from timeline import Timeline
 
 from controller.conditions import Measured
 from controller.context import Context
 from controller.debounce import debounce_scans
-from controller.faults import FAULT_BY_ID
-from controller.image import Command, Reaction, State
 from controller.interlocks import Watch
-from controller.program import Program
+from definitions.faults import FAULT_BY_ID
+from definitions.image import Command, Reaction, State
+from definitions.program import Program
 
 S = State
 FAULT = FAULT_BY_ID["angle_channels_disagree"]
@@ -26,6 +28,7 @@ def reaction(program: Program, apart_rad: float, *, torque_nm: float = 0.0, spee
     """The reaction to a difference that stays, with both torques and both ages alike."""
     watch, measured = Watch(program), Measured()
     measured.drive_apart_rad, measured.speed_rad_s = apart_rad, speed_rad_s
+    measured.fastest_rad_s, measured.request_age_scans = abs(speed_rad_s), age
     measured.torque_in_nm = measured.torque_out_nm = torque_nm
     image = READY._replace(drive_age_scans=age, sample_age_scans=age)
     for _ in range(debounce_scans(FAULT, program)):
@@ -54,6 +57,78 @@ def test_values_of_different_age_differ_by_what_the_shaft_has_turned():
     turned_rad = LIMITS.angle_agreement_rad + 0.5 * (4 + 4 + LIMITS.angle_lag_scans) * 1e-3
     assert reaction(short_program(), 0.99 * turned_rad, speed_rad_s=-0.5, age=4) == Reaction.NONE
     assert reaction(short_program(), 0.99 * turned_rad, speed_rad_s=-0.5, age=1) == Reaction.QUICK_STOP
+
+
+def looked_at(speeds_rad_s: list[float], late_scans: int, *, stuck_from: int | None = None) -> bool:
+    """Whether the two disagree for a shaft that turns so, seen by an amplifier that answers so much later.
+
+    It measures when it is asked, and is asked again when it has answered; `stuck_from`: its angle stands from there on.
+    """
+    program = freeze_limits(short_program(), sample_stale_scans=100, sample_late_scans=100)
+    context, watch = Context(program), Watch(program)
+    context.take_references(READY)
+    angle_rad = shown_rad = measured_rad = 0.0
+    asked = age = 0
+    disagree = 0
+    for scan, speed_rad_s in enumerate(speeds_rad_s):
+        age += 1
+        if scan - asked >= late_scans:
+            shown_rad, age = measured_rad, 0
+            if stuck_from is None or scan < stuck_from:
+                measured_rad = angle_rad
+            asked = scan
+        image = READY._replace(
+            drive_angle_rad=angle_rad,
+            drive_velocity_rad_s=speed_rad_s,
+            angle_in_rad=shown_rad,
+            sample_age_scans=age,
+            sample_counter=scan,
+            drive_age_scans=0,
+        )
+        context.measure(image)
+        watch.look(image, context.measured, S.RAMP_POS)
+        disagree |= watch.active >> FAULT.number & 1
+        angle_rad += speed_rad_s * program.period_s
+    return bool(disagree)
+
+
+TURNING = st.lists(st.tuples(st.floats(-8.0, 8.0), st.integers(1, 60)), min_size=1, max_size=8)
+"""Speeds of the loaded shaft [rad/s], each for so many scans."""
+
+
+@pytest.mark.parametrize("late_scans", [1, 5, 10, 20])
+@given(TURNING)
+def test_a_slow_amplifier_is_no_disagreement_however_the_shaft_turns(late_scans: int, turning: list[tuple[float, int]]):
+    speeds_rad_s = [speed_rad_s for speed_rad_s, scans in [*turning, (0.0, 60)] for _ in range(scans)]
+    assert not looked_at(speeds_rad_s, late_scans)
+
+
+@pytest.mark.parametrize("late_scans", [5, 10, 20])
+def test_a_shaft_that_has_just_stopped_is_not_yet_where_a_slow_amplifier_saw_it(late_scans: int):
+    assert not looked_at([4.0] * 100 + [0.0] * 100, late_scans)
+
+
+@pytest.mark.parametrize("late_scans", [1, 5, 10, 20])
+def test_an_angle_that_stands_is_seen_behind_a_slow_amplifier_too(late_scans: int):
+    assert looked_at([0.5] * 400, late_scans, stuck_from=50)
+
+
+def test_the_largest_speed_is_kept_for_as_long_as_a_value_may_be_old():
+    program = short_program()
+    oldest = (
+        2 * program.limits.sample_stale_scans + program.limits.drive_stale_scans + math.ceil(LIMITS.angle_lag_scans)
+    )
+    context = Context(program)
+    context.measure(READY._replace(drive_velocity_rad_s=-3.0))
+    kept = []
+    for _ in range(3 * oldest):
+        context.measure(READY)
+        kept.append(context.measured.fastest_rad_s)
+    assert kept[oldest - 2] == 3.0
+    assert kept[2 * oldest + 1] == 0.0
+    context.measure(READY._replace(drive_velocity_rad_s=math.nan))
+    context.measure(READY)
+    assert context.measured.fastest_rad_s == 0.0, "what is no number is told by another fault"
 
 
 def test_the_drive_may_count_from_anywhere():

@@ -12,12 +12,12 @@ from ramp_support import SHOWN, S, mid_ramp
 
 from controller.conditions import Measured
 from controller.debounce import DEBOUNCE_TIMES, debounce_scans
-from controller.faults import FAULT_BY_ID, FAULTS
-from controller.image import (
+from controller.interlocks import INTERLOCKS, Watch
+from definitions.faults import FAULT_BY_ID, FAULTS
+from definitions.image import (
     Command,
     Reaction,
 )
-from controller.interlocks import INTERLOCKS, Watch
 
 
 def test_a_reset_does_not_give_a_counting_condition_new_time():

@@ -10,14 +10,25 @@ from ramp_support import ORDER_OF, SHOWN, S, mid_ramp
 from timeline import Timeline
 
 from controller.debounce import debounce_scans
-from controller.faults import FAULT_BY_ID, FAULTS, cause_among
-from controller.image import (
+from controller.interlocks import INTERLOCKS, RAISED_BY_STEPS
+from definitions.faults import FAULT_BY_ID, FAULTS, cause_among
+from definitions.image import (
     Command,
     DriveCommand,
     Link,
     Reaction,
 )
-from controller.interlocks import INTERLOCKS, RAISED_BY_STEPS
+
+HOLDING = sorted(fault_id for fault_id in SHOWN if FAULT_BY_ID[fault_id].reaction == Reaction.HOLD)
+LATCHING = sorted(fault_id for fault_id in SHOWN if FAULT_BY_ID[fault_id].reaction >= Reaction.UNLOAD)
+HELD_SCANS = 100
+HELD_WITH = {"torque_out_alarm": {"torque_in_nm": 5.0}}
+"""What the other channels show with it, so that they agree for as long as the hold lasts."""
+
+
+def test_every_fault_that_is_shown_here_holds_or_latches():
+    assert sorted([*HOLDING, *LATCHING]) == sorted(SHOWN)
+    assert HOLDING
 
 
 def test_every_interlock_has_a_case_here_and_every_fault_a_detector():
@@ -49,22 +60,36 @@ def test_interlock_reacts_in_the_scan_of_its_detection(fault_id):
     if fault_id == "operator_quick_stop":
         run.bench.command = Command.QUICK_STOP
     orders = run.go()
-    if fault.reaction == Reaction.HOLD:
-        assert (orders.state, orders.reaction) == (S.RAMP_NEG, Reaction.HOLD)
+    assert fault_id in run.alarms()
+    if fault_id in HOLDING:
+        assert (orders.state, orders.reaction, orders.fault) == (S.RAMP_NEG, Reaction.HOLD, 0)
+        assert orders.drive_command == DriveCommand.ENABLE_OPERATION
         return
     assert orders.state == S.FAULT
     assert orders.fault == fault.number
     assert orders.drive_command == ORDER_OF[fault.reaction]
-    assert fault_id in run.alarms()
     if fault.reaction > Reaction.UNLOAD:
         assert orders.drive_target_torque_nm == 0.0
 
 
-@pytest.mark.parametrize("fault_id", sorted(SHOWN))
+@pytest.mark.parametrize("fault_id", HOLDING)
+def test_a_hold_freezes_the_ramp_latches_nothing_and_goes_on_when_its_cause_is_gone(fault_id):
+    run = mid_ramp()
+    run.bench.frozen = SHOWN[fault_id] | HELD_WITH.get(fault_id, {})
+    first = run.until(lambda orders: orders.reaction == Reaction.HOLD)
+    run.go(HELD_SCANS)
+    held = run.orders[-HELD_SCANS:]
+    assert {(one.state, one.reaction, one.fault) for one in held} == {(S.RAMP_NEG, Reaction.HOLD, 0)}
+    assert {one.reference_torque_nm for one in held} == {first.reference_torque_nm}
+    assert {one.drive_command for one in held} == {DriveCommand.ENABLE_OPERATION}
+    run.bench.frozen = {}
+    run.until_finished()
+    assert (run.controller.state, run.alarms()) == (S.COMPLETE, [fault_id])
+
+
+@pytest.mark.parametrize("fault_id", LATCHING)
 def test_a_fault_stays_latched_with_its_first_cause_and_the_lock_stays_closed(fault_id):
     fault = FAULT_BY_ID[fault_id]
-    if fault.reaction < Reaction.UNLOAD:
-        return
     run = mid_ramp()
     run.bench.frozen = dict(SHOWN[fault_id])
     run.bench.command = Command.QUICK_STOP if fault_id == "operator_quick_stop" else Command.NONE

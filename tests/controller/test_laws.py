@@ -12,7 +12,7 @@ from programs import short_program
 from timeline import Timeline
 
 from controller.controller import Controller
-from controller.image import AGE_NEVER, Command, DriveCommand, DriveMode, DriveState, Image, Reaction, State
+from definitions.image import AGE_NEVER, Command, DriveCommand, DriveMode, DriveState, Image, Reaction, State
 
 PROGRAM = short_program()
 TORQUES = st.one_of(st.floats(-600.0, 600.0), st.sampled_from([math.nan, math.inf, -math.inf]))

@@ -10,7 +10,7 @@ from programs import PEAK_NM, short_program
 from timeline import Timeline
 
 from controller.controller import Controller
-from controller.image import ORDERS_STRUCT, Command, DriveCommand, DriveState, Reaction, State
+from definitions.image import ORDERS_STRUCT, Command, DriveCommand, DriveState, Reaction, State
 
 S = State
 FULL_RUN = [

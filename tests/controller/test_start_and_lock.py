@@ -7,7 +7,7 @@ from programs import short_program
 from ramp_support import SHOWN, S
 from timeline import Timeline
 
-from controller.image import (
+from definitions.image import (
     AGE_NEVER,
     Command,
     DriveCommand,

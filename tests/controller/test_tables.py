@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import get_type_hints
+
 import pytest
 from programs import ROWS
 from transitions import MachineError
 
-from controller.budgets import BUDGETS
-from controller.faults import FAULT_BY_ID
-from controller.image import (
+from controller.controller import _OrdersDraft
+from controller.loading import TIMEOUT_FAULT
+from controller.preparation import ENABLE_PATH
+from controller.states import END_STATES, TRANSITIONS, TRIGGER_INTO, Sequence
+from definitions.faults import FAULT_BY_ID
+from definitions.first_image import first_image
+from definitions.image import (
     IMAGE_FIELDS,
     IMAGE_STRUCT,
     ORDERS_FIELDS,
@@ -18,11 +25,10 @@ from controller.image import (
     Image,
     Orders,
     State,
+    taker,
 )
-from controller.loading import TIMEOUT_FAULT
-from controller.preparation import ENABLE_PATH
-from controller.program import ROLES
-from controller.states import END_STATES, TRANSITIONS, TRIGGER_INTO, Sequence
+from definitions.program import ROLES
+from recipes.compiler.budgets import BUDGETS
 
 S = State
 
@@ -43,15 +49,41 @@ ENTRIES: dict[State, set[State]] = {
 }
 
 
-def test_process_image_tables_match_the_tuples():
-    assert tuple(field.name for field in IMAGE_FIELDS) == Image._fields
-    assert tuple(field.name for field in ORDERS_FIELDS) == Orders._fields
-    assert len(IMAGE_STRUCT.unpack(bytes(IMAGE_STRUCT.size))) == len(Image._fields)
-    assert len(ORDERS_STRUCT.unpack(bytes(ORDERS_STRUCT.size))) == len(Orders._fields)
-    for field in IMAGE_FIELDS + ORDERS_FIELDS:
+@pytest.mark.parametrize(
+    ("kind", "fields", "layout"), [(Image, IMAGE_FIELDS, IMAGE_STRUCT), (Orders, ORDERS_FIELDS, ORDERS_STRUCT)]
+)
+def test_rows_of_the_process_image_are_whole(kind, fields, layout):
+    assert tuple(field.name for field in fields) == kind._fields
+    assert layout.format == "<" + "".join(field.format for field in fields)
+    types = get_type_hints(kind)
+    for field in fields:
         assert field.meaning
-        if field.format == "d":
-            assert field.unit, f"{field.name} is a quantity without a unit"
+        assert types[field.name] is (float if field.format == "d" else int)
+        assert field.unit or field.format != "d", f"{field.name} is a quantity without a unit"
+
+
+def test_a_draft_gives_its_values_by_name_in_whatever_order_they_were_set():
+    draft = SimpleNamespace(**{name: place for place, name in reversed(list(enumerate(Orders._fields)))})
+    assert taker()(draft) == Orders(*range(len(Orders._fields)))
+    del draft.brake_on
+    with pytest.raises(AttributeError, match="brake_on"):
+        taker()(draft)
+
+
+@pytest.mark.parametrize("draft", [first_image(), _OrdersDraft()])
+def test_what_is_written_in_place_has_room_for_the_fields_alone(draft):
+    with pytest.raises(AttributeError):
+        draft.torque_of_nobody_nm = 1.0
+
+
+def test_an_image_gives_its_values_in_their_order_and_a_copy_is_another_one():
+    image = Image(*range(len(Image._fields)))
+    assert tuple(image) == tuple(range(len(Image._fields)))
+    changed = image._replace(brake_on=99)
+    assert (changed.brake_on, image.brake_on) == (99, Image._fields.index("brake_on"))
+    assert changed._replace(brake_on=image.brake_on) == image
+    with pytest.raises(AttributeError):
+        image._replace(torque_of_nobody_nm=1.0)
 
 
 def test_transitions_are_those_of_the_design():

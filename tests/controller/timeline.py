@@ -9,8 +9,8 @@ from bench_model import BenchModel
 
 from controller.context import Event
 from controller.controller import Controller
-from controller.image import Command, Image, Orders, State
-from controller.program import Program
+from definitions.image import Command, Image, Orders, State
+from definitions.program import Program
 
 
 class Timeline:

@@ -1,7 +1,6 @@
 """The reference pages say what the tables of the code say."""
 
 import re
-import tomllib
 from collections import Counter
 from pathlib import Path
 
@@ -18,14 +17,6 @@ ROOT = Path(__file__).parents[2]
 def test_page_is_up_to_date(page):
     written = (ROOT / "docs" / page).read_text(encoding="utf-8")
     assert written == generate.PAGES[page](), "run 'make docs'"
-
-
-def test_drivers_are_kept_from_every_module_of_the_controller_but_the_image():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    contracts = project["tool"]["importlinter"]["contracts"]
-    (contract,) = [item for item in contracts if item["name"] == "Drivers know the process image only"]
-    modules = {f"controller.{path.stem}" for path in (ROOT / "controller").glob("*.py")}
-    assert modules - {"controller.__init__", "controller.image"} <= set(contract["forbidden_modules"])
 
 
 def test_the_page_of_the_command_line_has_every_command_once_and_in_the_order_of_the_help():

@@ -7,10 +7,10 @@ import struct
 import can
 from drivers_support import drive_config
 
-from controller.image import DriveCommand, DriveMode, Orders
-from drivers.can_bus import CanLink, open_can
-from drivers.can_drive import CanDrive
+from definitions.image import DriveCommand, DriveMode, Orders
+from drivers.can.bus import CanLink, open_can
 from drivers.config import CanConfig
+from drivers.servo_drive.drive import CanDrive
 
 HEARTBEAT_SCANS = 20
 TPDO1, TPDO2, HEARTBEAT, EMCY = 0x185, 0x285, 0x705, 0x085

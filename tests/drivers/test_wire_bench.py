@@ -14,7 +14,7 @@ from durand_drive import DurandDrive
 from pymodbus.constants import ExcCodes
 from pymodbus_bench import AMPLIFIER, BRAKE, REMOTE_IO, PymodbusBench
 
-from controller.image import (
+from definitions.image import (
     AGE_NEVER,
     Command,
     DriveCommand,
@@ -73,7 +73,7 @@ class Stand:
             self.bench.write(ordered, self.scan)
             self.scan += 1
             if until(image):
-                return image
+                return image._replace()  # the bench writes in its image
             time.sleep(0.001)
         pytest.fail(f"not reached in {scans} scans: {image}")
 
@@ -277,7 +277,7 @@ def test_a_channel_without_sensor_is_not_asked_for(stand: Stand) -> None:
 
 
 def test_the_record_can_pack_the_image(running: Stand) -> None:
-    from controller.image import IMAGE_STRUCT  # noqa: PLC0415 - only this test needs it
+    from definitions.image import IMAGE_STRUCT  # noqa: PLC0415 - only this test needs it
 
     image = running.run(lambda image: image.drive_age_scans < 5)
     try:

@@ -13,13 +13,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from lostmotion_command import ROOT, Running, here
+from lostmotion_command import ROOT, Running, forked, here
 from patient import GOLDEN_RECIPE
+from run_samples import read_back
 
+import station.cli.measure.run
 from station.durable import Appender, reserve, write_durable
 from station.errors import RecordError
-from station.record.check import check_file
-from station.record.scan_record import RECORD_BYTES
+from station.records.samples.check import check_bytes
+from station.records.samples.scan_record import RECORD_BYTES
 
 pytestmark = pytest.mark.wires
 GOLDEN = str(GOLDEN_RECIPE)
@@ -41,9 +43,9 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.fixture
-def begin(start, one_ramp) -> Callable[[Path], Running]:
+def begin(start, one_ramp_at_1_ms) -> Callable[[Path], Running]:
     """Start a run that stores on a disk."""
-    return lambda data: start("run", *one_ramp, "--serial", "D", "--json", data=data)
+    return lambda data: start("run", *one_ramp_at_1_ms, "--serial", "D", "--json", data=data)
 
 
 def fill(disk: Path) -> Path:
@@ -57,7 +59,7 @@ def fill(disk: Path) -> Path:
 
 
 def recording(data: Path) -> bool:
-    """True once a run of ONE_RAMP is in its ramp: to bring that torque to zero takes two seconds."""
+    """True once such a run is in its ramp: to bring that torque to zero takes two seconds."""
     return any(path.stat().st_size > IN_THE_RAMP * RECORD_BYTES for path in data.glob("*/samples.bin"))
 
 
@@ -73,14 +75,17 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert ran.exit_code == 4
     assert ran.json["verdict"] == "NOT DECIDABLE"
     (reason,) = ran.json["reasons"]
-    for words in ("No space left on device", "torque was brought to zero", "wait in memory", f"show {folder.name}"):
+    for words in ("No space left on device", "torque was brought to zero", "wait in memory", f"conclude {folder.name}"):
         assert words in reason
     assert "stopping: the torque is brought to zero first, because the record cannot be kept" in ran.err
-    assert check_file(folder / "samples.bin").problems == (), "what was written is whole"
-    on_disk = check_file(folder / "samples.bin").records
+    assert read_back(folder).problems == (), "what was written is whole"
+    on_disk = read_back(folder).records
     assert on_disk > 0
 
     ballast.unlink()
+    waiting = here("show", folder.name, "--data", str(disk), "--json").json
+    assert (waiting["state"], waiting["waiting"] > 0) == ("not concluded", True)
+    assert here("conclude", folder.name, "--data", str(disk)).exit_code == 0
     shown = here("show", folder.name, "--data", str(disk), "--json").json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
     assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
@@ -90,7 +95,7 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert {"histograms_us", "missed_scans"} & set(proof), proof.keys()
     assert proof["histograms_us"]["work"], "the report of the scan process had its room"
     assert shown["timing"]["wires"], "the report of the scan process had its room"
-    whole = check_file(folder / "samples.bin", shown["timing"]["scans"])
+    whole = read_back(folder, shown["timing"]["scans"])
     assert whole.problems == ()
     assert whole.records > on_disk
     assert here("replay", str(folder)).exit_code == 0
@@ -110,39 +115,30 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
     assert (ran.exit_code, result["state"], result["verdict"]) == (4, "stopped", "NOT DECIDABLE")
     assert any("the disk did not take the records" in one for one in result["reasons"])
     assert result["timing"]["disk"]["refused"] >= 1
-    assert check_file(ran.record / "samples.bin", result["timing"]["scans"]).problems == ()
-
-
-FULL_AT_THE_END = """
-import shutil, sys
-from pathlib import Path
-import station.commands.run as command
-from station.cli import main
-disk, pages, words = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
-honest = command.conclude
-def in_little_room(*args):
-    free = shutil.disk_usage(disk).free
-    (disk / "ballast").write_bytes(bytes(free - 4096 * pages))
-    return honest(*args)
-command.conclude = in_little_room
-sys.argv = ["lostmotion", "run", *words, "--virtual-time", "--json", "--no-report", "--data", str(disk)]
-main()
-"""
+    assert read_back(ran.record, result["timing"]["scans"]).problems == ()
 
 
 @pytest.mark.parametrize("pages", [0, 1, 3, 12, 30])
-def test_a_disk_that_fills_up_while_a_run_is_concluded_costs_time_and_no_verdict(disk, quick_run, pages):
+def test_a_disk_that_fills_up_while_a_run_is_concluded_costs_time_and_no_verdict(disk, quick_run, pages, monkeypatch):
     """In so many free pages there is room for no file of the conclusion, or for some, or for all but the last."""
-    words = ["rv-40e-121-quick", "--serial", "SN 1", "--operator", "A. Tester"]
-    command = [sys.executable, "-c", FULL_AT_THE_END, str(disk), str(pages), *words]
-    ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    honest = station.cli.measure.run.conclude
+
+    def in_little_room(*args):
+        (disk / "ballast").write_bytes(bytes(shutil.disk_usage(disk).free - 4096 * pages))
+        return honest(*args)
+
+    words = ("rv-40e-121-quick", "--serial", "SN 1", "--operator", "A. Tester", "--virtual-time", "--no-report")
+    with monkeypatch.context() as patched:
+        patched.setattr(station.cli.measure.run, "conclude", in_little_room)
+        ran = forked("run", *words, "--json", "--data", str(disk))
     (folder,) = (path.parent for path in disk.glob("*/run.json"))
     (disk / "ballast").unlink()
-    assert ran.returncode == 4, ran.stderr
-    assert "Traceback" not in ran.stderr
-    (reason,) = json.loads(ran.stdout)["reasons"]
-    for words in ("No space left on device", f"show {folder.name}"):
+    assert ran.exit_code == 4, ran.err
+    assert "Traceback" not in ran.err
+    (reason,) = ran.json["reasons"]
+    for words in ("No space left on device", f"conclude {folder.name}"):
         assert words in reason
+    assert here("conclude", "--all", "--data", str(disk)).exit_code == 0
     shown = here("show", folder.name, "--data", str(disk), "--json").json
     own = ("run", "record")
     expected = here("show", "last", "--data", str(quick_run.data), "--json").json
@@ -234,10 +230,10 @@ from pathlib import Path
 sys.path.insert(0, "tests/station")
 from station_samples import IMAGE, ORDERS
 from station.durable import Appender
-from station.record.writer import RecordWriter
-from station.record.ring import create
-from station.record.ring_reader import RingReader
-from station.record.ring_writer import RingWriter
+from station.records.ring.to_disk import RecordWriter
+from station.records.ring.ring import create
+from station.records.ring.reader import RingReader
+from station.records.ring.writer import RingWriter
 folder, capacity, count = Path(sys.argv[1]), int(sys.argv[2]), 1500
 path = create(folder, capacity)
 scan, ring = RingWriter(path), RingReader(path)
@@ -271,5 +267,5 @@ def test_a_slow_disk_is_made_up_for_from_the_ring_or_its_loss_is_told(tmp_path, 
     assert longest_s < 0.4, "the slow disk held the desk"
     assert (missing > 0) is lost
     assert ("found no room" in because) is lost
-    report = check_file(tmp_path / "samples.bin", 1500)
+    report = check_bytes((tmp_path / "samples.bin").read_bytes(), 1500)
     assert bool(report.problems) is lost, "what is missing is told"

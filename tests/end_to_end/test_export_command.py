@@ -10,20 +10,22 @@ import subprocess
 import pyarrow.parquet as pq
 import pytest
 from lostmotion_command import COMMAND, ROOT
+from printed_numbers import alike
+from run_samples import as_recorded, flip, records_of
 
-from analysis import read_trace
+from analysis.trace.trace_files import read_trace
 from recipes import shipped_recipes
-from station.commands.loop_source import trace_source
+from station.cli.studies.loop_source import trace_source
 from station.errors import StationError
-from station.record.check import read_table
-from station.record.scan_record import RECORD_BYTES
-from station.record.store import Store
+from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.records.samples.scan_record import RECORD_BYTES
 from station.results.export import FORMATS, sidecar
 from station.results.export_origin import fingerprint_of
 
 
 def test_export_in_each_format_and_of_a_damaged_run(lostmotion, stored, tmp_path):
-    scans = len(read_table(stored / "samples.bin"))
+    scans = len(records_of(stored))
     for file_format in ("parquet", "csv", "mat", "tdms"):
         path = tmp_path / f"out.{file_format}"
         told = lostmotion("export", str(stored), "--format", file_format, "--out", str(path), "--json").json
@@ -38,9 +40,8 @@ def test_export_in_each_format_and_of_a_damaged_run(lostmotion, stored, tmp_path
     refused = lostmotion("export", str(stored), "--format", "xlsx")
     assert refused.exit_code == 2
     assert "parquet, csv, mat, tdms" in refused.err
-    with (stored / "samples.bin").open("r+b") as file:
-        file.seek(100 * RECORD_BYTES + 60)
-        file.write(b"\xff\x00\xff")
+    as_recorded(RunRecord(stored))
+    flip(RunRecord(stored), 100 * RECORD_BYTES + 60, 0xFF)
     damaged = lostmotion("export", str(stored), "--out", str(tmp_path / "no.parquet"))
     assert damaged.exit_code == 2
     assert "CRC" in damaged.err
@@ -173,7 +174,8 @@ def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, t
     beside.unlink()
     alone = lostmotion("analyze", str(path), *how).json
     assert (alone["serial"], alone["verdict"], "origin" in alone) == (None, "PASS", False)
-    assert alone["metrics"] == json.loads((quick_run.record / "result.json").read_text(encoding="utf-8"))["metrics"]
+    stored = json.loads((quick_run.record / "result.json").read_text(encoding="utf-8"))
+    assert alike(alone["metrics"], stored["metrics"])
 
 
 def test_a_model_of_an_exported_run_is_that_of_the_unit_as_long_as_the_trace_is(lostmotion, quick_run, tmp_path):
@@ -185,7 +187,7 @@ def test_a_model_of_an_exported_run_is_that_of_the_unit_as_long_as_the_trace_is(
     assert trace_source(str(path), None, tmp_path).serial == ""
     said = json.loads(beside.read_text(encoding="utf-8"))
     beside.write_text(json.dumps({"run": said["run"] | {"altered": ["run.json: other"]}}), encoding="utf-8")
-    with pytest.raises(StationError, match=r"altered record: run\.json: other; nothing is computed from it"):
+    with pytest.raises(StationError, match=r"altered record: run\.json: other; it was not evaluated"):
         trace_source(str(path), None, tmp_path)
     beside.write_text(json.dumps({"run": said["run"] | {"state": "stopped"}}), encoding="utf-8")
     with pytest.raises(StationError, match="which ended as stopped: it has no complete trace"):
@@ -213,7 +215,7 @@ def test_a_place_that_cannot_be_written_is_told(lostmotion, stored, tmp_path, ou
     assert "Choose another --out" in told.err
 
 
-@pytest.mark.parametrize("name", ["samples.bin", "profiles/new.csv", "../index.jsonl"])
+@pytest.mark.parametrize("name", ["samples.bin", "profiles/new.csv", "../chain.jsonl"])
 def test_no_record_is_written_over(lostmotion, stored, name):
     place = stored / name
     before = place.read_bytes() if place.exists() else None

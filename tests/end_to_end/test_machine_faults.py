@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 from patient import EVERY_STATE, ROOT, patient_bench, patient_scenario, short_recipe, wrong_verdict
+from run_samples import read_back
 
-from station.commands import faults as command_faults
-from station.commands.replay import replay_run
-from station.record.check import check_file
+from station.cli.faults import faults as command_faults
+from station.cli.runs.replay import replay_run
 
 pytestmark = pytest.mark.wires
 
@@ -39,9 +39,9 @@ class Held:
         self.bench_log = [json.loads(line) for line in (self.record / "virtual-bench.jsonl").read_text().splitlines()]
 
     def torque_when_it_acted_nm(self) -> float:
-        (acted_ns,) = [line["monotonic_ns"] for line in self.bench_log if line["event"] == "fault_acted"]
+        (acted_ns,) = [line["clock_ns"] for line in self.bench_log if line["event"] == "fault_acted"]
         with (self.record / "truth.csv").open(newline="") as stream:
-            rows = [(int(row["monotonic_ns"]), float(row["reducer_torque_nm"])) for row in csv.DictReader(stream)]
+            rows = [(int(row["clock_ns"]), float(row["reducer_torque_nm"])) for row in csv.DictReader(stream)]
         return min(rows, key=lambda row: abs(row[0] - acted_ns))[1]
 
 
@@ -53,7 +53,7 @@ def held(name: str, data: Path, capsys: pytest.CaptureFixture[str]) -> Held:
     said = json.loads(capsys.readouterr().out)
     assert (code, said["wrong"]) == (0, [])
     found = Held(said)
-    assert check_file(found.record / "samples.bin").problems == ()
+    assert read_back(found.record).problems == ()
     assert found.manifest["ring"] is None
     assert replay_run(str(found.record), found.record.parent, None, as_json=True) == 0
     capsys.readouterr()
@@ -74,7 +74,7 @@ def test_a_scan_that_is_killed_leaves_the_stop_to_the_drive_and_its_record_to_th
 def test_a_desk_that_is_killed_leaves_a_run_that_unloads_itself(tmp_path, capsys):
     found = held("desk-killed", tmp_path, capsys)
     assert [row["fault"] for row in found.said["acted"]] == ["process.desk kill"]
-    assert "the desk was gone and the scan process stopped the run" in found.result["reasons"][0]
+    assert "the scan process, because the supervisor process ended, stopped the run" in found.result["reasons"][0]
 
 
 def test_a_disk_that_is_full_stops_the_run_and_costs_no_record(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""The main job over real wires in real time: a pass, faults in mid-ramp, interruptions, a killed controller."""
+"""The main job over real wires: a pass, faults in mid-ramp, interruptions, a killed controller."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from patient import PATIENT_INTERLOCKS, QUICK_RECIPE, patient_bench, write_changed, wrong_verdict
+from patient import QUICK_RECIPE
+from run_samples import records_of
 
-from controller.faults import FAULT_BY_ID
-from controller.image import DriveState, Orders, State
-from station.record.check import RECORD_DTYPE, read_table
+from definitions.faults import FAULT_BY_ID
+from definitions.image import DriveState, Orders, State
+from station.records.samples.layout import CURRENT
 
 pytestmark = pytest.mark.wires
 RATED_NM = 412.0
@@ -26,7 +27,7 @@ class Samples:
     """Every whole scan record of a run, its channels by name; the sequence numbers have no gap."""
 
     def __init__(self, record: Path) -> None:
-        self.table = read_table(record / "samples.bin")
+        self.table = records_of(record)
         assert (np.diff(self.table["sequence"].astype(np.int64)) == 1).all()
 
     def __getitem__(self, channel: str) -> np.ndarray:
@@ -49,24 +50,16 @@ def write_scenario(folder: Path, target: str, verb: str, value: str = "") -> str
     return str(path)
 
 
-def test_quick_recipe_measures_right_in_real_time_and_passes_if_its_timing_held(lostmotion, tmp_path):
-    """The shipped recipe with its gates. Interlocks wait, so that a machine that is held up costs the verdict alone."""
-    recipe = write_changed(QUICK_RECIPE, tmp_path / "quick.yaml", PATIENT_INTERLOCKS)
-    bench = patient_bench(tmp_path)
-    ran = lostmotion("run", str(recipe), "--bench", str(bench), "--serial", "P1-0001", "--json")
+def test_quick_recipe_measures_right_over_wires_and_passes(lostmotion):
+    """The shipped recipe on the shipped bench, with all of their limits, however busy the machine is."""
+    ran = lostmotion("run", str(QUICK_RECIPE), "--serial", "P1-0001", "--json", "--pace", "fast")
     result, timing = ran.json, ran.json["timing"]
-    assert result["state"] == "complete"
+    assert (ran.exit_code, result["state"], result["verdict"]) == (0, "complete", "PASS")
     values = {m["id"]: m["value"] for m in result["metrics"]}
     assert values["backlash_width_3pct"] == pytest.approx(0.940, abs=0.03)
     assert values["lost_motion"] == pytest.approx(0.376, abs=0.03)
     assert values["spring_constant"] == pytest.approx(115.17, rel=0.02)
     assert values["stiffness_50_100"] == pytest.approx(104.70, rel=0.01)
-    gates = {gate["id"]: gate for gate in result["gates"]}
-    missed_percent = 100.0 * timing["missed"] / (timing["scans"] + timing["missed"])
-    missed = gates["missed_periods"]
-    assert missed["passed"] == (missed_percent <= missed["limit"])
-    assert not wrong_verdict(result)
-    assert ran.exit_code == {"PASS": 0, "NOT DECIDABLE": 3}[result["verdict"]]
     assert len(Samples(ran.record).table) == timing["scans"]
     for name in (
         "recipe.yaml",
@@ -74,8 +67,6 @@ def test_quick_recipe_measures_right_in_real_time_and_passes_if_its_timing_held(
         "events.jsonl",
         "timing.json",
         "calibration.json",
-        "report.html",
-        "loop.png",
     ):
         assert (ran.record / name).stat().st_size > 0
 
@@ -91,7 +82,7 @@ def test_quick_recipe_measures_right_in_real_time_and_passes_if_its_timing_held(
 )
 def test_fault_in_the_middle_of_a_ramp(lostmotion, one_ramp, tmp_path, *, target, verb, value, cause):
     scenario = write_scenario(tmp_path, target, verb, value)
-    ran = lostmotion("run", *one_ramp, "--serial", "F", "--json", "--scenario", scenario)
+    ran = lostmotion("run", *one_ramp, "--serial", "F", "--json", "--scenario", scenario, "--pace", "fast")
     result = ran.json
     assert (ran.exit_code, result["state"]) == (4, "fault")
     assert result["verdict"] != "PASS"
@@ -131,12 +122,12 @@ def in_ramp(data: Path) -> bool:
     files = sorted(data.glob("*/samples.bin"))
     if not files:
         return False
-    size = files[-1].stat().st_size // RECORD_DTYPE.itemsize * RECORD_DTYPE.itemsize
+    size = files[-1].stat().st_size // CURRENT.record_bytes * CURRENT.record_bytes
     if not size:
         return False
     with files[-1].open("rb") as stream:
-        stream.seek(size - RECORD_DTYPE.itemsize)
-        last = np.frombuffer(stream.read(RECORD_DTYPE.itemsize), RECORD_DTYPE)[0]
+        stream.seek(size - CURRENT.record_bytes)
+        last = np.frombuffer(stream.read(CURRENT.record_bytes), CURRENT.dtype)[0]
     return bool(last["image"]["torque_out_nm"] > LOADED_NM and last["orders"]["state"] == State.RAMP_POS)
 
 
@@ -164,8 +155,8 @@ def test_second_ctrl_c_is_a_quick_stop(start, one_ramp):
     assert ran.json["alarms"][0]["id"] == "operator_quick_stop"
 
 
-def test_killed_controller_drive_stops_itself_and_nothing_recorded_is_lost(start, lostmotion, one_ramp):
-    run = start("run", *one_ramp, "--serial", "K", "--json")
+def test_killed_controller_drive_stops_itself_and_nothing_recorded_is_lost(start, lostmotion, ramp_by_wall_clock):
+    run = start("run", *ramp_by_wall_clock, "--serial", "K", "--json")
     run.wait_for(lambda: in_ramp(run.data))
     (folder,) = (path.parent for path in run.data.glob("*/run.json"))
     os.kill(scan_process_of(folder), signal.SIGKILL)

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from lostmotion_command import COMMAND, ROOT, Running, here
 from patient import ONE_RAMP, patient_bench, short_recipe
+from run_samples import records_of
 
-from controller.image import DriveCommand, State
-from station.record.check import read_table
+from definitions.image import DriveCommand, State
 
 pytestmark = pytest.mark.wires
 RATED_NM = 412.0
@@ -70,8 +70,8 @@ def torn_off(start: Callable[..., Running], words: tuple[str, ...], data: Path) 
     desk = start("run", *words, "--serial", "W", data=data)
 
     def loaded() -> bool:
-        files = list(data.glob("*/samples.bin"))
-        table = read_table(files[0]) if files else ()
+        described = list(data.glob("*/samples.json"))  # comes after samples.bin, and says how it is to be read
+        table = records_of(described[0].parent) if described else ()
         return len(table) > 0 and table[-1]["image"]["torque_out_nm"] > 200.0
 
     desk.wait_for(loaded)
@@ -95,7 +95,7 @@ def says_no(bench: Apart, data: Path) -> None:
     assert process.returncode == 4, said
     assert "left as it is" in said
     assert "NOT RELEASED" in said
-    table = read_table(newest(data / "recoveries") / "samples.bin")
+    table = records_of(newest(data / "recoveries"))
     assert table["orders"]["state"][-1] == State.FAULT
     assert table["image"]["brake_on"][-1] == 1
     assert not set(table["orders"]["drive_command"]) & ENABLING
@@ -119,7 +119,7 @@ def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp
     assert (done.exit_code, report["released"]) == (0, True), done.err
     for said in ("Torque at the output", "Lock                  closed", "Check:", "bringing the torque to zero"):
         assert said in done.err
-    table = read_table(Path(report["record"]) / "samples.bin")
+    table = records_of(Path(report["record"]))
     assert table["orders"]["state"][-1] == State.STOPPED
     torque_nm = table["image"]["torque_out_nm"] - table["orders"]["torque_out_tare_nm"]
     assert abs(torque_nm[-1]) < 0.02 * RATED_NM
@@ -131,4 +131,4 @@ def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp
 
     nothing = here("recover", *bench, "--data", str(data), "--yes")
     assert nothing.exit_code == 0
-    assert "nothing to take back" in nothing.out
+    assert "Nothing to recover" in nothing.out

@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from run_samples import as_recorded, flip, records_of
 
-from station.commands import json_errors
-from station.record.run_record import RunRecord
-from station.record.scan_record import RECORD_BYTES
-from station.record.seal import seal
+from station.cli import json_errors
+from station.records.chain.chain_file import CHAIN
+from station.records.run_record import RunRecord
+from station.records.samples.scan_record import RECORD_BYTES
+from station.records.seal import seal
 
-GOLDEN_RECIPE = Path(__file__).parents[1] / "golden" / "golden.yaml"
+GOLDEN_RECIPE = Path(__file__).parents[1] / "proofs" / "golden" / "golden.yaml"
 QUICK_RECIPE = Path(__file__).parents[2] / "recipes" / "rv-40e-121-quick.yaml"
 
 
@@ -35,6 +37,7 @@ def as_if_cut_off(stored: Path) -> None:
     del manifest["files"]
     manifest |= {"state": "interrupted", "verdict": None}
     (stored / "run.json").write_text(json.dumps(manifest), encoding="utf-8")
+    (stored.parent / CHAIN).unlink()
 
 
 def conclude_anew(stored: Path, result: dict[str, Any]) -> None:
@@ -44,17 +47,18 @@ def conclude_anew(stored: Path, result: dict[str, Any]) -> None:
     manifest = json.loads((stored / "run.json").read_text(encoding="utf-8"))
     del manifest["files"]
     run.write_json("run.json", manifest)
-    (stored.parent / "index.jsonl").unlink()
+    (stored.parent / CHAIN).unlink()
     seal(run, verdict=result["verdict"])
 
 
 def test_stored_run_replays_identically_and_a_cut_one_up_to_the_cut(lostmotion, stored):
     ran = lostmotion("replay", str(stored), "--json")
-    scans = (stored / "samples.bin").stat().st_size // RECORD_BYTES
+    scans = len(records_of(stored))
     assert ran.exit_code == 0
     assert ran.json["identical_scans"] == scans
     assert (ran.json["difference"], ran.json["events_differ"], ran.json["program_differs"]) == (None, [], [])
     as_if_cut_off(stored)
+    as_recorded(RunRecord(stored))
     with (stored / "samples.bin").open("r+b") as file:
         file.truncate(1000 * RECORD_BYTES + 17)
     ran = lostmotion("replay", str(stored))
@@ -69,9 +73,8 @@ def test_changed_transition_list_and_damaged_record_are_found(lostmotion, stored
     ran = lostmotion("replay", str(stored))
     assert ran.exit_code == 1
     assert "transitions differ" in ran.out
-    content = bytearray((stored / "samples.bin").read_bytes())
-    content[500 * RECORD_BYTES + 100] ^= 1
-    (stored / "samples.bin").write_bytes(content)
+    as_recorded(RunRecord(stored))
+    flip(RunRecord(stored), 500 * RECORD_BYTES + 100)
     ran = lostmotion("replay", str(stored))
     assert ran.exit_code == 2
     assert "record 500 fails its CRC" in ran.out
@@ -278,10 +281,9 @@ def test_a_replay_that_differs_is_told_from_a_recipe_that_would_have_changed_som
     assert lostmotion("replay", str(stored)).exit_code == 1
     ran = lostmotion("replay", str(stored), "--recipe", str(GOLDEN_RECIPE))
     assert ran.exit_code == 3
-    assert "is not asked of a replay that differs" in ran.out
-    content = bytearray((stored / "samples.bin").read_bytes())
-    content[500 * RECORD_BYTES + 100] ^= 1
-    (stored / "samples.bin").write_bytes(content)
+    assert "another recipe are not computed" in ran.out
+    as_recorded(RunRecord(stored))
+    flip(RunRecord(stored), 500 * RECORD_BYTES + 100)
     ran = lostmotion("replay", str(stored), "--recipe", str(GOLDEN_RECIPE), "--json")
     assert (ran.exit_code, "what_if" in ran.json) == (2, False)
     assert ran.json["what_if_refused"].endswith("a damaged record")

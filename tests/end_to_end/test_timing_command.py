@@ -6,7 +6,7 @@ import pytest
 from kills import LASTS_S
 from patient import patient_bench, short_recipe
 
-from station.commands.timing import explain, lines
+from station.cli.bench.timing import explain, lines
 
 pytestmark = pytest.mark.wires
 SECONDS = 1.5

@@ -7,21 +7,13 @@ from datetime import date
 
 import pytest
 
-from recipes import (
-    bus_load,
-    check,
-    check_alignment,
-    check_limits,
-    check_measurement,
-    check_ratings,
-    default_bench,
-    load_bench,
-    parse_bench,
-    parse_recipe,
-    shipped_benches,
-    shipped_recipes,
-)
-from recipes.cross_check import CHECKS, DATED_CHECKS
+from recipes import check, default_bench, load_bench, parse_bench, parse_recipe, shipped_benches, shipped_recipes
+from recipes.checks import alignment as check_alignment
+from recipes.checks import bus_load
+from recipes.checks import limits as check_limits
+from recipes.checks import measurement as check_measurement
+from recipes.checks import ratings as check_ratings
+from recipes.checks.cross_check import CHECKS, DATED_CHECKS
 
 TODAY = date(2026, 6, 1)
 CALIBRATION = (

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from analysis.grades import GRADES
+from definitions.metrics import METRICS, Scale
 from recipes import check, check_alone, default_bench, parse_recipe, shipped_recipes, warnings
-from recipes.limit_kinds import LIMIT_KINDS
-from recipes.metric_units import METRIC_NEEDS
+from recipes.checks.limits import DECIDES, SCALES
 
 INVERSE = shipped_recipes()["rv-40e-121-inverse"].read_text("utf-8")
 
@@ -18,10 +17,9 @@ def recipe(metric: str):
 
 
 def test_every_metric_has_its_kind_of_limit():
-    assert set(LIMIT_KINDS) == set(METRIC_NEEDS)
-    assert all(row.least < row.most for row in LIMIT_KINDS.values())
-    grade = LIMIT_KINDS["grade"]
-    assert (grade.floor, grade.ceiling) == (GRADES[0].grade, GRADES[-1].grade)
+    assert all(row.usual.least < row.usual.most for row in METRICS.values())
+    assert {row.bad.side for row in METRICS.values()} <= set(DECIDES)
+    assert set(SCALES) == set(Scale)
 
 
 NEVER_FAILS = {

@@ -8,25 +8,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recipes.quantity import (
+from definitions.units import (
     ACCELERATION,
     ANGLE,
     ARCMINUTES,
     DURATION,
     FRACTION,
     KINDS,
-    LONGEST_TEXT,
     RESOLUTION,
     SPEED,
     STIFFNESS,
     TEMPERATURE,
     TORQUE,
     TORQUE_RATE,
-    QuantityError,
-    convert,
-    read_quantity,
-    show,
 )
+from recipes.text.quantity import LONGEST_TEXT, QuantityError, convert, read_quantity, show
 
 ARCMIN = math.pi / 10800
 

@@ -215,7 +215,7 @@ def test_unreadable_file(tmp_path, monkeypatch):
 
     path = tmp_path / "r.yaml"
     path.write_text("a: 1\n")
-    monkeypatch.setattr("pathlib.Path.open", refuse)
+    monkeypatch.setattr("os.open", refuse)
     with pytest.raises(RecipeError, match=r"cannot be read \(Permission denied\)"):
         load_document(path, Wire)
 

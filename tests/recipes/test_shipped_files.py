@@ -10,12 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis import MetricWanted as AnalysisMetric
-from analysis.curves import FITS
-from analysis.metrics import METRIC_UNITS as UNITS_OF_ANALYSIS
-from analysis.metrics import METRICS, definition
+from analysis.loop.method import MetricWanted as AnalysisMetric
+from analysis.metrics.wanted import definition
 from recipes import (
-    METRIC_UNITS,
     PRESETS,
     RecipeError,
     check,
@@ -27,11 +24,9 @@ from recipes import (
     shipped_benches,
     shipped_recipes,
 )
-from recipes.metric_schema import PresetName, preset_metrics
-from recipes.metric_units import FITS as FITS_OF_RECIPES
-from recipes.metric_units import KIND_OF_UNIT, METRIC_NEEDS
-from recipes.section import option_name
-from recipes.sequence_schema import STAGES
+from recipes.schema.metric_schema import PresetName, preset_metrics
+from recipes.schema.sequence_schema import STAGES
+from recipes.text.section import option_name
 
 RECIPES = {name: path.read_bytes() for name, path in shipped_recipes().items()}
 BENCHES = {name: path.read_bytes() for name, path in shipped_benches().items()}
@@ -113,20 +108,6 @@ def test_loaded_files_cross_to_another_process():
     assert check(again, load_bench("virtual-output"))[0].line > 1
 
 
-def test_metrics_are_those_of_the_analysis():
-    assert METRIC_UNITS == UNITS_OF_ANALYSIS
-    assert set(METRIC_UNITS.values()) <= set(KIND_OF_UNIT)
-    for metric, needs in METRIC_NEEDS.items():
-        row = METRICS[metric]
-        assert (needs.branches, needs.sides) == (row.branches, row.sides), metric
-        assert {name.removesuffix("_nm") for name in row.free} == set(needs.free), metric
-        assert needs.variants == (row.variants if len(row.variants) > 1 else ()), metric
-        assert needs.fits == row.fits, metric
-        assert needs.branches[0] == row.branch, metric
-        assert needs.band == (row.band if "band" in row.free else None), metric
-        assert row.torque in (None, needs.reach), metric
-
-
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_are_whole(name):
     row = PRESETS[name]
@@ -142,7 +123,6 @@ def test_presets_are_whole(name):
 
 def test_every_preset_can_be_named():
     assert set(get_args(PresetName)) == set(PRESETS)
-    assert set(FITS_OF_RECIPES) == set(FITS)
 
 
 def test_every_kind_of_step_is_shipped():

@@ -6,7 +6,10 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from station.record.run_record import RunRecord
+from run_samples import as_recorded
+
+from station.records.ring.ring import FILE_PREFIX
+from station.records.run_record import RunRecord
 
 
 def copy_of(record: Path, folder: Path) -> RunRecord:
@@ -16,12 +19,21 @@ def copy_of(record: Path, folder: Path) -> RunRecord:
 
 def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> None:
     """Make the run one whose desk died before it said how its scan ended; `report` is what the scan process said."""
+    as_recorded(record)
     for name in ("result.json", "events.jsonl", "timing.json", "calibration.json", "desk-report.json"):
         (record.folder / name).unlink()
     manifest = record.manifest()
-    for name in ("records", "files", "ended"):
+    for name in ("records", "files"):
         manifest.pop(name)
+    manifest["ended"] = None
+    # A ring that is gone may have been named by a test in any way; the program names each of its rings so.
+    ring = ring if ring.name.startswith(FILE_PREFIX) else ring.with_name(f"{FILE_PREFIX}{ring.name}")
     desk = {"pid": 999_999, "birth": "another process"}
     record.write_json("run.json", manifest | {"state": "recording", "verdict": None, "ring": str(ring), "desk": desk})
     if report is not None:
         record.write_json("scan-report.json", report)
+
+
+def alone(run: RunRecord) -> RunRecord:
+    """Copy a run's folder to a data folder of its own, where no chain knows it."""
+    return RunRecord(Path(shutil.copytree(run.folder, run.folder.parent.with_name("elsewhere") / run.id)))

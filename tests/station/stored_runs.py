@@ -7,9 +7,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from station.record.run_record import RunRecord
-from station.record.seal import fingerprint, seal
-from station.record.store import Store
+from station_samples import MANIFEST
+
+from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.records.seal import fingerprint, seal
 
 START = datetime(2026, 1, 5, 8, tzinfo=UTC)
 
@@ -39,13 +41,15 @@ def store_run(
     calibration: Mapping[str, Any] | None = None,
     virtual: str | None = None,
     failed: str | None = None,
+    key: str | None = None,
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
+    key: public key that the bench file names.
     """
-    manifest: dict[str, Any] = {"bench": {"name": "b", "sha256": ""}, "unit": {"model": "RV", "virtual": virtual}}
-    manifest |= {"recipe": {"name": recipe, "revision": revision, "sha256": ""}, "clock": "real", "verdict": None}
+    manifest: dict[str, Any] = MANIFEST | {"unit": {"model": "RV", "virtual": virtual}}
+    manifest |= {"recipe": {"name": recipe, "revision": revision, "sha256": ""}}
     manifest |= {} if operator is None else {"operator": operator}
     manifest |= {} if scenario is None else {"scenario": scenario}
     run = Store(data).create(serial, manifest, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
@@ -69,7 +73,7 @@ def store_run(
         run.write_json("calibration.json", {"id": f"{run.id}-ratio", **calibration})
     run.update(
         recipe=manifest["recipe"] | {"sha256": sha["recipe"]},
-        bench=manifest["bench"] | {"sha256": sha["bench"]},
+        bench=manifest["bench"] | {"sha256": sha["bench"]} | ({} if key is None else {"public_key": key}),
         started=(START + timedelta(days=day)).isoformat(timespec="milliseconds"),
     )
     seal(run, state=state, verdict=verdict, records=0)

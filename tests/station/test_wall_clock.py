@@ -14,12 +14,12 @@ from station.wall_clock import SEEN_FROM_S, WALL_CLOCK, JumpWatch, now_text
 ROOT = Path(__file__).parents[2]
 READS = re.compile(r"\btime\.time(_ns)?\(|\bdatetime\.(now|utcnow|today)\(|\bdate\.today\(|CLOCK_REALTIME|TimeStamper")
 
-BEFORE_A_RUN = {"recipes/cross_check.py"}
+BEFORE_A_RUN = {"recipes/checks/cross_check.py"}
 """Asks what day it is, for calibrations that are out of date, when a recipe is checked: no run has begun then."""
 
 
 def test_the_wall_clock_is_read_in_one_place() -> None:
-    folders = ("station", "controller", "analysis", "recipes", "drivers")
+    folders = ("station", "controller", "analysis", "recipes", "drivers", "definitions")
     readers = {
         str(path.relative_to(ROOT))
         for folder in folders

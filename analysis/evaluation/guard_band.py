@@ -1,0 +1,188 @@
+"""What a decision rule risks: bad parts accepted and good parts rejected, for a process of known distribution.
+
+The true value of a part comes from the process, the measured one scatters about it with the standard uncertainty u. A
+guard band w moves the limits in to accept (and out to reject): a smaller risk to accept wrongly is paid by good parts
+that are not accepted. Source: JCGM 106:2012, 9.3 to 9.5.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy import optimize, stats
+
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(120)
+"""Gauss–Legendre nodes of each piece between the points where the integrand bends."""
+
+REACH = 12.0
+"""Standard uncertainties about a limit beyond which a measurement is on one side of it for certain."""
+
+TAIL = 1e-12
+"""Share of the process that is left out at each end."""
+
+
+@dataclass(frozen=True)
+class Process:
+    """Distribution of the true values of what is produced (frozen, from scipy.stats), and its words."""
+
+    distribution: Any
+    text: str
+
+
+@dataclass(frozen=True)
+class Risks:
+    """Shares of all parts, 0 to 1.
+
+    outside: truly beyond a limit. false_accept: of these, accepted all the same (PFA, the consumer's risk).
+    false_reject: good and not accepted (PFR, the producer's risk). false_fail: good and called FAIL, which needs a
+    value beyond the limit moved out. undecided: neither PASS nor FAIL.
+    """
+
+    outside: float
+    false_accept: float
+    false_reject: float
+    false_fail: float
+    undecided: float
+    guard: float
+
+
+def normal_process(mean: float, sd: float) -> Process:
+    """Return a normal process; AnalysisError unless the standard deviation is above zero and the tails are numbers."""
+    if not (math.isfinite(mean) and math.isfinite(sd) and sd > 0.0):
+        raise AnalysisError(f"process: mean {mean:g}, standard deviation {sd:g}; expected a spread above zero")
+    return _with_tails(Process(stats.norm(mean, sd), f"normal, mean {mean:g}, standard deviation {sd:g}"))
+
+
+def gamma_process(shape: float, scale: float) -> Process:
+    """Return a process of values above zero with a tail, a gamma distribution; AnalysisError unless both are > 0."""
+    if not (shape > 0.0 and scale > 0.0 and math.isfinite(shape * scale)):
+        raise AnalysisError(f"process: gamma with shape {shape:g} and scale {scale:g}; expected numbers above zero")
+    return _with_tails(Process(stats.gamma(shape, scale=scale), f"gamma, shape {shape:g}, scale {scale:g}"))
+
+
+def _with_tails(process: Process) -> Process:
+    """Return a process whose tails and their distance are numbers; AnalysisError for one that reaches beyond them."""
+    with np.errstate(all="ignore"):
+        low, high = _tails(process)
+        wide = high - low
+    if not (math.isfinite(low) and math.isfinite(high) and math.isfinite(wide)):
+        raise AnalysisError(
+            f"process: {process.text}: it reaches beyond the largest number; give it in the unit of the limits"
+        )
+    return process
+
+
+def _tails(process: Process) -> tuple[float, float]:
+    return float(process.distribution.ppf(TAIL)), float(process.distribution.isf(TAIL))
+
+
+def risks(process: Process, low: float | None, high: float | None, u: float, guard: float = 0.0) -> Risks:
+    """Return the risks of accepting within the limits moved in by `guard`; a negative one moves them out.
+
+    u: standard uncertainty. Raises AnalysisError without a limit, for limits in the wrong order or with nothing left
+    between them, for u that is not above zero, for a guard band that is no finite number, and for shares that cannot
+    be computed.
+    """
+    _check(low, high, u, guard)
+    with np.errstate(all="ignore"):
+        found = _risks(process, low, high, u, guard)
+    if not all(math.isfinite(share) for share in astuple(found)):
+        raise AnalysisError(
+            f"decision: the risks of the process ({process.text}) with u = {u:g} and a guard band of {guard:g} cannot "
+            "be computed; give all of them in the unit of the limits"
+        )
+    return found
+
+
+def _risks(process: Process, low: float | None, high: float | None, u: float, guard: float) -> Risks:
+    accept = _between(low, high, -guard, u)
+    not_fail = _between(low, high, abs(guard), u)
+    true_low, true_high = -math.inf if low is None else low, math.inf if high is None else high
+
+    def share(chance: Callable[[FloatArray], FloatArray], start: float, end: float) -> float:
+        cuts = [limit + side * (REACH * u + abs(guard)) for limit in (low, high) if limit is not None
+                for side in (-1, 0, 1)]  # fmt: skip
+        return _integral(process, chance, start, end, cuts)
+
+    inside = float(process.distribution.cdf(true_high) - process.distribution.cdf(true_low))
+    good_accepted, good_not_failed = share(accept, true_low, true_high), share(not_fail, true_low, true_high)
+    bad_accepted = share(accept, -math.inf, true_low) + share(accept, true_high, math.inf)
+    bad_not_failed = share(not_fail, -math.inf, true_low) + share(not_fail, true_high, math.inf)
+    return Risks(
+        outside=1.0 - inside,
+        false_accept=bad_accepted,
+        false_reject=max(inside - good_accepted, 0.0),
+        false_fail=max(inside - good_not_failed, 0.0),
+        undecided=max(good_not_failed + bad_not_failed - good_accepted - bad_accepted, 0.0),
+        guard=guard,
+    )
+
+
+def guard_for(process: Process, low: float | None, high: float | None, u: float, false_accept: float) -> float:
+    """Return the guard band w that keeps wrong acceptance at a share of all parts.
+
+    AnalysisError when no guard band between -5 u and 10 u does, or none leaves room between the limits.
+    """
+    most = 10.0 * u
+    if low is not None and high is not None:
+        most = min(most, 0.499 * (high - low))
+    _check(low, high, u, 0.0)
+
+    def excess(guard: float) -> float:
+        return risks(process, low, high, u, guard).false_accept - false_accept
+
+    if not excess(-5.0 * u) > 0.0 > excess(most):
+        raise AnalysisError(
+            f"guard band: no guard band from {-5.0 * u:g} to {most:g} accepts {false_accept:.3%} wrongly; "
+            "choose another share, or measure with a smaller uncertainty"
+        )
+    return float(optimize.brentq(excess, -5.0 * u, most, xtol=1e-9 * u))
+
+
+def _check(low: float | None, high: float | None, u: float, guard: float) -> None:
+    if low is None and high is None:
+        raise AnalysisError("decision: no limit; give the lower one, the upper one or both")
+    if not (math.isfinite(2.0 * u) and u > 0.0):
+        raise AnalysisError(f"decision: u: found {u:g}; expected a standard uncertainty above zero, and finite")
+    if not math.isfinite(guard):
+        raise AnalysisError(f"decision: guard band: found {guard:g}; expected a finite number")
+    if low is not None and high is not None and not low + guard < high - guard:
+        raise AnalysisError(
+            f"decision: limits {low:g} and {high:g} with a guard band of {guard:g}: nothing is left between; "
+            "measure with a smaller uncertainty"
+        )
+
+
+def _between(low: float | None, high: float | None, out: float, u: float) -> Callable[[FloatArray], FloatArray]:
+    """Chance that a part of a true value measures within the limits moved out."""
+
+    def chance(value: FloatArray) -> FloatArray:
+        above = 0.0 if low is None else stats.norm.cdf((low - out - value) / u)
+        below = 1.0 if high is None else stats.norm.cdf((high + out - value) / u)
+        found: FloatArray = np.maximum(below - above, 0.0) + np.zeros_like(value)
+        return found
+
+    return chance
+
+
+def _integral(
+    process: Process, chance: Callable[[FloatArray], FloatArray], start: float, end: float, cuts: list[float]
+) -> float:
+    """Integral of density times chance, in pieces between cuts at which either bends."""
+    first_value, last_value = _tails(process)
+    low, high = max(start, first_value), min(end, last_value)
+    total = 0.0
+    for first, last in pairwise(sorted({low, high, *(min(max(cut, low), high) for cut in cuts)})):
+        if last > first and high > low:
+            half = (last - first) / 2.0
+            value = first + half * (1.0 + NODES)
+            total += half * float(np.sum(WEIGHTS * process.distribution.pdf(value) * chance(value)))
+    return total

@@ -1,0 +1,137 @@
+"""From a trace to a result: the loops, then checks, the uncertainty, metrics and verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.evaluation.evaluate import evaluate
+from analysis.evaluation.metric_result import MetricResult
+from analysis.evaluation.verdict import Verdict, worst
+from analysis.loop.branches import Branch
+from analysis.loop.closure import closed_loops
+from analysis.loop.fits import MeanCurve
+from analysis.loop.loop import Loop
+from analysis.loop.measured import loops_by_output, measure
+from analysis.loop.method import Decision, Method, MetricWanted
+from analysis.loop.stages import StageRecord
+from analysis.metrics.wanted import definition
+from analysis.torque_ratio.quadrants import Quadrants
+from analysis.trace.errors import AnalysisError
+from analysis.trace.trace import Trace
+from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.measurement import measurement_of
+from analysis.validity.evidence import RunFacts, evidence_of
+from analysis.validity.judge import CheckResult, check_reasons, judge_checks
+
+CURVE_POINTS = 401
+"""Torques of the mean curves given for plotting."""
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What a plot of the loop shows: branches per cycle, the mean of the first cycle, and its fit (None: no fit)."""
+
+    forward: tuple[Branch, ...]
+    backward: tuple[Branch, ...]
+    mean: Branch
+    fit: MeanCurve | None
+
+
+@dataclass(frozen=True)
+class Result:
+    """Metrics, verdict with reasons and rule, curves, the torque ratio if there is one, and what each stage did."""
+
+    metrics: tuple[MetricResult, ...]
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    decision: Decision
+    curves: Curves
+    quadrants: Quadrants | None
+    stages: tuple[StageRecord, ...]
+    checks: tuple[CheckResult, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What each stage did, in words."""
+        return tuple(stage.text for stage in self.stages)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return verdict, reasons, metrics, notes, checks and stages as plain data (the JSON contract)."""
+        return {
+            "verdict": self.verdict.value,
+            "reasons": list(self.reasons),
+            "decision": {"rule": self.decision.rule, "guard_factor": self.decision.guard_factor},
+            "metrics": [metric.to_dict() for metric in self.metrics],
+            "notes": list(self.notes),
+            "gates": [check.to_dict() for check in self.checks],
+            "stages": [stage.to_dict() for stage in self.stages],
+        }
+
+
+def analyse(
+    trace: Trace,
+    method: Method,
+    wanted: Sequence[MetricWanted],
+    decision: Decision | None = None,
+    invalid: Sequence[str] = (),
+    *,
+    facts: RunFacts | None = None,
+    figures: SensorFigures | None = None,
+    draws: int = 0,
+) -> Result:
+    """Evaluate a trace and judge it.
+
+    invalid: reasons, in plain words, why the record has errors; any makes the verdict NOT DECIDABLE, as a failed
+    validity check does. facts: how the trace was recorded, for the checks on timing and samples. figures: what is
+    declared of the sensors; without them the uncertainty is the scatter of the cycles. draws: of Monte Carlo
+    beside the budget, 0 for none. Raises AnalysisError for a trace without what the method needs, for wanted metrics
+    that do not exist, and for nothing else; a metric that the loop does not carry is NOT DECIDABLE with its reason.
+    """
+    rule = Decision() if decision is None else decision
+    rows = [definition(one) for one in wanted]
+    with np.errstate(all="ignore"):
+        found = measure(trace, method, with_ratio=any(row.calibration for row in rows))
+        checks = judge_checks(evidence_of(found, facts, tuple(invalid), figures), method.check_limits)
+        problems = check_reasons(checks, tuple(invalid))
+        by_output = [] if figures is None else loops_by_output(found)
+        errors, stage = measurement_of(found, figures, by_output=by_output, draws=draws)
+        closed = closed_loops(found)
+        metrics = tuple(
+            evaluate(
+                one, found.loops, found.quadrants, method, rule,
+                invalid=bool(problems), measurement=errors, closed=closed, by_output=by_output,
+            )
+            for one in wanted
+        )  # fmt: skip
+        curves = _curves(found.loops)
+    verdict, reasons = _overall(metrics, problems)
+    ratio = found.quadrants if isinstance(found.quadrants, Quadrants) else None
+    return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, (*found.stages, stage), checks)
+
+
+def _curves(loops: Sequence[Loop]) -> Curves:
+    first = loops[0]
+    low = max(float(first.forward.torque_nm[0]), float(first.backward.torque_nm[0]))
+    high = min(float(first.forward.torque_nm[-1]), float(first.backward.torque_nm[-1]))
+    torque = np.linspace(low, high, CURVE_POINTS)
+    mean = Branch(torque, (first.forward.at(torque) + first.backward.at(torque)) / 2.0)
+    try:
+        fit: MeanCurve | None = first.fit.mean
+    except AnalysisError:
+        fit = None
+    return Curves(tuple(loop.forward for loop in loops), tuple(loop.backward for loop in loops), mean, fit)
+
+
+def _overall(metrics: Sequence[MetricResult], problems: Sequence[str]) -> tuple[Verdict, list[str]]:
+    """Verdict of the run and its reasons, the deciding ones first."""
+    reasons = list(problems)
+    by_verdict = sorted(metrics, key=lambda metric: metric.verdict is not Verdict.FAIL)
+    reasons += [reason for metric in by_verdict for reason in metric.reasons]
+    if problems:
+        return Verdict.NOT_DECIDABLE, reasons
+    if not any(metric.limited for metric in metrics):
+        return Verdict.NOT_DECIDABLE, [*reasons, "no metric has a limit: there is nothing to decide"]
+    return worst(metric.verdict for metric in metrics if metric.verdict is not None), reasons

@@ -1,0 +1,109 @@
+"""Figures of the validity checks that ask whether the calibration of this run can convert the torque of its cycles.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import wraps
+
+import numpy as np
+
+from analysis.loop.measured import Measured
+from analysis.loop.samples import converts
+from analysis.torque_ratio.quadrants import Quadrants
+from analysis.torque_ratio.transition_fit import ZERO_BOUND
+from analysis.trace.runs import Run
+from analysis.validity.evidence import Figure, Reading, of_measured
+
+NOT_CONVERTED = "the torque at the output was not converted by a calibration in this run"
+NO_TRANSITION = "not needed: the calibration shows no transition after a reversal"
+
+
+def of_own_calibration(figure: Callable[[Measured, Quadrants], Reading | str]) -> Figure:
+    """Make a check's figure of one that reads the quadrants measured in this run: where they convert nothing, none."""
+
+    @of_measured
+    @wraps(figure)
+    def read(found: Measured) -> Reading | str:
+        quadrants, method = found.quadrants, found.method
+        if not converts(found.trace, method) or method.quadrants is not None or not isinstance(quadrants, Quadrants):
+            return NOT_CONVERTED
+        return figure(found, quadrants)
+
+    return read
+
+
+@of_own_calibration
+def calibrated_turn(found: Measured, quadrants: Quadrants) -> Reading | str:
+    """How far the input torque at a turn of the cycles is from that at the same turn while calibrating, %.
+
+    Transition and correction belong to the turn that they were measured after.
+    """
+    if quadrants.transition_rad is None:
+        return NO_TRANSITION
+    turns: dict[tuple[str, int], list[float]] = {}
+    for run in _runs(found):
+        turns.setdefault((run.role, run.direction), []).append(_turn_nm(found, run))
+    worst, words = 0.0, ""
+    for direction in (1, -1):
+        # A branch that starts at rest has no turn: the largest torque is that of the one that comes from a turn.
+        calibrated = max(turns.get(("calibrate", direction), [0.0]))
+        for measured in turns.get(("measure", direction), []):
+            apart = abs(measured / calibrated - 1.0) if calibrated > 0.0 else math.inf
+            if apart > worst:
+                worst = apart
+                words = (
+                    f"the cycles turn at {-direction * measured:.4g} N·m at the input and the calibration turned at "
+                    f"{-direction * calibrated:.4g} N·m: what it says of friction after a reversal belongs to its own"
+                )
+    return Reading(100.0 * worst, words)
+
+
+@of_own_calibration
+def calibrated_gap(found: Measured, _quadrants: Quadrants) -> Reading | str:
+    """Largest torque between neighbouring samples of a calibrated branch, in order of torque, % of the reference."""
+    output = found.trace.channel("torque_out_nm", "the torque ratio")
+    worst, words = 0.0, ""
+    for run in (run for run in _runs(found) if run.role == "calibrate"):
+        torque = np.sort(run.take(output))
+        gaps = np.diff(torque)
+        if gaps.size and float(gaps.max()) > worst:
+            at = int(np.argmax(gaps))
+            worst = float(gaps[at])
+            words = f"the calibration has no sample between {torque[at]:.3g} and {torque[at + 1]:.3g} N·m"
+    return Reading(100.0 * worst / found.method.reference_nm, words)
+
+
+@of_own_calibration
+def calibrated_zero(found: Measured, quadrants: Quadrants) -> Reading | str:
+    """What the output sensor read at zero torque by the calibration, % of the largest reading that is sought."""
+    if quadrants.transition_rad is None:
+        return NO_TRANSITION
+    output = found.trace.channel("torque_out_nm", "the torque ratio")
+    peak_nm = max(float(np.abs(run.take(output)).max()) for run in _runs(found) if run.role == "calibrate")
+    share = abs(quadrants.zero_nm) / (ZERO_BOUND * peak_nm)
+    return Reading(
+        100.0 * share, f"the zero of the output torque was not found: its search ended at {quadrants.zero_nm:+.3g} N·m"
+    )
+
+
+def _runs(found: Measured) -> list[Run]:
+    """Return the runs that calibrate, and those of the cycles."""
+    return [run for run in found.runs if run.role == "calibrate"] + [one.run for pair in found.pairs for one in pair]
+
+
+def _turn_nm(found: Measured, run: Run) -> float:
+    """Input torque at the turn that a run begins at, N·m; positive on the side of that turn."""
+    torque = found.trace.channel("torque_in_nm", "the torque ratio")
+    return float((-run.direction * run.take(torque)).max())
+
+
+FIGURES: dict[str, Figure] = {
+    "calibrated_turn": calibrated_turn,
+    "calibrated_gap": calibrated_gap,
+    "calibrated_zero": calibrated_zero,
+}
+"""Figures of these checks, by their ids."""

@@ -1,0 +1,248 @@
+"""Figures of the validity checks that look at the samples: channels that stand or lag, ramps, torque, temperature.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+
+An angle stands while its shaft is loaded when its encoder is saturated, has stopped, or lost its connection.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.loop.alignment import skew_of_cycles, windup_speed
+from analysis.loop.branches import Blocks
+from analysis.loop.measured import Measured
+from analysis.loop.samples import BranchSamples
+from analysis.trace.errors import AnalysisError
+from analysis.trace.units import BoolArray, FloatArray
+from analysis.validity.evidence import MIDDLE, Evidence, Figure, Reading, of_measured, of_span
+
+EXAMPLE_LAG_S = 0.01
+"""Lag whose effect is told where the lag is not known."""
+
+RATE_BLOCKS = 60
+"""Stretches of a branch whose rate is compared."""
+
+BIN_FRACTION = 0.02
+"""Width of a torque bin, of the reference torque."""
+
+
+@of_measured
+def clipping(found: Measured) -> Reading | str:
+    """Share of the wind-up in which the torque stands exactly at its end, or of the torque in which the angle does, %.
+
+    An angle that stands makes a unit stiffer than it is, a torque that stands makes it softer.
+    """
+    stands = max(angle_stands(found), windup_stands(found))
+    shares = []
+    for one in _sides(found):
+        span = float(np.ptp(one.windup_arcmin))
+        for end in (one.torque_nm.max(), one.torque_nm.min()):
+            at_end = np.flatnonzero(one.torque_nm == end)
+            moved = abs(float(one.windup_arcmin[at_end[-1]] - one.windup_arcmin[at_end[0]]))
+            shares.append(moved / span if span > 0 else 0.0)
+    words = (
+        "the angle of the loaded shaft stands while its torque rises: its encoder is saturated or has stopped, or a "
+        "wrong fixture is taken from it"
+    )
+    return Reading(100.0 * max(*shares, stands), words if stands > max(shares) else "")
+
+
+@of_measured
+def lag(found: Measured) -> Reading | str:
+    """Change of the loop's width by the skew of angle and torque, corrected or not, % of the wind-up."""
+    skew = found.skew
+    if skew.corrected_s is None or skew.left_s is None:
+        return _lag_from_speeds(found)
+    delay = abs(skew.corrected_s) + abs(skew.left_s)
+    if delay == 0.0:
+        return Reading(0.0)
+    speed = max(windup_speed(one, found.method.reference_nm) for one in _sides(found))
+    if not np.isfinite(speed):
+        return Reading(np.inf, "torque and angle lag differently and the trace has no time to say what it makes")
+    width = 2.0 * speed * delay
+    words = f"{delay * 1e3:.3g} ms between torque and angle move the width of the loop by {width:.3g} arcmin"
+    return of_span(found, width, words)
+
+
+def _lag_from_speeds(found: Measured) -> Reading | str:
+    """Figure of the check where nobody has said how late the channels are: two speeds show it, one does not."""
+    ramps = [number for number, pair in enumerate(found.pairs) if all(len(one.run.pieces) == 1 for one in pair)]
+    loops, pairs = [found.loops[number] for number in ramps], [found.pairs[number] for number in ramps]
+    unknown = "not measured: the lags of the channels are not known"
+    speeds = [windup_speed(one, found.method.reference_nm) for pair in pairs for one in pair]
+    if not speeds or not np.isfinite(speeds).all():
+        return f"{unknown}, and the trace has no time to say what they would make"
+    try:
+        estimated = skew_of_cycles(loops, pairs)
+    except AnalysisError:
+        each = 2.0 * max(speeds) * EXAMPLE_LAG_S
+        return (
+            f"{unknown}, and one speed does not show them: at {max(speeds):.3g} arcmin/s each "
+            f"{EXAMPLE_LAG_S * 1e3:g} ms between torque and angle move the width of the loop by {each:.2g} arcmin"
+        )
+    width = 2.0 * max(speeds) * abs(estimated.skew_s)
+    words = (
+        f"the width of the loop changes with the speed as by {estimated.skew_s * 1e3:.3g} ms between torque and angle"
+    )
+    return of_span(found, width, words)
+
+
+@of_measured
+def ramp_rate(found: Measured) -> Reading | str:
+    """How far nine tenths of a branch stay from its median rate, %: of torque or of wind-up, whichever is steadier.
+
+    Next to the turning points friction reverses and no rate is steady: only the middle of the branch counts.
+    """
+    deviations = []
+    for number, (one, some) in enumerate(zip(_sides(found), found.blocks, strict=True)):
+        if len(one.run.pieces) > 1:
+            continue
+        if some.t_s is None:
+            return "the trace has no time"
+        exclusion = found.loops[number // 2].exclusion_nm[0 if one.run.direction > 0 else 1]
+        deviations.append(_unsteadiness(some, some.t_s, exclusion))
+    return Reading(100.0 * max(deviations)) if deviations else "loaded in steps"
+
+
+def _unsteadiness(blocks: Blocks, t_s: FloatArray, exclusion_nm: float) -> float:
+    """Deviation of the rate of one ramp from steady, outside the torque in which friction reverses after the turn."""
+    size = max(1, t_s.size // RATE_BLOCKS)
+    edges = np.arange(0, t_s.size - size + 1, size)
+    time, torque, angle = (
+        np.add.reduceat(values[: edges[-1] + size], edges) / size
+        for values in (t_s, blocks.torque_nm, blocks.angle_arcmin)
+    )
+    step = np.diff(time)
+    if not (step > 0).all():
+        return float("inf")
+    # Unloading may be faster than loading for the same input torque: each half is compared with itself.
+    largest = MIDDLE * min(abs(float(torque[0])), abs(float(torque[-1])))
+    middle = (torque[:-1] + torque[1:]) / 2.0
+    turned = np.abs(middle - torque[0]) > exclusion_nm
+    halves = [turned & (middle < 0) & (middle > -largest), turned & (middle > 0) & (middle < largest)]
+    found = [_spread(np.diff(values) / step, halves) for values in (torque, angle)]
+    return min(found)
+
+
+def _spread(rate: FloatArray, halves: list[BoolArray]) -> float:
+    """Deviation from the median rate of its half that nine tenths of the stretches stay within; the worse half."""
+    worst = 0.0
+    for half in halves:
+        middle = float(np.median(rate[half])) if half.any() else 0.0
+        worst = max(worst, float(np.quantile(np.abs(rate[half] / middle - 1.0), 0.9)) if middle else np.inf)
+    return worst
+
+
+@of_measured
+def points_per_bin(found: Measured) -> Reading | str:
+    """Fewest samples of a branch in a bin of 2 % of the reference torque."""
+    width = BIN_FRACTION * found.method.reference_nm
+    fewest = np.inf
+    for one in found.blocks:
+        low = max(MIDDLE * float(one.torque_nm.min()), -found.method.reference_nm)
+        high = min(MIDDLE * float(one.torque_nm.max()), found.method.reference_nm)
+        edges = np.arange(np.ceil(low / width), np.floor(high / width) + 0.5) * width
+        if edges.size > 1:
+            counts, _ = np.histogram(one.torque_nm, edges, weights=one.counts)
+            fewest = min(fewest, float(counts.min()))
+    return Reading(fewest if np.isfinite(fewest) else 0.0)
+
+
+@of_measured
+def monotone_loading(found: Measured) -> Reading | str:
+    """Largest way that the torque went back within a branch, % of the reference torque."""
+    back = 0.0
+    for one, some in zip(_sides(found), found.blocks, strict=True):
+        torque = one.run.direction * some.torque_nm
+        back = max(back, float((np.maximum.accumulate(torque) - torque).max()))
+    return Reading(100.0 * back / found.method.reference_nm)
+
+
+def temperature_change(evidence: Evidence) -> Reading | str:
+    """Range of the housing temperature, K."""
+    values = None if evidence.measured is None else evidence.measured.trace.temperature_c
+    return "no temperature was measured" if values is None else Reading(float(np.ptp(values)))
+
+
+def temperature_low(evidence: Evidence) -> Reading | str:
+    """Lowest housing temperature, °C."""
+    values = None if evidence.measured is None else evidence.measured.trace.temperature_c
+    return "no temperature was measured" if values is None else Reading(float(values.min()))
+
+
+def temperature_high(evidence: Evidence) -> Reading | str:
+    """Highest housing temperature, °C."""
+    values = None if evidence.measured is None else evidence.measured.trace.temperature_c
+    return "no temperature was measured" if values is None else Reading(float(values.max()))
+
+
+def _sides(found: Measured) -> list[BranchSamples]:
+    return [one for pair in found.pairs for one in pair]
+
+
+STANDING_COUNTS = 3.0
+"""Counts of an encoder, in torque, that its angle may stand."""
+
+WINDOWS = 10
+"""Parts of a loading branch whose wind-up is compared."""
+
+LEAST_SHARE = 0.1
+"""Wind-up of a part, of the median of all parts: a unit that is ten times stiffer there is no unit."""
+
+
+def angle_stands(found: Measured) -> float:
+    """Largest share of a branch's torque, while loading, in which the loaded shaft's angle does not change at all.
+
+    What `STANDING_COUNTS` counts of an encoder of this resolution take is left out.
+    """
+    trace = found.trace
+    by_input = found.method.loading == "input" and trace.angle_in_rad is not None
+    loaded = trace.angle_in_rad if by_input else trace.angle_out_rad
+    worst = 0.0
+    sides = [one for pair in found.pairs for one in pair]
+    for one, some in zip(sides, found.blocks, strict=True):
+        if loaded is None or len(one.run.pieces) > 1:
+            continue
+        loading = one.run.direction * one.torque_nm > 0.0
+        torque, angle = one.torque_nm[loading], one.run.take(loaded)[one.masked :][loading]
+        if not torque.size:
+            continue
+        starts = np.concatenate(([0], np.flatnonzero(angle[1:] != angle[:-1]) + 1))
+        ends = np.append(starts[1:], angle.size) - 1
+        way = float(np.ptp(torque))
+        usual = STANDING_COUNTS * way / starts.size if starts.size > 1 else 0.0
+        stood = float(np.abs(torque[ends] - torque[starts]).max()) - usual
+        worst = max(worst, stood / float(np.ptp(some.torque_nm)))
+    return worst
+
+
+def windup_stands(found: Measured) -> float:
+    """Largest share of a branch's torque, while loading, in which the wind-up all but stands or goes back.
+
+    A saturated angle with noise does so, and one of which a wrong fixture takes more than there is.
+    """
+    worst = 0
+    # A loop that gains energy runs the wrong way round: a check of its own says so.
+    for loop in (one for one in found.loops if one.energy_nm_arcmin >= 0.0):
+        for side, branch in ((1, loop.forward), (-1, loop.backward)):
+            peak = float(branch.torque_nm[-1] if side > 0 else -branch.torque_nm[0])
+            if not peak > 0.0 or not branch.covers(min(0.0, side * peak), max(0.0, side * peak)):
+                continue
+            moves = np.diff(loop.loading(side, np.linspace(0.0, peak, WINDOWS + 1)))
+            usual = float(np.median(np.abs(moves)))
+            worst = max(worst, int(np.count_nonzero(moves <= LEAST_SHARE * usual)))
+    return worst / (2.0 * WINDOWS)
+
+
+FIGURES: dict[str, Figure] = {
+    "clipping": clipping,
+    "lag": lag,
+    "ramp_rate": ramp_rate,
+    "points_per_bin": points_per_bin,
+    "monotone_loading": monotone_loading,
+    "temperature_change": temperature_change,
+    "temperature_low": temperature_low,
+    "temperature_high": temperature_high,
+}
+"""Figures of these checks, by their ids."""

@@ -1,0 +1,148 @@
+"""Figures of the validity checks that hold cycles against each other, and the end of a cycle against its start.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+
+from analysis.loop.closure import closure_gaps_arcmin, widest_jump_nm
+from analysis.loop.measured import Measured
+from analysis.trace.runs import Run
+from analysis.trace.units import FloatArray
+from analysis.validity.evidence import (
+    MIDDLE,
+    NO_SPAN,
+    NOT_EVALUATED,
+    Evidence,
+    Figure,
+    Reading,
+    has_span,
+    of_measured,
+    of_span,
+)
+
+GRID_POINTS = 81
+JUMP = 0.02
+"""Share of a branch's torque that may be missing at a reversal before the closure of its loop cannot be told."""
+
+COMPARED = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
+"""Channels of the trace in which a copied cycle is the same."""
+
+
+@of_measured
+def wrong_way(found: Measured) -> Reading | str:
+    """Energy of the cycle that loses least, N·m·arcmin."""
+    if not has_span(found):
+        return Reading(-math.inf, NO_SPAN)
+    energy = min(loop.energy_nm_arcmin for loop in found.loops)
+    text = f"the loop runs the wrong way round ({energy:.3g} N·m·arcmin in a cycle; a loss is positive)"
+    return Reading(energy, text if energy < 0 else "")
+
+
+@of_measured
+def loop_closure(found: Measured) -> Reading | str:
+    """Wind-up between start and end of a cycle at the same torque, % of the wind-up of the loop."""
+    gaps = closure_gaps_arcmin(found)
+    jump = widest_jump_nm(found)
+    words = (
+        f"the branches do not meet: {jump:.3g} N·m are missing in the trace after a reversal, and across them nothing "
+        "says whether the loop closes"
+    )
+    missing = jump > JUMP * float(np.ptp(found.blocks[0].torque_nm))
+    return of_span(found, max(gaps), words if missing else "")
+
+
+@of_measured
+def drift(found: Measured) -> Reading | str:
+    """Drift of the wind-up in a cycle, whether corrected or not, % of the wind-up."""
+    shift = found.drift.per_cycle_arcmin
+    if shift is None:
+        return "needs two cycles in the same direction and to the same torque"
+    return of_span(found, abs(shift), f"the wind-up drifts over the cycle by {abs(shift):.3g} arcmin in a cycle")
+
+
+@of_measured
+def repeat(found: Measured) -> Reading | str:
+    """Largest deviation (rms over torque) of a branch from the mean of its direction, % of the wind-up."""
+    if len(found.loops) < 2:
+        return "needs two cycles"
+    peak = min(min(-loop.forward.torque_nm[0], loop.backward.torque_nm[-1]) for loop in found.loops)
+    if not peak > 0.0:
+        return "the loops do not pass through zero torque"
+    grid = np.linspace(-MIDDLE * peak, MIDDLE * peak, GRID_POINTS)
+    worst = 0.0
+    for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):
+        angles = np.array([branch.at(grid) for branch in branches])
+        worst = max(worst, float(np.sqrt(np.square(angles - angles.mean(axis=0)).mean(axis=1)).max()))
+    return of_span(found, worst)
+
+
+def copied_cycles(evidence: Evidence) -> Reading | str:
+    """Largest share of a branch's samples that another cycle has bit by bit in the same place, %.
+
+    Cycles that are copies have no scatter, and the uncertainty would believe them. Noise makes every cycle another one,
+    so only where noise is declared is a copy no measurement.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if len(found.loops) < 2:
+        return "needs two cycles"
+    if not evidence.noise_declared:
+        return "no sensor noise is specified: identical cycles are possible"
+    worst, where = 0.0, ""
+    for side in (0, 1):
+        branches = [(pair[side].cycle, _as_measured(found, pair[side].run)) for pair in found.pairs]
+        for (first, one), (second, other) in combinations(branches, 2):
+            share = _alike(one, other)
+            if share > worst:
+                worst, where = share, f"cycles {first} and {second} are copies of each other, sample by sample"
+    return Reading(100.0 * worst, where)
+
+
+def repeated_samples(evidence: Evidence) -> Reading | str:
+    """Largest share of a branch's samples that are bit by bit the one before, %.
+
+    A sample that was written twice is no second measurement, and the uncertainty would count it as one.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if not evidence.noise_declared:
+        return "no sensor noise is specified: identical samples are possible"
+    worst, where = 0.0, ""
+    for one in (one for pair in found.pairs for one in pair):
+        values = _as_measured(found, one.run)
+        share = float((values[1:] == values[:-1]).all(axis=1).mean())
+        if share > worst:
+            worst, where = share, f"{one.where}: samples are the ones before, written once more"
+    return Reading(100.0 * worst, where)
+
+
+def _as_measured(found: Measured, run: Run) -> FloatArray:
+    """Torques and angles of a branch as they were recorded, shape (samples, channels)."""
+    channels = (getattr(found.recorded, name) for name in COMPARED)
+    return np.stack([run.take(values) for values in channels if values is not None], axis=1)
+
+
+def _alike(one: FloatArray, other: FloatArray) -> float:
+    """Share of equal samples, counted from the start or from the end, whichever has more."""
+    size = min(len(one), len(other))
+    counted = ((one[:size], other[:size]), (one[-size:], other[-size:]))
+    return max(float((first == second).all(axis=1).mean()) for first, second in counted)
+
+
+FIGURES: dict[str, Figure] = {
+    "wrong_way": wrong_way,
+    "loop_closure": loop_closure,
+    "drift": drift,
+    "repeat": repeat,
+    "copied_cycles": copied_cycles,
+    "repeated_samples": repeated_samples,
+}
+"""Figures of these checks, by their ids."""

@@ -1,0 +1,104 @@
+"""What validity checks look at, and what the figure of one is: a number with words, or why it does not apply."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import wraps
+from typing import NamedTuple
+
+from analysis.loop.measured import Measured
+from analysis.uncertainty.figures import SensorFigures
+
+NOT_EVALUATED = "the trace could not be evaluated"
+NO_SPAN = "the wind-up does not change over the cycle"
+
+MIDDLE = 0.8
+"""Share of the peak torque up to which branches are compared: beyond it friction may still be reversing."""
+
+LEAST_SPAN_ARCMIN = 1e-9
+"""A wind-up below this is rounding: nothing is a share of it."""
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """How a trace was recorded, as the record of the run says; None in `Evidence` for a trace from elsewhere.
+
+    periods: scan periods that should have been, missed: those that were not; missed_allowed: share of them that may.
+    oldest_sample_scans and sample_age_allowed_scans: age of samples while measuring. The others count samples whose
+    status said so. bench_waited: the bench was a virtual one that waits for the scan, so that nothing could be missed.
+    """
+
+    periods: int
+    missed: int
+    missed_allowed: float
+    oldest_sample_scans: int
+    sample_age_allowed_scans: int
+    torque_in_saturated: int = 0
+    torque_out_saturated: int = 0
+    not_ready: int = 0
+    bench_waited: int = 0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """All that validity checks look at; `measured` is None when the trace could not be evaluated at all.
+
+    noise_declared: a bench is known whose sensors have noise. torque_out_zero_nm: limit that is declared of the zero of
+    the output torque [N·m]; 0 where nothing is. torque_noise_nm: standard deviation declared of a torque channel.
+    """
+
+    measured: Measured | None
+    facts: RunFacts | None = None
+    objections: tuple[str, ...] = ()
+    noise_declared: bool = False
+    torque_out_zero_nm: float = 0.0
+    torque_noise_nm: Mapping[str, float] = field(default_factory=dict)
+
+
+def evidence_of(
+    found: Measured, facts: RunFacts | None, objections: tuple[str, ...], figures: SensorFigures | None
+) -> Evidence:
+    """Return what checks look at for a trace that was evaluated; figures: what is declared of the sensors, if known."""
+    if figures is None:
+        return Evidence(found, facts, objections)
+    return Evidence(found, facts, objections, figures.noisy, figures.torque_out_zero_nm, figures.torque_noise_nm)
+
+
+class Reading(NamedTuple):
+    """Figure of a check in its unit, and words that say more than the check's own; infinity where there is none."""
+
+    figure: float
+    words: str = ""
+
+
+Figure = Callable[[Evidence], Reading | str]
+"""What a check looks at: its figure, or in words why it does not apply."""
+
+
+def of_measured(figure: Callable[[Measured], Reading | str]) -> Figure:
+    """Make a check's figure of one that reads the evaluated trace: without, it does not apply."""
+
+    @wraps(figure)
+    def read(evidence: Evidence) -> Reading | str:
+        return NOT_EVALUATED if evidence.measured is None else figure(evidence.measured)
+
+    return read
+
+
+def of_span(found: Measured, arcmin: float, words: str = "") -> Reading:
+    """Return an angle as a share of the wind-up, %; infinity, in plain words, where there is none to be a share of."""
+    return Reading(100.0 * arcmin / span_arcmin(found), words) if has_span(found) else Reading(math.inf, NO_SPAN)
+
+
+def has_span(found: Measured) -> bool:
+    """Say whether the wind-up changes over the first cycle at all."""
+    return span_arcmin(found) > LEAST_SPAN_ARCMIN
+
+
+def span_arcmin(found: Measured) -> float:
+    """Wind-up between the turning points of the first cycle, arcmin: what shares of the wind-up are of."""
+    loop = found.loops[0]
+    ends = [float(branch.angle_arcmin[end]) for branch in (loop.forward, loop.backward) for end in (0, -1)]
+    return max(ends) - min(ends)

@@ -1,0 +1,61 @@
+"""Figures of the validity checks that ask how a trace was recorded: missed periods, old samples, saturated sensors.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+"""
+
+from __future__ import annotations
+
+from analysis.validity.evidence import Evidence, Figure, Reading
+
+BENCH_WAITED = "the virtual bench waits for the scan: scan periods were stretched, none was missed"
+NO_RECORD = "the trace was recorded elsewhere: its timing is not known"
+
+
+def objections(evidence: Evidence) -> Reading | str:
+    """Count what was said against the record itself."""
+    return Reading(float(len(evidence.objections)), "; ".join(evidence.objections))
+
+
+def missed_periods(evidence: Evidence) -> Reading | str:
+    """Share of scan periods that were missed, %."""
+    facts = evidence.facts
+    if facts is None:
+        return NO_RECORD
+    if facts.bench_waited:
+        return BENCH_WAITED
+    share = facts.missed / facts.periods if facts.periods else 0.0
+    return Reading(share * 100.0, f"{facts.missed} of {facts.periods} scan periods were missed ({share:.3%})")
+
+
+def sample_age(evidence: Evidence) -> Reading | str:
+    """Age of the oldest sample, scans."""
+    facts = evidence.facts
+    if facts is None:
+        return NO_RECORD
+    return Reading(facts.oldest_sample_scans, f"a sample was {facts.oldest_sample_scans} scans old while measuring")
+
+
+def torque_in_saturated(evidence: Evidence) -> Reading | str:
+    """Count samples with the status bit."""
+    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.torque_in_saturated)
+
+
+def torque_out_saturated(evidence: Evidence) -> Reading | str:
+    """Count samples with the status bit."""
+    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.torque_out_saturated)
+
+
+def not_ready(evidence: Evidence) -> Reading | str:
+    """Count samples with the status bit."""
+    return NO_RECORD if evidence.facts is None else Reading(evidence.facts.not_ready)
+
+
+FIGURES: dict[str, Figure] = {
+    "record": objections,
+    "missed_periods": missed_periods,
+    "sample_age": sample_age,
+    "torque_in_saturated": torque_in_saturated,
+    "torque_out_saturated": torque_out_saturated,
+    "not_ready": not_ready,
+}
+"""Figures of these checks, by their ids."""

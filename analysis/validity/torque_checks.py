@@ -1,0 +1,196 @@
+"""Figures of the validity checks that hold input torque and output torque against each other and against the ratio.
+
+Each returns a Reading, or the reason in words why the figure does not apply here.
+
+Two torques say something of ratio, efficiency and zero without any angle. A reducer of ratio i with friction that grows
+with its load, mu of it, loads along T_out = C + i/(1 + mu) · T_in and unloads along i/(1 − mu). So the slope of a
+loading line over i is the efficiency, and the harmonic mean of both slopes is i, whatever the efficiency. It is the
+usual relation η_backward = 2 − 1/η_forward of a gear whose friction is the same both ways; at η_forward = 50 % the gear
+locks itself and there is no unloading line. In one direction of motion the unloading line of one side and the loading
+line of the other meet where the load is none, for the friction without load is the same from both sides. What the
+output sensor reads there is its zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.loop.measured import Measured
+from analysis.torque_ratio.quadrant_fit import fit_lines
+from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
+from analysis.trace.errors import AnalysisError
+from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, Reading, of_measured
+
+SIDES = ("positive", "negative")
+CONVERTED_BY = "the torque ratio lines used for the conversion"
+
+LEAST_APART = 0.1
+"""Share of the loading slope by which that of unloading must differ, for their lines to meet anywhere definite."""
+
+
+class Lines(NamedTuple):
+    """Each quadrant's line of T_out over T_in, and where it was measured."""
+
+    by_quadrant: Mapping[str, TorqueLine]
+    where: str
+
+    def loading(self) -> list[float]:
+        """Slopes of the loading lines of both sides."""
+        return [self.by_quadrant[f"load_{side}"].slope for side in SIDES]
+
+    def ratios(self) -> list[float]:
+        """Harmonic mean of the slopes of loading and unloading, both sides: the ratio of the gear; 0 if level."""
+        pairs = [(self.by_quadrant[f"load_{side}"].slope, self.by_quadrant[f"unload_{side}"].slope) for side in SIDES]
+        return [2.0 * load * unload / (load + unload) if load + unload else 0.0 for load, unload in pairs]
+
+    def zero_nm(self) -> float | None:
+        """Output torque at which the lines of a direction of motion meet, N·m; mean of both; None where they do not."""
+        found = []
+        for side, other in (SIDES, SIDES[::-1]):
+            load, unload = self.by_quadrant[f"load_{side}"], self.by_quadrant[f"unload_{other}"]
+            apart = unload.slope - load.slope
+            if not apart > LEAST_APART * load.slope:
+                return None
+            found.append((unload.slope * load.offset_nm - load.slope * unload.offset_nm) / apart)
+        return sum(found) / len(found)
+
+
+def lines_of(found: Measured) -> Lines | str:
+    """Return the torque lines of a trace, or why it has none.
+
+    They come from the segments that calibrate, else from the measured cycles; where one torque alone is in the trace,
+    from the stored lines that convert it.
+    """
+    trace = found.trace
+    if trace.torque_in_nm is None or trace.torque_out_nm is None:
+        if isinstance(found.quadrants, Quadrants):
+            return Lines({name: getattr(found.quadrants, name) for name in QUADRANTS}, CONVERTED_BY)
+        return "not measured: needs two torque channels"
+    calibration = [run for run in found.runs if run.role == "calibrate"]
+    cycles = [one.run for pair in found.pairs for one in pair]
+    try:
+        fits = fit_lines(trace, calibration or cycles)
+    except AnalysisError as error:
+        return f"not measured: {error}"
+    where = "the lines of the calibration" if calibration else "the lines of the measured cycles"
+    return Lines({name: TorqueLine(fit.offset_nm, fit.slope) for name, fit in fits.items()}, where)
+
+
+LINE_SHOWN = ("load_positive", "load_negative")
+"""Lines whose residual is looked at: an unloading branch begins in the transition after its turn, which is no line."""
+
+LOADED_FRACTION = 0.5
+"""Share of the reference torque above which the two torque channels are compared."""
+
+
+@of_measured
+def torque_agreement(found: Measured) -> Reading | str:
+    """How far T_out / (i·T_in) is from one under load, %: friction takes some of it, a wrong channel much more."""
+    trace, method = found.trace, found.method
+    if trace.torque_in_nm is None or trace.torque_out_nm is None:
+        return "needs two torque channels"
+    ratios = []
+    for one in (one for pair in found.pairs for one in pair):
+        torque_in, torque_out = one.run.take(trace.torque_in_nm), one.run.take(trace.torque_out_nm)
+        step = -(-torque_in.size // 2000)
+        torque_in, torque_out = torque_in[::step], torque_out[::step]
+        # Of the shaft that the servo does not drive, the torque is what friction lets through: loading only.
+        loading = one.run.direction * torque_out > LOADED_FRACTION * method.reference_nm
+        if method.loading == "input":  # an output sensor that stands still is under load all the same
+            loading |= one.run.direction * method.ratio * torque_in > method.reference_nm
+        ratios.append(torque_out[loading] / (method.ratio * torque_in[loading]))
+    under_load = np.concatenate(ratios)
+    if not under_load.size:
+        return "the peak torque is below half the reference torque"
+    ratio = float(np.median(under_load))
+    return Reading(100.0 * abs(ratio - 1.0), f"T_out / (ratio · T_in) is {ratio:.3g} under load")
+
+
+@of_measured
+def efficiency_low(found: Measured) -> Reading | str:
+    """Efficiency of the side that lets less torque through, %."""
+    return _efficiency(found, min)
+
+
+@of_measured
+def efficiency_high(found: Measured) -> Reading | str:
+    """Efficiency of the side that lets more torque through, %."""
+    return _efficiency(found, max)
+
+
+def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Reading | str:
+    if found.method.loading == "output":
+        return "the input is locked: the efficiency cannot be measured"
+    lines = lines_of(found)
+    if isinstance(lines, str):
+        return lines
+    ratio, slope = found.method.ratio, side(lines.loading())
+    share = 100.0 * slope / ratio
+    words = f"{lines.where} rise by {slope:.4g}, which is an efficiency of {share:.3g} % for the ratio of {ratio:g}"
+    return Reading(share, words)
+
+
+@of_measured
+def ratio_agreement(found: Measured) -> Reading | str:
+    """How far the ratio that the torques show is from the recipe's, %; the worse side."""
+    lines = lines_of(found)
+    if isinstance(lines, str):
+        return lines
+    ratio = found.method.ratio
+    shown = max(lines.ratios(), key=lambda one: abs(one / ratio - 1.0))
+    words = f"{lines.where} show a ratio of {shown:.4g}, where the recipe has {ratio:g}"
+    return Reading(100.0 * abs(shown / ratio - 1.0), words)
+
+
+def torque_out_zero(evidence: Evidence) -> Reading | str:
+    """What the output sensor reads where no torque is, beyond the zero that is declared of it, % of the reference."""
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if found.method.loading == "output":
+        return "not measured: with a locked input, the torque lines do not meet at zero torque"
+    lines = lines_of(found)
+    if isinstance(lines, str):
+        return lines
+    zero_nm = lines.zero_nm()
+    if zero_nm is None:
+        return "not measured: the lines of loading and unloading are nearly the same and have no clear intersection"
+    words = (
+        f"{lines.where} meet where the output torque reads {zero_nm:+.3g} N·m, and {evidence.torque_out_zero_nm:.2g} "
+        "N·m are declared of its zero"
+    )
+    beyond_nm = max(0.0, abs(zero_nm) - evidence.torque_out_zero_nm)
+    return Reading(100.0 * beyond_nm / found.method.reference_nm, words)
+
+
+@of_measured
+def torque_lines(found: Measured) -> Reading | str:
+    """What a straight loading line of T_out over T_in leaves in the measured cycles (rms), % of the reference torque.
+
+    More than noise is left by a channel that is not linear, by one that lags behind the other, and by a load that
+    swings because its control is given a late torque. The cycles are looked at, not the calibration: its first branch
+    begins at rest, with friction of its own.
+    """
+    if found.trace.torque_in_nm is None or found.trace.torque_out_nm is None:
+        return "not measured: needs both torque channels"
+    try:
+        fits = fit_lines(found.trace, [one.run for pair in found.pairs for one in pair])
+    except AnalysisError as error:
+        return f"not measured: {error}"
+    left_nm = max(fits[name].residual_sd_nm for name in LINE_SHOWN)
+    words = f"output torque over input torque is not a straight line by {left_nm:.3g} N·m"
+    return Reading(100.0 * left_nm / found.method.reference_nm, words)
+
+
+FIGURES: dict[str, Figure] = {
+    "torque_agreement": torque_agreement,
+    "efficiency_low": efficiency_low,
+    "efficiency_high": efficiency_high,
+    "ratio_agreement": ratio_agreement,
+    "torque_out_zero": torque_out_zero,
+    "torque_lines": torque_lines,
+}
+"""Figures of these checks, by their ids."""

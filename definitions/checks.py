@@ -1,0 +1,347 @@
+"""Validity checks: whether a measurement may be judged at all, apart from what its metrics say.
+
+A check is a figure held against a limit. One that fails makes the verdict NOT DECIDABLE; one whose figure does not
+apply says why and decides nothing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from definitions.units import FRACTION, LOSS, NUMBER, SAMPLES, SCANS, TEMPERATURE, TEMPERATURE_CHANGE, Kind
+
+
+class Range(NamedTuple):
+    """Limits that a recipe may set, in the unit of the check."""
+
+    least: float
+    most: float
+    beyond_least: bool = False
+    """The least value itself is not allowed."""
+
+
+class Check(NamedTuple):
+    """One validity check: its figure, the limit that holds unless the recipe has another, and what a failure means."""
+
+    id: str
+    title: str
+    """What people read first."""
+    kind: Kind
+    limit: float
+    """In the unit of the check."""
+    figure: str
+    """What the number is."""
+    failed: str
+    """What is wrong, unless the figure has words of its own."""
+    action: str
+    """What to do."""
+    at_least: bool = False
+    """The limit is the least value allowed, otherwise the largest."""
+    settable: Range | None = None
+    """Limits that a recipe may set; None where the limit is fixed, or is one of another section."""
+    below: str = ""
+    """Check whose limit must be above this one's."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of figure and limit; `1` for a plain number."""
+        return self.kind.shown
+
+
+SHARES = Range(0.0, 100.0)
+EFFICIENCIES = Range(0.0, 150.0, beyond_least=True)
+SAMPLE_COUNTS = Range(1.0, 100_000.0)
+TEMPERATURES = Range(-40.0, 150.0)
+TEMPERATURE_CHANGES = Range(0.0, 100.0, beyond_least=True)
+
+CHECK_RATIO = "compare the ratio in the recipe with the unit's plate, then check range and gain of both torque sensors"
+CHECK_SCALES = "check units and scale of angles and torques, then the stiffness in the recipe"
+
+_ROWS = (
+    Check(
+        "record", "Record errors", NUMBER, 0.0,
+        "errors of the record as a whole",
+        "the record has errors",
+        "measure again",
+    ),
+    Check(
+        "missed_periods", "Scan overruns", FRACTION, 1.0,
+        "scan periods that were missed (limit: sampling.missed_periods)",
+        "scan periods were missed",
+        "close other programs on this computer and measure again",
+    ),
+    Check(
+        "sample_age", "Age of samples", SCANS, 20.0,
+        "age of the oldest sample while measuring (limit: sampling.sample_age)",
+        "a sample was too old",
+        "check the measuring amplifier and its network",
+    ),
+    Check(
+        "torque_in_saturated", "Saturated samples of the input torque", SAMPLES, 0.0,
+        "samples with the status: input torque out of range",
+        "the input torque sensor was saturated",
+        "check its range",
+    ),
+    Check(
+        "torque_out_saturated", "Saturated samples of the output torque", SAMPLES, 0.0,
+        "samples with the status: output torque out of range",
+        "the output torque sensor was saturated",
+        "check its range",
+    ),
+    Check(
+        "not_ready", "Samples of an amplifier that was not ready", SAMPLES, 0.0,
+        "samples with the status: amplifier not ready",
+        "the measuring amplifier reported that it was not ready",
+        "check its supply and its start-up, and measure again",
+    ),
+    Check(
+        "clipping", "Clipping", FRACTION, 1.0,
+        "wind-up over which the torque stays exactly at its largest value, of the whole wind-up; or torque over "
+        "which the angle of the loaded shaft stays, of the whole torque",
+        "the torque stays at its largest value while the unit still turns: the channel is saturated",
+        "use a sensor or a range that covers the peak torque of the cycles",
+        settable=SHARES,
+    ),
+    Check(
+        "wrong_way", "Energy of the loop", LOSS, 0.0,
+        "smallest loop energy of all cycles; it must be positive",
+        "the loop energy is not positive",
+        "torque or angle has the wrong sign, or the branches are exchanged",
+        at_least=True,
+    ),
+    Check(
+        "loop_closure", "Loop closure", FRACTION, 2.0,
+        "wind-up between start and end of a cycle at the same torque, of the whole wind-up",
+        "the loop does not close: the unit, its lock or an angle has moved",
+        "check lock, couplings and encoder, and measure again",
+        settable=SHARES,
+    ),
+    Check(
+        "drift", "Drift", FRACTION, 1.0,
+        "drift of the wind-up in a cycle, corrected or not, of the whole wind-up",
+        "the wind-up drifts over the cycle",
+        "let unit and bench warm up, or load faster",
+        settable=SHARES,
+    ),
+    Check(
+        "repeat", "Repeatability of the cycles", FRACTION, 2.0,
+        "deviation of a cycle from the mean of all cycles (rms), of the whole wind-up",
+        "the cycles do not repeat",
+        "condition the unit by fatigue cycles, check the lock, and measure again",
+        settable=SHARES,
+    ),
+    Check(
+        "copied_cycles", "Copied cycles", FRACTION, 50.0,
+        "samples of a branch that are identical to those of another cycle, where noise is specified",
+        "cycles are copies of each other",
+        "measure again: copies have no scatter, so they give no uncertainty",
+    ),
+    Check(
+        "repeated_samples", "Repeated samples", FRACTION, 20.0,
+        "samples of a branch that are identical to the sample before, where noise is specified",
+        "samples were recorded more than once",
+        "record each sample once, not faster than the amplifier measures",
+        settable=SHARES,
+    ),
+    Check(
+        "lag", "Lag between torque and angle", FRACTION, 1.0,
+        "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",
+        "torque and angle lag differently",
+        "load slower, set both channels to the same filter, or give their lags in the bench file",
+        settable=SHARES,
+    ),
+    Check(
+        "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
+        "torque error caused by the delay between torque and angle, at the ends of the ramps, of the reference torque",
+        "torque and wind-up do not stop at the same time at the ends of the ramps",
+        "set the filters of torque and angles as in the bench file, or give their lags there",
+        settable=SHARES,
+    ),
+    Check(
+        "noise_low", "Lowest noise of a torque", FRACTION, 33.0,
+        "noise of a torque in its quietest 50 samples, relative to the sensor specification",
+        "the torque has less noise than its sensor specification, at least for a while",
+        "switch off filters behind the sensor: they narrow the loop. If the sensor is "
+        "better than specified, correct its noise in the bench file",
+        at_least=True,
+    ),
+    Check(
+        "noise_high", "Highest noise of a torque", FRACTION, 300.0,
+        "noise of a torque over all cycles, relative to the sensor specification; the noisier one",
+        "the torque has more noise than its sensor specification",
+        "check cables, earthing and the resolution of the channel",
+    ),
+    Check(
+        "ramp_rate", "Ramp rate", FRACTION, 50.0,
+        "deviation from the steady ramp rate, 90th percentile of a branch",
+        "the load does not follow a steady ramp",
+        "check the drive, or load slower",
+        settable=SHARES,
+    ),
+    Check(
+        "points_per_bin", "Samples per torque bin", SAMPLES, 3.0,
+        "smallest number of samples of a branch in a torque bin (2 % of the reference torque)",
+        "too few samples per torque bin",
+        "sample faster or load slower",
+        at_least=True, settable=SAMPLE_COUNTS,
+    ),
+    Check(
+        "monotone_loading", "Torque reversal within a branch", FRACTION, 5.0,
+        "largest torque reversal within a branch, of the reference torque",
+        "the torque reverses within a branch",
+        "check drive and torque sensor, and the segments of the trace",
+        settable=SHARES,
+    ),
+    Check(
+        "torque_agreement", "Agreement of both torques", FRACTION, 60.0,
+        "deviation of T_out / (ratio · T_in) under load from 1",
+        "input and output torque do not fit together",
+        "check sign, range and calibration of both sensors, and the ratio in the recipe",
+        settable=SHARES,
+    ),
+    Check(
+        "efficiency_low", "Efficiency, lower side", FRACTION, 50.0,
+        "efficiency while loading, slope of T_out over T_in over the ratio; the lower side",
+        "the output torque is too low for a unit of this ratio",
+        CHECK_RATIO, at_least=True, settable=EFFICIENCIES, below="efficiency_high",
+    ),
+    Check(
+        "efficiency_high", "Efficiency, higher side", FRACTION, 102.0,
+        "efficiency while loading, slope of T_out over T_in over the ratio; the higher side",
+        "the output torque is too high for a unit of this ratio",
+        CHECK_RATIO, settable=EFFICIENCIES,
+    ),
+    Check(
+        "ratio_agreement", "Gear ratio by the torques", FRACTION, 5.0,
+        "deviation of the ratio that the torques show (harmonic mean of the slopes of loading and unloading) from "
+        "that of the recipe",
+        "the measured ratio differs from the ratio in the recipe",
+        CHECK_RATIO, settable=SHARES,
+    ),
+    Check(
+        "temperature_change", "Change of temperature", TEMPERATURE_CHANGE, 5.0,
+        "range of the housing temperature",
+        "the housing temperature changes",
+        "let unit and bench warm up before measuring",
+        settable=TEMPERATURE_CHANGES,
+    ),
+    Check(
+        "temperature_low", "Lowest temperature", TEMPERATURE, 10.0,
+        "lowest housing temperature",
+        "the unit is too cold",
+        "let it come to room temperature; check the sensor",
+        at_least=True, settable=TEMPERATURES, below="temperature_high",
+    ),
+    Check(
+        "temperature_high", "Highest temperature", TEMPERATURE, 50.0,
+        "highest housing temperature",
+        "the unit is too hot",
+        "let it cool down; check the sensor",
+        settable=TEMPERATURES,
+    ),
+    Check(
+        "locked_angle", "Deflection of lock and couplings", NUMBER, 0.0,
+        "deflections of lock and couplings that are in the wind-up and not known",
+        "the angle of the locked shaft was not measured and the stiffness of the fixture is not known: their "
+        "deflection is in the wind-up",
+        "measure that angle, or give the fixture's stiffness in the bench file",
+    ),
+    Check(
+        "locked_motion", "Motion of the locked shaft", FRACTION, 2.0,
+        "motion of the locked shaft that its torque does not explain, of the whole wind-up",
+        "the locked shaft moves",
+        "check the lock, its encoder, and that both angles belong to this unit",
+        settable=SHARES,
+    ),
+    Check(
+        "fixture_share", "Fixture deflection", FRACTION, 25.0,
+        "fixture deflection that was subtracted, of the uncorrected wind-up",
+        "the fixture deflection is too large",
+        "check stiffness and curve of the fixture in the bench file, or clamp the unit stiffer",
+        settable=SHARES,
+    ),
+    Check(
+        "stiffness_low", "Stiffness against the catalogue, softer side", NUMBER, 0.5,
+        "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
+        "softer side",
+        "the loop is softer than the recipe declares this unit, by more than any defect",
+        CHECK_SCALES, at_least=True,
+    ),
+    Check(
+        "stiffness_high", "Stiffness against the catalogue, stiffer side", NUMBER, 1.5,
+        "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
+        "stiffer side",
+        "the loop is stiffer than any unit of this kind",
+        CHECK_SCALES,
+    ),
+    Check(
+        "loss", "Hysteresis loss", FRACTION, 1.0,
+        "smallest loop energy of all cycles, of the rectangle of torque and wind-up around its loop",
+        "the hysteresis loss is less than the friction of a reducer: loading and unloading branch are nearly one curve",
+        "check that both branches were measured, and the lag of torque against angle",
+        at_least=True, settable=SHARES,
+    ),
+    Check(
+        "calibrated_turn", "Turning points of the calibration", FRACTION, 0.4,
+        "deviation of the input torque at the turning points of the cycles from that at the turning points of the "
+        "calibration, where it converts the torque",
+        "cycles and calibration have different turning points",
+        "calibrate to the peak torque of the cycles",
+        settable=SHARES,
+    ),
+    Check(
+        "calibrated_gap", "Gap in the calibration", FRACTION, 1.0,
+        "largest torque without a sample in a branch of the calibration, of the reference torque, where it converts "
+        "the torque",
+        "the calibration has a gap",
+        "calibrate again, slower or with a higher sampling rate",
+        settable=SHARES,
+    ),
+    Check(
+        "calibrated_zero", "Zero offset by the calibration", FRACTION, 95.0,
+        "output torque at which the calibration finds no load, of the largest that is sought, where it converts the "
+        "torque",
+        "the zero of the output torque was not found",
+        "tare the output torque sensor at rest and without load, and calibrate again",
+    ),
+    Check(
+        "torque_out_zero", "Zero offset of the output torque", FRACTION, 0.5,
+        "output torque at which the lines of loading and unloading meet, beyond the declared zero of its sensor "
+        "(tared_zero), of the reference torque",
+        "the output torque sensor does not read zero without load",
+        "tare it at rest and without load, and check its zero; then measure again",
+        settable=SHARES,
+    ),
+    Check(
+        "torque_lines", "Residual of the torque ratio", FRACTION, 0.5,
+        "residual of the straight-line fit of T_out over T_in, loading (rms), of the reference torque",
+        "output torque over input torque is not a straight line",
+        "check both torque channels for range, linearity and filters that lag",
+        settable=SHARES,
+    ),
+    Check(
+        "drive_torque_agreement", "Agreement of drive and torque sensor", FRACTION, 10.0,
+        "deviation of the ratio of drive torque to sensor torque from 1",
+        "drive and torque sensor of the loaded shaft do not agree",
+        "check gain and calibration of both torque sensors, then the drive's rated torque and gear ratio",
+        settable=SHARES,
+    ),
+    Check(
+        "drive_torque_gap", "Hysteresis between drive and torque sensor", FRACTION, 1.0,
+        "drive's torque less that of the loaded shaft's sensor, rising against falling branch, of the torque between "
+        "the turning points",
+        "the torque sensor lags behind the drive, or friction lies between them",
+        "set the filters of both torque channels as in the bench file, or load slower and see whether it stays",
+        settable=SHARES,
+    ),
+    Check(
+        "locked_compliance", "Fixture compliance", FRACTION, 30.0,
+        "measured fixture compliance, relative to the declared one",
+        "the locked shaft does not deflect as its fixture should",
+        "check the encoder of the locked shaft, its sign, and the stiffness of the fixture in the bench file",
+        at_least=True, settable=SHARES,
+    ),
+)  # fmt: skip
+
+CHECKS: dict[str, Check] = {row.id: row for row in _ROWS}
+"""All validity checks by id."""

@@ -1,0 +1,189 @@
+"""The fault table: what can go wrong, how hard the bench reacts, and what a person reads and does.
+
+One row per fault. Detection is in `controller.interlocks` and in the steps that wait for something; both name a row
+here and nothing else. Numbers are recorded (bit n of `alarms`) and printed in reports: they are never reused.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from definitions.image import Reaction
+
+
+class Fault(NamedTuple):
+    """Row of the fault table.
+
+    `number` is 1..63, `id` its name in records, `reaction` what the bench does, `debounce_scans` for how many
+    scans in a row the condition may hold before it counts (0: it counts at once, or after a time that stands in
+    `controller.debounce`), `text` what happened, `cause` the usual reasons, `next_action` what the person does next.
+    """
+
+    number: int
+    id: str
+    reaction: Reaction
+    debounce_scans: int
+    text: str
+    cause: str
+    next_action: str
+
+
+R = Reaction
+
+# fmt: off
+FAULTS: tuple[Fault, ...] = (
+    # --- people first
+    Fault(1, "estop", R.POWER_OFF, 0, "Emergency stop pressed",
+          "The emergency stop chain is open",
+          "Make the bench safe, release the emergency stop, then acknowledge"),
+    Fault(2, "guard_open", R.QUICK_STOP, 0, "Guard opened",
+          "The guard switch reports open while torque may be present",
+          "Close the guard, then acknowledge"),
+    Fault(3, "operator_quick_stop", R.QUICK_STOP, 0, "Quick stop by the operator",
+          "The operator asked for a quick stop",
+          "Look at the unit before the next run: torque may still be stored in it"),
+    # --- connections
+    Fault(4, "can_lost", R.POWER_OFF, 0, "CAN bus lost",
+          "The CAN interface is gone, or cannot send",
+          "Check the CAN adapter, its cable and the terminating resistors"),
+    Fault(5, "drive_heartbeat_lost", R.POWER_OFF, 0, "Servo drive silent: its heartbeat stopped",
+          "Drive without power, cable broken, or drive firmware stopped",
+          "Check the drive's supply, status LEDs and CAN plug"),
+    Fault(6, "drive_data_stale", R.POWER_OFF, 0, "Servo drive sends no process data",
+          "Drive left the operational state, or frames are lost on the bus",
+          "Check the drive's NMT state and the bus for errors"),
+    Fault(7, "amplifier_lost", R.QUICK_STOP, 0, "Connection to the measuring amplifier lost",
+          "Network cable, amplifier without power, or connection closed by the amplifier",
+          "Check the amplifier's supply and network cable"),
+    Fault(8, "sample_stale", R.QUICK_STOP, 0, "No fresh torque and angle samples",
+          "The measuring amplifier answers late, not at all, or with the same sample again and again",
+          "Check the amplifier's network; where its replies come in time, restart the amplifier"),
+    Fault(9, "sample_frozen", R.QUICK_STOP, 0, "Torque and angle samples are frozen",
+          "The amplifier answers, but its sample counter stands still",
+          "Restart the measuring amplifier"),
+    Fault(10, "brake_link_lost", R.UNLOAD, 0, "Connection to the brake supply lost",
+          "Network cable, brake supply without power, or wrong address",
+          "Check the brake supply and its cable; the lock may not be held"),
+    Fault(11, "remote_io_lost", R.QUICK_STOP, 0, "Connection to the remote I/O lost: emergency stop and guard unknown",
+          "Network cable, remote I/O without power, or wrong address",
+          "Check the remote I/O and its cable"),
+    # --- drive
+    Fault(12, "drive_fault", R.POWER_OFF, 0, "Servo drive reports a fault",
+          "The drive's own protection acted; the emergency code tells which",
+          "Read the emergency code, remove its cause, acknowledge, then reset the drive"),
+    Fault(13, "drive_emergency", R.QUICK_STOP, 0, "Servo drive sent an emergency message",
+          "The drive saw an error that did not stop it by itself",
+          "Look the emergency code up in the alarm list and remove its cause"),
+    Fault(14, "drive_dropped_out", R.POWER_OFF, 0, "Servo drive left operation by itself",
+          "Safe torque off, main contactor, or a limit inside the drive",
+          "Check the safety relay and the drive's power stage"),
+    Fault(15, "drive_mode_refused", R.QUICK_STOP, 0, "Servo drive did not take the mode of operation",
+          "Mode not supported or switched by another master",
+          "Check object 0x6502 of the drive and that no other tool is connected to it"),
+    Fault(16, "drive_internal_limit", R.UNLOAD, 0, "Servo drive is at an internal limit",
+          "Torque or speed limit in the drive is active: it cannot follow the ramp",
+          "Compare the recipe's peak torque with 0x6072 and 0x6080 of the drive"),
+    Fault(17, "drive_enable_timeout", R.POWER_OFF, 0, "Servo drive could not be enabled",
+          "Drive not ready: supply, safe torque off, or a pending fault",
+          "Check main power and the safety relay, then start again"),
+    Fault(18, "homing_failed", R.QUICK_STOP, 0, "Reference not found",
+          "The drive refused or did not finish homing",
+          "Check the homing method of the drive and its encoder"),
+    # --- limits
+    Fault(19, "torque_out_trip", R.QUICK_STOP, 0, "Output torque above its trip limit",
+          "Overshoot, wrong torque ratio, or a jammed unit",
+          "Inspect the unit; compare the limit with the peak torque of the recipe"),
+    Fault(20, "torque_in_trip", R.QUICK_STOP, 0, "Input torque above its trip limit",
+          "Unit turns too heavily, or is jammed",
+          "Inspect the unit: lubricant, preload, assembly"),
+    Fault(21, "torque_out_alarm", R.HOLD, 2, "Output torque above its alarm limit",
+          "Overshoot of a ramp, or an alarm limit too close to the peak torque",
+          "Check the ramp rate and the alarm limit of the recipe"),
+    Fault(22, "overspeed", R.QUICK_STOP, 2, "Loaded shaft turns too fast",
+          "Lock open or slipping, coupling broken, or unit turns freely",
+          "Check lock, couplings and unit"),
+    Fault(23, "over_travel", R.QUICK_STOP, 0, "Loaded shaft turned too far",
+          "Lock slipping, coupling broken, a broken unit, or an angle sensor that jumps or counts backwards",
+          "Check lock, couplings, unit and angle sensor; 'lostmotion recover' counts angles anew for the way back"),
+    Fault(24, "lock_slip", R.UNLOAD, 2, "Lock slipped: the locked shaft turned",
+          "Lock brake too weak, worn or oily; clamping bolts loose",
+          "Check the lock's clamping and the brake current before anything is measured on this bench"),
+    Fault(25, "brake_current_lost", R.UNLOAD, 2, "Lock brake lost its current",
+          "Brake supply switched off, wire broken, or supply limited",
+          "Check the brake supply and its wiring"),
+    Fault(26, "housing_temperature", R.UNLOAD, 10, "Unit's housing too warm",
+          "Unit came warm from the line, or fatigue cycles heated it",
+          "Let it cool down; results depend on temperature"),
+    Fault(27, "missed_periods", R.UNLOAD, 0, "Controller was held up for too long",
+          "The computer did not give the controller its time",
+          "Run the timing check of this computer; close other programs"),
+    # --- plausibility
+    Fault(28, "sensor_not_a_number", R.QUICK_STOP, 0, "A measured value is not a number",
+          "Amplifier without sensor, broken cable, or wrong register map",
+          "Check sensor cables and the device profile"),
+    Fault(29, "sensor_saturated", R.QUICK_STOP, 2, "Torque sensor saturated",
+          "Torque beyond the measuring range, or a broken sensor cable",
+          "Check the sensor's zero and the peak torque of the recipe"),
+    Fault(30, "torque_channels_disagree", R.QUICK_STOP, 0, "Input and output torque do not fit together",
+          "A torque sensor is stuck or disconnected, a coupling is broken, the unit is jammed, or the ratio is wrong",
+          "Check torque sensors, couplings and the recipe's ratio; a jammed unit stays wound up: turn it back by hand"),
+    # --- steps that did not end
+    Fault(31, "devices_not_ready", R.POWER_OFF, 0, "Devices did not answer at the start",
+          "A device is off, or its address is wrong",
+          "Switch all devices on and check the bench file's addresses"),
+    Fault(32, "tare_out_of_range", R.POWER_OFF, 0, "Zero of a torque sensor too large",
+          "Unit still wound up, sensor overloaded, or mounted with strain",
+          "Release the unit, check the sensor's zero, then start again"),
+    Fault(33, "tare_unsteady", R.POWER_OFF, 0, "Torque sensor is not steady at rest",
+          "Vibration, a loose cable, or somebody touches the bench",
+          "Wait until the bench is at rest, check cables and shields"),
+    Fault(34, "lock_not_closed", R.POWER_OFF, 0, "Lock brake did not reach its current",
+          "Brake supply limited or wrong, or brake wiring open",
+          "Check the brake supply's limit and wiring"),
+    Fault(35, "lock_unproven", R.UNLOAD, 0, "Lock not proven: the proof torque was not reached",
+          "Lock open or slipping, coupling missing, or no unit on the bench",
+          "Check that a unit is mounted, coupled and clamped"),
+    Fault(36, "target_not_reached", R.UNLOAD, 0, "Ramp did not reach its torque in time",
+          "Unit slips, ramp too slow, or an alarm held the ramp",
+          "Check the ramp's torque, rate and time limit in the recipe"),
+    Fault(37, "calibration_failed", R.UNLOAD, 0, "Torque ratio could not be determined",
+          "Too few points or no linear relation between input and output torque",
+          "Check both torque sensors, then calibrate again"),
+    Fault(38, "unload_failed", R.QUICK_STOP, 0, "Torque could not be brought to zero",
+          "Drive cannot move the shaft back, or the torque sensor lost its zero",
+          "Energy may be stored in the unit: release it by hand with the tool for it"),
+    Fault(39, "sample_late", R.HOLD, 0, "Torque and angle samples are late",
+          "The measuring amplifier answered late",
+          "Nothing to do if it stays rare; otherwise check the network"),
+    Fault(40, "brake_stays_closed", R.POWER_OFF, 0, "Lock brake did not open, or was closed before the start",
+          "Brake supply does not switch off, or was left on by hand",
+          "Switch the brake supply off, check that no torque is stored in the unit"),
+    Fault(41, "sample_not_ready", R.QUICK_STOP, 0, "Measuring amplifier says that its samples are not ready",
+          "Amplifier in start-up, in calibration, or a sensor channel off",
+          "Check the amplifier's display and sensor channels"),
+    Fault(42, "drive_not_following", R.QUICK_STOP, 0, "Servo drive does not follow its set-point",
+          "The drive ignores the cyclic set-points although it is enabled",
+          "Check the drive's mode, its PDO mapping and that no other master sends set-points"),
+    Fault(43, "angle_channels_disagree", R.QUICK_STOP, 0, "Drive and angle sensor of the loaded shaft do not fit",
+          "Angle sensor stuck, drifting or slipping on its shaft, broken coupling, or wrong gear_ratio in the bench",
+          "Check the angle sensor, its mounting and the couplings; compare the bench's gear_ratio with the type plate"),
+)
+
+# fmt: on
+
+FAULT_BY_ID: dict[str, Fault] = {fault.id: fault for fault in FAULTS}
+FAULT_BY_NUMBER: dict[int, Fault] = {fault.number: fault for fault in FAULTS}
+
+
+def bit_of(fault_id: str) -> int:
+    """Return the bit of a fault in a mask of alarms; `KeyError` for one that is not in the table."""
+    return 1 << FAULT_BY_ID[fault_id].number
+
+
+def cause_among(alarms: int) -> Fault:
+    """Return the fault that counts as the cause of those raised together: the most severe, of equals the lowest number.
+
+    `alarms` is a bit mask, bit n for fault number n, with at least one fault of the table; else ValueError.
+    """
+    raised = (fault for fault in FAULTS if alarms >> fault.number & 1)
+    return max(raised, key=lambda fault: (fault.reaction, -fault.number))

@@ -1,0 +1,321 @@
+"""Metrics: what each word means. A row is a definition; the same loop gives other numbers by another row.
+
+T is the torque at the output, T_r the reference torque, f(T) the forward branch (torque rising), r(T) the return branch
+(torque falling), m(T) = (f + r) / 2 their mean, and F(T) the mean as fitted.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Literal, NamedTuple
+
+from definitions.units import ARCMINUTES, ARCSECONDS, LOSS, NUMBER, STIFFNESS, TORQUE, Kind
+
+
+class Grade(NamedTuple):
+    """Row of `GRADES`: number, the largest backlash that it takes [arcmin], and what it means."""
+
+    grade: int
+    most_arcmin: float
+    text: str
+
+
+GRADES: tuple[Grade, ...] = (
+    Grade(1, 1.0, "precision grade 1: backlash up to 1 arcmin"),
+    Grade(2, float("inf"), "not grade 1: backlash above 1 arcmin; the source defines no other grade"),
+)
+"""Grades, best first. Source: "stiffness characterization", 3.2."""
+
+GRADED = {
+    "width_zero": "backlash_width_zero",
+    "width_3pct": "backlash_width_3pct",
+    "branches": "backlash_branches_3pct",
+    "lost_motion": "lost_motion",
+}
+"""Backlash that a grade is read off, by the variant of the metric; the first one unless another is chosen."""
+
+
+class Fit(NamedTuple):
+    """Row of `FITS`: name in a result, what it does, where it comes from."""
+
+    name: str
+    text: str
+    source: str
+
+
+FITS: dict[str, Fit] = {
+    "six_segment": Fit(
+        "six-segment fit",
+        "linear to the break torque (±90 N·m for 412 N·m unless the recipe gives one), quadratic beyond; the middle is "
+        "shifted by the mean gap at its seams",
+        "backlash and stiffness measurement",
+    ),
+    "six_segment_20pct": Fit(
+        "six-segment fit",
+        "as six_segment, with the break torque at 20 % of the reference torque",
+        "inverse loading",
+    ),
+    "three_region": Fit(
+        "three-region fit",
+        "each side quadratic to 20 %, linear to 80 %, quadratic beyond; the regions are not shifted to meet",
+        "inverse loading",
+    ),
+}
+"""Fits that a stiffness curve can be read from; the first one is taken when none is asked for."""
+
+
+class Scale(Enum):
+    """What the usual range of a limit is a multiple of; the value says it in words."""
+
+    OWN = ""
+    """The metric's own unit."""
+    STIFFNESS = "the unit's catalogue stiffness"
+    WINDUP = "the wind-up by the catalogue stiffness"
+    LOSS = "reference torque times the wind-up by the catalogue stiffness"
+    RATIO = "the ratio"
+    RATED_TORQUE = "the rated torque"
+
+
+class Usual(NamedTuple):
+    """Range in which limits of a metric lie, in the scale; and what no unit can be beyond.
+
+    Ranges are wide, a factor of ten about what reducers of robots and indexing tables have: they find a wrong unit or a
+    slipped digit, not a strict limit. Sources: catalogues of Nabtesco, SPINEA and Harmonic Drive (backlash and lost
+    motion below 1 to 3 arcmin, planetary gears up to 10), and the metrics of unit P1 of the virtual bench.
+    """
+
+    least: float
+    most: float
+    of: Scale = Scale.OWN
+    floor: float | None = 0.0
+    """Smallest value there is: a `min` up to it never fails."""
+    ceiling: float | None = None
+    """Largest value there is: a `max` from it on never fails."""
+
+
+class Bad(NamedTuple):
+    """Side on which a unit is bad, and what a value that is too low and one that is too high mean."""
+
+    side: Literal["low", "high"]
+    too_low: str
+    too_high: str
+
+
+LOOSE = Bad("high", "the unit has less play than allowed: it may be tight", "the unit has more play than allowed")
+SOFT = Bad("low", "the unit is softer than allowed", "the unit is stiffer than allowed: bound, preloaded or jammed")
+
+PLAY = Usual(0.01, 15.0)
+CATALOGUE = Usual(0.1, 3.0, Scale.STIFFNESS)
+
+BOTH = ("both",)
+SIDED = ("+", "-")
+WIDTH = ("width",)
+MEAN = ("mean",)
+LOAD = ("load",)
+BRANCHES = ("load", "unload", "mean")
+CURVES = ("mean", "load", "unload")
+"""Branches of a fitted curve."""
+
+TWO_SYSTEMS = "inverse loading; backlash and stiffness measurement"
+
+
+class Metric(NamedTuple):
+    """One metric. Of choices, the first one is taken unless another is asked for."""
+
+    id: str
+    symbol: str
+    title: str
+    """What people read first."""
+    kind: Kind
+    text: str
+    """The definition."""
+    source: str
+    bad: Bad
+    usual: Usual
+    sides: tuple[str, ...] = BOTH
+    """Sides that have a value of their own; `both` for one of the whole loop."""
+    branches: tuple[str, ...] = MEAN
+    estimator: str = "interpolation"
+    variants: tuple[str, ...] = ()
+    fits: tuple[str, ...] = ()
+    """Fitted curves that it can be read from; none for a metric read off the branches."""
+    band: float | None = None
+    """Torque where it is read on both sides, as a fraction of the reference torque."""
+    torque: float | None = None
+    """Torque where it is read on one side, as a fraction of the reference torque."""
+    free: tuple[str, ...] = ()
+    """Of `band` and `torque`, what may be chosen; the rest is part of the definition."""
+    reach: float = 0.0
+    """Torque that the cycles must reach, as a fraction of the reference torque."""
+    calibration: bool = False
+    """It comes from the torque ratio, not from the loop: the state calibrate measures it."""
+    graded: bool = False
+    """The estimate is a backlash [arcmin], and the value is its grade."""
+    magnitude: bool = False
+    """The estimate has a sign, and the value is the magnitude of its mean over the cycles."""
+    segmented: bool = False
+    """The break torques T1 and T2 are part of what is read."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of value and limits; `1` for a plain number."""
+        return self.kind.shown
+
+
+def _segment(number: int, torques: str) -> Metric:
+    return Metric(
+        f"k{number}", f"K{number}", f"Stiffness K{number} ({torques})", STIFFNESS,
+        f"stiffness {torques}, of three straight lines that meet at the break torques T1 and T2 (20 % and 70 % of the "
+        "reference torque unless given), on the chosen branch",
+        "Harmonic Drive", SOFT, CATALOGUE,
+        sides=SIDED, branches=BRANCHES, estimator="three-segment fit", variants=("fitted", "chord"), reach=1.0,
+        segmented=True,
+    )  # fmt: skip
+
+
+_ROWS = (
+    Metric(
+        "backlash_width_3pct", "B3", "Backlash (loop width at ±3 % T_r)", ARCMINUTES,
+        "loop width at ±3 % of the reference torque: |f(T) − r(T)|, each side for itself",
+        TWO_SYSTEMS, LOOSE, PLAY,
+        sides=SIDED, branches=WIDTH, band=0.03, reach=0.03, magnitude=True,
+    ),
+    Metric(
+        "backlash_width_zero", "B0", "Backlash (loop width at zero torque)", ARCMINUTES,
+        "loop width at zero torque: |f(0) − r(0)|",
+        "stiffness characterization; Nabtesco backlash; gear clearance of the standard", LOOSE, PLAY,
+        branches=WIDTH, band=0.0, magnitude=True,
+    ),
+    Metric(
+        "backlash_branches_3pct", "BB3", "Backlash (return branch at +3 % to forward branch at −3 % T_r)", ARCMINUTES,
+        "return branch at +3 % minus forward branch at −3 % of the reference torque: r(+b·T) − f(−b·T); lost motion "
+        "and loop width together",
+        "static testing", LOOSE, PLAY,
+        branches=WIDTH, band=0.03, reach=0.03,
+    ),
+    Metric(
+        "gear_clearance", "j", "Gear clearance (unloading branches at zero torque)", ARCMINUTES,
+        "unloading branches at zero torque: half the distance of r(0) and f(0), and each side from their mean (so both "
+        "sides read half the width), or from the zero of the angle by variant intercept",
+        "static testing", LOOSE, PLAY,
+        sides=(*BOTH, *SIDED), branches=("unload",), variants=("centred", "intercept"),
+    ),
+    Metric(
+        "grade", "G", "Precision grade (of the mean backlash)", NUMBER,
+        "precision grade of the mean backlash: 1 up to 1 arcmin, 2 above (not grade 1); the backlash is the loop width "
+        "at zero torque unless another is chosen",
+        "stiffness characterization",
+        Bad("high", "the grade is better than required", LOOSE.too_high),
+        Usual(1.0, 2.0, floor=GRADES[0].grade, ceiling=GRADES[-1].grade),
+        branches=WIDTH, estimator="table of grades", band=0.03, variants=tuple(GRADED), reach=0.03, graded=True,
+    ),
+    Metric(
+        "lost_motion", "LM", "Lost motion (centreline at ±3 % T_r unless chosen)", ARCMINUTES,
+        "centreline of the loop between plus and minus the band (3 % unless chosen): m(+b·T) − m(−b·T)",
+        "Nabtesco, SPINEA", LOOSE, PLAY,
+        band=0.03, free=("band",), reach=0.03,
+    ),
+    Metric(
+        "stiffness_lsq", "K_lsq", "Stiffness (least squares, 20–80 % T_r)", STIFFNESS,
+        "least squares of wind-up over torque, loading branch, 20–80 % of the reference torque",
+        "static testing; stiffness characterization 4.4", SOFT, CATALOGUE,
+        sides=SIDED, branches=LOAD, estimator="least squares", reach=0.8,
+    ),
+    Metric(
+        "stiffness_two_point", "K_2p", "Stiffness (chord, 20–80 % T_r)", STIFFNESS,
+        "chord of the loading branch between 20 % and 80 % of the reference torque",
+        "stiffness characterization 4.3", SOFT, CATALOGUE,
+        sides=SIDED, branches=LOAD, estimator="chord", reach=0.8,
+    ),
+    Metric(
+        "stiffness_end_point", "K_ep", "Stiffness (end point: chord of the unloading branch)", STIFFNESS,
+        "reference torque over loading branch at that torque minus unloading branch at zero (the unloading chord: it "
+        "reads high)",
+        "stiffness characterization 4.2", SOFT, CATALOGUE,
+        sides=SIDED, branches=LOAD, estimator="chord", reach=1.0,
+    ),
+    Metric(
+        "stiffness_estimate", "K_est", "Stiffness (chord, 0–100 % T_r)", STIFFNESS,
+        "chord of the whole loading branch, from zero to the reference torque; the slope as read by eye",
+        "stiffness characterization 4.1", SOFT, CATALOGUE,
+        sides=SIDED, branches=LOAD, estimator="chord", reach=1.0,
+    ),
+    Metric(
+        "stiffness_50_100", "K_50", "Stiffness (secant, 50–100 % T_r)", STIFFNESS,
+        "secant between 50 % and 100 % of the reference torque on the chosen branch",
+        "Nabtesco, general practice", SOFT, CATALOGUE,
+        sides=SIDED, branches=BRANCHES, estimator="secant", reach=1.0,
+    ),
+    Metric(
+        "stiffness_at", "K(T)", "Stiffness (slope of the fitted curve at a torque)", STIFFNESS,
+        "1 / F′(T) of the fitted mean curve, or of a branch's own, at the chosen torque (50 % of the reference torque "
+        "unless chosen)",
+        "inverse loading", SOFT, CATALOGUE,
+        sides=SIDED, branches=CURVES, estimator="slope", torque=0.5, free=("torque",), fits=tuple(FITS), reach=0.5,
+    ),
+    Metric(
+        "spring_constant", "K_s", "Spring constant (10 N·m of the fitted curve at T_r)", STIFFNESS,
+        "ΔT / ΔF over 10 N·m of the fitted mean curve, or of a branch's own, ending at the reference torque (centred "
+        "on it or starting from it by variant)",
+        TWO_SYSTEMS, SOFT, CATALOGUE,
+        sides=SIDED, branches=CURVES, estimator="chord", variants=("ending", "centred", "from", "direct"),
+        fits=tuple(FITS), reach=1.0,
+    ),
+    _segment(1, "from zero to T1"),
+    _segment(2, "from T1 to T2"),
+    _segment(3, "from T2 to the reference torque"),
+    Metric(
+        "hysteresis_energy", "W", "Hysteresis loss (area of the loop)", LOSS,
+        "area of the loop between its turning points: energy lost per cycle",
+        "stiffness characterization",
+        Bad("high", "less energy is lost than expected", "more energy is lost in friction than allowed"),
+        Usual(0.003, 1.0, Scale.LOSS),
+        branches=WIDTH, estimator="trapezoid",
+    ),
+    Metric(
+        "hysteresis_angle", "H", "Hysteresis (loop width at 50 % T_r unless chosen)", ARCSECONDS,
+        "loop width within one side at the chosen torque (50 % of the reference torque unless chosen): |f(T) − r(T)|",
+        "stiffness characterization",
+        Bad("high", "less hysteresis than expected", "more hysteresis than allowed: friction"),
+        Usual(1.0, 900.0),
+        sides=SIDED, branches=WIDTH, torque=0.5, free=("torque",), reach=0.5, magnitude=True,
+    ),
+    Metric(
+        "windup", "Δφ", "Wind-up (−T_r to +T_r)", ARCMINUTES,
+        "F(+T) − F(−T) of the fitted mean curve at the reference torque",
+        "all",
+        Bad("high", "the unit winds up less than allowed", "the unit winds up more than allowed"),
+        Usual(0.3, 10.0, Scale.WINDUP),
+        estimator="difference", variants=("fitted", "direct"), fits=tuple(FITS), reach=1.0,
+    ),
+    Metric(
+        "asymmetry_at_rated", "A", "Asymmetry of the sides at T_r", ARCSECONDS,
+        "half the difference in wind-up of the two sides at the reference torque: |m(+T) + m(−T) − 2 m(0)| / 2; not "
+        "the transmission error, which needs rotation",
+        "static testing, there called transmission accuracy",
+        Bad("high", "the two sides differ less than expected", "one side winds up more than the other"),
+        Usual(1.0, 600.0),
+        reach=1.0, magnitude=True,
+    ),
+    Metric(
+        "torque_ratio_slope", "m", "Torque ratio, slope (loading)", NUMBER,
+        "slope m of T_out = C + m·T_in, loading, each side for itself",
+        TWO_SYSTEMS,
+        Bad("low", "the output torque is too low: friction that grows with load",
+            "the output torque is too high for the ratio: check ratio and sensors"),
+        Usual(0.5, 1.02, Scale.RATIO),
+        sides=SIDED, branches=LOAD, estimator="least squares", calibration=True,
+    ),
+    Metric(
+        "torque_ratio_offset", "C", "Torque ratio, offset (loading)", TORQUE,
+        "offset C of T_out = C + m·T_in, loading, negative side mirrored: friction of the input side as output torque",
+        TWO_SYSTEMS,
+        Bad("low", "the input side has more friction than allowed: the unit is tight",
+            "the input side has less friction than expected"),
+        Usual(-0.3, 0.0, Scale.RATED_TORQUE, floor=None),
+        sides=SIDED, branches=LOAD, estimator="least squares", calibration=True,
+    ),
+)  # fmt: skip
+
+METRICS: dict[str, Metric] = {row.id: row for row in _ROWS}
+"""All metrics by id."""

@@ -1,0 +1,171 @@
+"""The program: a recipe on a bench, turned into what the controller steps through. Plain numbers, times in scans.
+
+A program is a list of segments. Each belongs to one state, and the state machine moves when the next segment's state
+differs. Segment indices are recorded with every sample, so that the analysis takes turning points from the command and
+never from the sign of a noisy difference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from definitions.image import State
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One piece of the load profile.
+
+    A ramp goes from `start_nm` to `target_nm` (controlled torque) at `rate_nm_s`, or, when `speed_rad_s` is not 0, at
+    that constant speed of the loaded shaft. A segment with rate and speed 0 is a dwell of `dwell_scans` at `target_nm`.
+    `role` is one of `ROLES`, `direction` +1 rising, -1 falling, 0 dwell; `cycle` counts from 1 inside a block.
+    """
+
+    index: int
+    state: State
+    role: str
+    direction: int
+    cycle: int
+    block: int
+    start_nm: float
+    target_nm: float
+    rate_nm_s: float
+    speed_rad_s: float
+    acceleration_rad_s2: float
+    dwell_scans: int
+    limit_scans: int
+    planned_scans: int
+
+
+ROLES: dict[str, str] = {
+    "none": "before the first and after the last segment",
+    "proof": "small torque that proves the lock",
+    "calibrate": "input torque against output torque, both directions, up and down",
+    "virgin": "first rise from zero; never evaluated",
+    "approach": "way from one block's peak to the next; never evaluated",
+    "measure": "branch that is evaluated",
+    "fatigue": "load cycle that conditions the unit; not evaluated",
+    "dwell": "rest at a turning point",
+    "unload": "torque to zero",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Interlock limits in SI units; ages and times in scans. `inf` only where a sensor is absent.
+
+    `angle_agreement_rad` and `coupling_rad_per_nm` are at the loaded shaft: how far drive and angle sensor may differ
+    at rest, and what the coupling between them adds to that under torque.
+    """
+
+    torque_out_alarm_nm: float
+    torque_out_trip_nm: float
+    torque_in_trip_nm: float
+    speed_rad_s: float
+    travel_rad: float
+    lock_slip_rad: float
+    lock_proof_motion_rad: float
+    housing_temperature_c: float
+    sample_late_scans: int
+    sample_stale_scans: int
+    drive_stale_scans: int
+    heartbeat_scans: int
+    io_stale_scans: int
+    brake_stale_scans: int
+    missed_in_a_row: int
+    internal_limit_scans: int
+    torque_agreement_nm: float
+    torque_agreement_ratio: float
+    angle_agreement_rad: float
+    angle_lag_scans: float
+    coupling_rad_per_nm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tare:
+    """How the zeroes are taken: number of fresh samples, largest zero and largest spread accepted."""
+
+    samples: int
+    torque_in_zero_nm: float
+    torque_out_zero_nm: float
+    torque_in_spread_nm: float
+    torque_out_spread_nm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Lock:
+    """The lock brake: current that holds, tolerance on it, time to settle, and the longest time to get there."""
+
+    current_a: float
+    tolerance_a: float
+    settle_scans: int
+    limit_scans: int
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueControl:
+    """How ramps by torque are followed.
+
+    `controlled_from_input`: the controlled torque is `slope * T_in` instead of the output sensor's. `slope` is the
+    output torque per drive torque (loading line), `offset_nm` its intercept. `gain_per_s` is the integral gain,
+    `window_nm` how far the reference may run ahead, `tolerance_nm` when a target counts as reached,
+    `rate_acceleration_s` the time in which a ramp gets to its full rate, `slew_nm_s` the largest rate of the drive's
+    torque and `torque_limit_nm` the largest drive torque (both at the loaded shaft).
+    """
+
+    controlled_from_input: bool
+    measure_ratio: bool
+    slope: float
+    offset_nm: float
+    gain_per_s: float
+    window_nm: float
+    tolerance_nm: float
+    rate_acceleration_s: float
+    slew_nm_s: float
+    torque_limit_nm: float
+    stiffness_nm_per_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """Everything that `controller.Controller` needs to know, as plain numbers."""
+
+    name: str
+    period_s: float
+    loading_input: bool
+    ratio: float
+    has_torque_in: bool
+    has_torque_out: bool
+    segments: tuple[Segment, ...]
+    unload_segment: int
+    limits: Limits
+    tare: Tare
+    lock: Lock
+    control: TorqueControl
+    release_torque_nm: float
+    ready_scans: int
+    enable_scans: int
+    homing_scans: int
+    mode_scans: int
+    release_scans: int
+    unload_limit_scans: int
+    settle_scans: int
+
+    @property
+    def planned_scans(self) -> int:
+        """Scans from start to complete if nothing holds the run up."""
+        preparation = self.tare.samples + self.lock.settle_scans + self.settle_scans
+        return preparation + sum(segment.planned_scans for segment in self.segments)
+
+    @property
+    def peak_torque_nm(self) -> float:
+        """Largest commanded torque at the output [N·m], without sign."""
+        return max(abs(segment.target_nm) for segment in self.segments)
+
+    def load_profile(self) -> list[tuple[float, float]]:
+        """Corner points (time in s from the first ramp, output torque in N·m) of the commanded load."""
+        time_s, points = 0.0, [(0.0, 0.0)]
+        for segment in self.segments:
+            time_s += segment.planned_scans * self.period_s
+            points.append((time_s, segment.target_nm))
+        return points

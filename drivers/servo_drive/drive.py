@@ -1,0 +1,250 @@
+"""The servo drive inside the scan: process data, heartbeat and emergency messages, by struct and by hand.
+
+`poll` drains what has arrived, `send` sends set-points, SYNC and our heartbeat once each. Nothing waits, nothing
+raises: a frame of the wrong length is counted and its value keeps ageing, a set-point that does not fit its object is
+clamped, counted, and shows as an internal limit in the next image.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from operator import attrgetter
+from typing import NamedTuple
+
+from definitions.image import AGE_NEVER, DriveCommand, DriveMode, DriveState, NmtState, Orders
+from drivers.can.bus import CanLink
+from drivers.can.wires import Frame
+from drivers.config import DriveConfig
+from drivers.profile import ReceivePdo
+from drivers.servo_drive.cia402 import control_word, decode_state
+from drivers.servo_drive.data_types import picker, to_integer
+from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, PdoCodec, rpdo_cob_id, tpdo_cob_id
+from drivers.servo_drive.units import drive_units
+
+FRAMES_PER_POLL = 64
+"""A babbling bus must not hold a scan; what is left is drained in the next one, and data count as old until then."""
+
+FRAMES_AFTER_GAP = 512
+"""After missed periods the queue is long and the scan is late anyway: drain to the newest frames at once."""
+
+VELOCITY_SCANS_AFTER_CSV = 10
+"""Zero velocity is sent this long after the velocity mode was left, so that no old set-point waits in the drive."""
+
+SILENT_AFTER_SCANS = 50
+"""Age of the process data from which on a drive that is to be off gets no set-points any more.
+
+Whether it obeyed cannot be seen, and one that misses SYNC never does, for it waits with what it was sent. Without
+set-points its own time-out (0x1400:5, read back before the scan) takes the torque away.
+"""
+
+SCAN_VALUES = (
+    "statusword",
+    "mode_display",
+    "actual_torque",
+    "actual_position",
+    "actual_velocity",
+    "error_register",
+)
+"""What every scan looks at."""
+
+# Asked in every scan: a member looked up by its class costs twenty times as much.
+_DISABLE_VOLTAGE, _FAULT_RESET = DriveCommand.DISABLE_VOLTAGE, DriveCommand.FAULT_RESET
+_VELOCITY = DriveMode.CYCLIC_SYNC_VELOCITY
+_SCAN_OF = attrgetter("scan")
+_EMCY_BYTES = 8
+_FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
+
+
+class Emergency(NamedTuple):
+    """One emergency message as received."""
+
+    scan: int
+    code: int
+    error_register: int
+    vendor: bytes
+
+
+class _Receiver:
+    """One transmit PDO of the drive: where its values go in `CanDrive._numbers`, and the scan they came in."""
+
+    __slots__ = ("places", "scan", "size", "unpack")
+
+    def __init__(self, codec: PdoCodec, first: int) -> None:
+        self.size, self.unpack = codec.size, codec.unpack
+        self.places = slice(first, first + len(codec.names))
+        self.scan = -1
+
+
+class _Sender:
+    """One receive PDO of the drive: its identifier, its codec, and which set-points it takes."""
+
+    __slots__ = ("cob_id", "only_velocity", "pack", "picked")
+
+    def __init__(self, pdo: ReceivePdo, node_id: int, names: tuple[str, ...]) -> None:
+        codec = PdoCodec(pdo.objects)
+        self.pack = codec.pack
+        self.cob_id = rpdo_cob_id(pdo.number, node_id)
+        self.picked = picker([names.index(name) for name in codec.names])
+        self.only_velocity = codec.names == ("target_velocity",)
+
+
+class CanDrive:
+    """The drive as the scan sees it. Attributes hold what was last received, in the drive's own numbers."""
+
+    def __init__(self, link: CanLink, config: DriveConfig, heartbeat_scans: int) -> None:
+        """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats."""
+        self.link = link
+        self.units = drive_units(config)
+        self.nmt_state = int(NmtState.NEVER_HEARD)
+        self.emcy_code = 0
+        self.emergencies: deque[Emergency] = deque(maxlen=32)
+        self.frames_malformed = 0
+        self.frames_foreign = 0
+        self.setpoints_clamped = 0
+        self.setpoint_is_clamped = False
+        self._polls_with_frames_left = 0
+        self._emcy_withdrawn = False
+        self._reset_asked = False
+        self._heartbeat_scan = -1
+        self._heartbeat_sent_scan = -heartbeat_scans
+        self._heartbeat_scans = heartbeat_scans
+        self._velocity_scans_left = 0
+        self._mode = self._mode_number = 0
+        self._mode_clamped = False
+        self._receivers: dict[int, _Receiver] = {}
+        self._places: dict[str, int] = {}
+        count = 0
+        for pdo in config.profile.transmit_pdos:
+            codec = PdoCodec(pdo.objects)
+            self._receivers[tpdo_cob_id(pdo.number, config.node_id)] = _Receiver(codec, count)
+            self._places |= {name: count + position for position, name in enumerate(codec.names)}
+            count += len(codec.names)
+        self._all_receivers = tuple(self._receivers.values())
+        self._process_data_scan = -1
+        """Scan in which the oldest of the process data came; -1 while one of them has never come."""
+        self._unmapped, self._emcy_register = count, count + 1
+        self._places.setdefault("error_register", self._emcy_register)
+        self._numbers = [0] * (count + 2)
+        """Last received numbers of the mapped objects, a zero, and the error register of the last emergency message."""
+        self._picked = picker([self._places.get(name, self._unmapped) for name in SCAN_VALUES])
+        names = ("controlword", "mode", "target_torque", "target_velocity")
+        self._senders = tuple(_Sender(pdo, config.node_id, names) for pdo in config.profile.receive_pdos)
+        self._heartbeat_cob_id = HEARTBEAT_BASE + config.node_id
+        self._emcy_cob_id = EMCY_BASE + config.node_id
+        self._sync: Frame = (SYNC_COB_ID, b"")
+        self._heartbeat: Frame = (HEARTBEAT_BASE + config.controller_node_id, bytes((NmtState.OPERATIONAL,)))
+
+    def poll(self, scan: int, missed_periods: int = 0) -> None:
+        """Take everything that has arrived for scan number `scan`, which comes `missed_periods` late."""
+        if self._emcy_withdrawn:  # an emergency and its reset in one scan: the emergency was seen for that scan
+            self._emcy_withdrawn = False
+            self.emcy_code = 0
+        link, receivers, numbers = self.link, self._receivers, self._numbers
+        frames = link.take(FRAMES_AFTER_GAP if missed_periods else FRAMES_PER_POLL)
+        for cob_id, data in frames:
+            receiver = receivers.get(cob_id)
+            if receiver is None:
+                self._take_other(cob_id, data, scan)
+            elif len(data) == receiver.size:
+                numbers[receiver.places] = receiver.unpack(data)
+                receiver.scan = scan
+            else:
+                self.frames_malformed += 1
+        if frames:
+            self._process_data_scan = min(map(_SCAN_OF, self._all_receivers))
+        self._polls_with_frames_left = self._polls_with_frames_left + 1 if link.frames_wait else 0
+        if self._reset_asked and self.age_scans(scan) == 0:
+            self._after_reset()
+
+    def _take_other(self, cob_id: int, data: bytes, scan: int) -> None:
+        """Take a frame that is no process data."""
+        if cob_id == self._heartbeat_cob_id:
+            if len(data) == 1:
+                self.nmt_state = data[0] & 0x7F
+                self._heartbeat_scan = scan
+            else:
+                self.frames_malformed += 1
+        elif cob_id == self._emcy_cob_id:
+            self._take_emergency(data, scan)
+        else:
+            self.frames_foreign += 1
+
+    def _take_emergency(self, data: bytes, scan: int) -> None:
+        if len(data) != _EMCY_BYTES:
+            self.frames_malformed += 1
+            return
+        code = data[0] | data[1] << 8
+        self._numbers[self._emcy_register] = data[2]
+        self.emergencies.append(Emergency(scan, code, data[2], data[3:]))
+        if code:
+            self.emcy_code = code
+            self._emcy_withdrawn = False
+        elif self.emergencies_in(scan):
+            self._emcy_withdrawn = True
+        else:
+            self.emcy_code = 0
+
+    def emergencies_in(self, scan: int) -> int:
+        """Count the emergencies with a code that came in scan number `scan`."""
+        return sum(1 for emergency in self.emergencies if emergency.scan == scan and emergency.code)
+
+    def _after_reset(self) -> None:
+        # Some drives never send the "error reset" message: leaving the fault state after our reset says the same.
+        if decode_state(self.value("statusword")) not in _FAULTED:
+            self._reset_asked = False
+            self.emcy_code = 0
+
+    def value(self, name: str) -> int:
+        """Return the last received number of a mapped object; 0 before the first and for an unmapped one.
+
+        The error register 0x1001 comes from process data where it is mapped, else from the last emergency message.
+        """
+        return self._numbers[self._places.get(name, self._unmapped)]
+
+    def scan_values(self) -> tuple[int, ...]:
+        """Return the values of `SCAN_VALUES`, in their order."""
+        return self._picked(self._numbers)
+
+    def age_scans(self, scan: int) -> int:
+        """Age of the oldest process data at scan number `scan`; frames left in the queue make it older."""
+        came = self._process_data_scan
+        age = scan - came + self._polls_with_frames_left
+        return age if came >= 0 and age < AGE_NEVER else AGE_NEVER
+
+    def heartbeat_age_scans(self, scan: int) -> int:
+        """Age of the last heartbeat at scan number `scan`."""
+        came = self._heartbeat_scan
+        age = scan - came + self._polls_with_frames_left
+        return age if came >= 0 and age < AGE_NEVER else AGE_NEVER
+
+    def send(self, orders: Orders, scan: int) -> None:
+        """Send the set-points of one scan (see `SILENT_AFTER_SCANS`), then SYNC, then our heartbeat when it is due."""
+        command, mode = orders.drive_command, orders.drive_mode
+        torque, torque_clamped = to_integer(orders.drive_target_torque_nm / self.units.torque_nm_per_count, "i16")
+        velocity, velocity_clamped = 0, False
+        if mode == _VELOCITY:
+            counts = orders.drive_target_velocity_rad_s / self.units.velocity_rad_s_per_count
+            velocity, velocity_clamped = to_integer(counts, "i32")
+            self._velocity_scans_left = VELOCITY_SCANS_AFTER_CSV
+        if mode != self._mode:
+            self._mode = mode
+            self._mode_number, self._mode_clamped = to_integer(mode, "i8")
+        self.setpoint_is_clamped = torque_clamped or velocity_clamped or self._mode_clamped
+        if self.setpoint_is_clamped:
+            self.setpoints_clamped += 1
+        if command == _FAULT_RESET:
+            self._reset_asked = True
+        numbers = (control_word(command), self._mode_number, torque, velocity)
+        frames: list[Frame] = []
+        silent = command == _DISABLE_VOLTAGE and SILENT_AFTER_SCANS <= self.age_scans(scan) < AGE_NEVER
+        for sender in () if silent else self._senders:
+            if sender.only_velocity and not self._velocity_scans_left:
+                continue
+            frames.append((sender.cob_id, sender.pack(*sender.picked(numbers))))
+        if mode != _VELOCITY and self._velocity_scans_left:
+            self._velocity_scans_left -= 1
+        frames.append(self._sync)
+        if scan - self._heartbeat_sent_scan >= self._heartbeat_scans:
+            self._heartbeat_sent_scan = scan
+            frames.append(self._heartbeat)
+        self.link.send_frames(frames)

@@ -1,0 +1,199 @@
+"""What is written to the drive before it may be armed, as tables: protections, option codes, synchronisation.
+
+A protection is a limit that the drive enforces by itself, also when this program is dead. Vendors' defaults differ
+(0x6007 is 0, "do nothing", on one drive and 1 on another; limits may mean "none"), so nothing is taken as given: every
+row is written and read back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from drivers.config import DriveConfig
+from drivers.servo_drive.data_types import RANGES, IntegerType
+from drivers.servo_drive.pdo import SYNC_COB_ID
+from drivers.servo_drive.units import TORQUE_COUNTS_PER_RATED
+
+ALL_BITS = 0xFFFF_FFFF
+SYNC_BITS = ALL_BITS & ~(1 << 31)
+"""Bit 31 of 0x1005 has no meaning, and drives set it or not; bit 30 would make the drive send SYNC."""
+REQUIRED_MODES = (1 << 5) | (1 << 8) | (1 << 9)
+"""Bits of 0x6502: homing, cyclic synchronous velocity, cyclic synchronous torque (CiA 402-2)."""
+
+HOMING_METHOD_CURRENT_POSITION = 37
+"""Value of 0x6098 that takes the present position as the reference (CiA 402-2); the motor does not move."""
+
+_PROFILE_NEXT = "check that the drive profile belongs to this drive"
+_BENCH_NEXT = "set this value with the drive's own tool, or correct the bench file"
+_HOMING_NEXT = "use a drive that can home without moving, or set its home position with the drive's own tool"
+
+
+class Treatment(Enum):
+    """How a row is treated."""
+
+    CHECK = "check"  # read only, must equal
+    CHECK_BITS = "check bits"  # read only, must have at least these bits
+    WRITE = "write"  # write, and read back at the end
+    STEP = "step"  # write only: a step on the way, such as switching a PDO off before it is mapped
+    WRITE_IF_THERE = "write if there"  # as WRITE, but drives may lack the object
+
+
+@dataclass(frozen=True)
+class SetupRow:
+    """One object of the set-up: where it is, what it must hold, what that means, what to do when it does not."""
+
+    index: int
+    subindex: int
+    type: IntegerType
+    value: int
+    meaning: str
+    treatment: Treatment = Treatment.WRITE
+    next_step: str = _BENCH_NEXT
+    compare_mask: int = ALL_BITS
+
+    @property
+    def fits(self) -> bool:
+        """True when the value is inside the object's type."""
+        low, high = RANGES[self.type]
+        return low <= self.value <= high
+
+    def matches(self, found: int) -> bool:
+        """Tell whether the value read is the one wanted."""
+        if self.treatment is Treatment.CHECK_BITS:
+            return found & self.value == self.value
+        return (found ^ self.value) & self.compare_mask == 0
+
+
+@dataclass(frozen=True)
+class Protection:
+    """One protection: object, type, its value from the bench's data, meaning, whether 0 would switch it off."""
+
+    index: int
+    subindex: int
+    type: IntegerType
+    value: Callable[[DriveConfig], float]
+    meaning: str
+    zero_is_off: bool = True
+
+
+def milliseconds(seconds: float) -> int:
+    """Return a time as objects in milliseconds hold it."""
+    return round(seconds * 1000)
+
+
+def _of_rated(torque_nm: float, config: DriveConfig) -> float:
+    return TORQUE_COUNTS_PER_RATED * torque_nm / config.rated_torque_nm
+
+
+PROTECTIONS: tuple[Protection, ...] = (
+    Protection(
+        0x1016,
+        1,
+        "u32",
+        lambda c: c.controller_node_id << 16 | milliseconds(c.controller_heartbeat_timeout_s),
+        "heartbeat of the controller that the drive supervises (node << 16 | ms)",
+    ),
+    Protection(0x1017, 0, "u16", lambda c: milliseconds(c.drive_heartbeat_s), "heartbeat of the drive (ms)"),
+    Protection(
+        0x6007, 0, "i16", lambda c: c.abort_connection_option, "reaction to a lost controller (abort connection option)"
+    ),
+    Protection(0x605A, 0, "i16", lambda c: c.quick_stop_option, "quick stop option code", zero_is_off=False),
+    Protection(0x605E, 0, "i16", lambda c: c.fault_reaction_option, "fault reaction option code", zero_is_off=False),
+    Protection(0x6072, 0, "u16", lambda c: _of_rated(c.max_torque_nm, c), "largest torque (0.1 % of rated torque)"),
+    Protection(0x6080, 0, "u32", lambda c: c.max_speed_rad_s * 60 / (2 * math.pi), "largest motor speed (rpm)"),
+    Protection(
+        0x6087,
+        0,
+        "u32",
+        lambda c: _of_rated(c.torque_slope_nm_s, c),
+        "largest change of torque (0.1 % of rated torque per second)",
+    ),
+)
+"""What the drive itself enforces. Limits are rounded down."""
+
+
+def identity_rows(config: DriveConfig) -> list[SetupRow]:
+    """Rows that tell whether this is the drive of the profile; nothing is written before they fit."""
+    header = config.profile.profile
+    return [
+        SetupRow(0x1018, 1, "u32", header.vendor_id, "vendor id", Treatment.CHECK, _PROFILE_NEXT),
+        SetupRow(0x1018, 2, "u32", header.product_code, "product code", Treatment.CHECK, _PROFILE_NEXT),
+    ]
+
+
+def rating_rows(config: DriveConfig) -> list[SetupRow]:
+    """Rows that are read only: whose SYNC it follows, its abilities, the base of its torque numbers."""
+    rated = round(config.rated_torque_nm * 1000)
+    return [
+        SetupRow(
+            0x1005,
+            0,
+            "u32",
+            SYNC_COB_ID,
+            "COB-ID of SYNC, which the drive receives and does not send",
+            Treatment.CHECK,
+            "set 0x1005 to 0x80 with the drive's own tool",
+            SYNC_BITS,
+        ),
+        SetupRow(0x6502, 0, "u32", REQUIRED_MODES, "supported modes", Treatment.CHECK_BITS, _PROFILE_NEXT),
+        SetupRow(0x6076, 0, "u32", rated, "rated torque of the motor (mN·m)", Treatment.CHECK),
+    ]
+
+
+def protection_rows(config: DriveConfig) -> list[SetupRow]:
+    """Rows of all protections with their values for this bench."""
+    # The small addend keeps 1100.0 from becoming 1099 by the rounding of binary fractions.
+    return [
+        SetupRow(row.index, row.subindex, row.type, math.floor(row.value(config) + 1e-6), row.meaning)
+        for row in PROTECTIONS
+    ]
+
+
+def protections_switched_off(config: DriveConfig) -> list[Protection]:
+    """Protections that this bench's values would switch off: 0; for 0x1016 it is the time alone that counts."""
+    off = []
+    for row in PROTECTIONS:
+        value = math.floor(row.value(config) + 1e-6)
+        if row.zero_is_off and (value & 0xFFFF if row.index == 0x1016 else value) == 0:
+            off.append(row)
+    return off
+
+
+def homing_rows() -> list[SetupRow]:
+    """Rows that make homing set a reference without motion: any other method would turn a shaft whose lock is open."""
+    return [
+        SetupRow(
+            0x6098,
+            0,
+            "i8",
+            HOMING_METHOD_CURRENT_POSITION,
+            "homing method (current position, no motion)",
+            next_step=_HOMING_NEXT,
+        )
+    ]
+
+
+def synchronisation_rows(period_ns: int) -> list[SetupRow]:
+    """Rows that tie the drive to our SYNC; the periods are objects that drives may lack."""
+    optional = Treatment.WRITE_IF_THERE
+    rows = [
+        SetupRow(0x1006, 0, "u32", period_ns // 1000, "period of SYNC (µs)", optional),
+    ]
+    if power := _interpolation_power(period_ns):
+        units = period_ns // 10 ** (9 + power)
+        rows += [
+            SetupRow(0x60C2, 1, "u8", units, "interpolation period", optional),
+            SetupRow(0x60C2, 2, "i8", power, "interpolation period, power of ten seconds", optional),
+        ]
+    return rows
+
+
+def _interpolation_power(period_ns: int) -> int:
+    """Coarsest power of ten seconds that divides the period into 1 to 255 units; 0 when none does."""
+    for power in range(-1, -7, -1):
+        if period_ns % 10 ** (9 + power) == 0 and 1 <= period_ns // 10 ** (9 + power) <= 0xFF:
+            return power
+    return 0

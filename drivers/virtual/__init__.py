@@ -1,1 +1,0 @@
-"""A bench made of software that speaks the wires of a real one: physics, drive, sensors, faults."""

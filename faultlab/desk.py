@@ -1,0 +1,180 @@
+"""The desk of a run with faults over wires: in this process or, where it is to suffer itself, in one of its own."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from faultlab.record import create_record
+from station.bench.assemble_virtual import load_scenario
+from station.bench.request import Job
+from station.bench.virtual_unit import VirtualUnit
+from station.errors import BenchFaultError, StationError
+from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
+from station.records.ring.reader import RingReader
+from station.records.ring.ring import ScanState, StopCause
+from station.records.run_record import RECORDING, SCAN_REPORT, RunRecord, process_birth
+from station.run import children
+from station.run.conclusion import conclude
+from station.run.desk import Desk
+from station.run.ending import Ending
+from station.run.faults.companion import Companion
+from station.run.faults.machine_faults import Traces, deed_of
+from station.run.way_back.recover import recover
+from virtual_bench.faults.scenario import Scenario
+
+EXIT_RECORD_WAITS = 4
+"""What a desk ends with whose disk took no records: they wait in the ring for whoever looks at the run next."""
+
+LOOK_EVERY_S = 0.02
+LONGEST_AFTER_DESK_S = 60.0
+"""Time for a scan process without a desk to unload and end, with much to spare."""
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a run over wires has left: its record, its start, and what became of its scan.
+
+    The start is on the monotonic clock; by the scan clock, which begins with the run, it is 0.
+    """
+
+    record: RunRecord
+    started_ns: int = 0
+    written: int = 0
+    """Records that the scan says it wrote."""
+    died: bool = False
+    """The scan ended without saying so."""
+    refused: str = ""
+    """Why the bench was not opened; nothing has moved."""
+    traces: Traces = field(default_factory=Traces)
+
+
+def needs_desk_of_its_own(scenario: Scenario) -> bool:
+    """Tell whether a scenario has faults of the machine, which must not reach the process that judges."""
+    return any(deed_of(fault) is not None for fault in scenario.faults)
+
+
+def run_here(
+    job: Job,
+    unit: VirtualUnit | None,
+    scenario_path: Path,
+    data: Path,
+    say: Say,
+    *,
+    pacing: Pacing = BY_WALL_CLOCK,
+    begun: Callable[[Path], None] | None = None,
+) -> Left:
+    """Run a scenario with the desk in this process; `begun` is told the folder of the record once it is there.
+
+    A bench behind the gateway lives by its own clock, whatever `pacing` says.
+
+    Raises:
+        StationError: the record cannot be written.
+
+    """
+    scenario = load_scenario(scenario_path)
+    pacing = BY_WALL_CLOCK if unit is None else pacing
+    record = create_record(job, unit, scenario_path, scenario, data, clock=pacing.clock)
+    if begun is not None:
+        begun(record.folder)
+    desk = Desk(job, record, _nothing, say, Companion(scenario, judged=True), gateway=unit is None, pacing=pacing)
+    why_refused = ""
+    try:
+        ending = desk.run(unit, record.folder / "scenario.yaml")
+    except BenchFaultError as error:
+        why_refused = str(error)
+        record.samples.touch()
+        ending = Ending.refused_by(record, error)
+    conclude(record, job, ending)
+    started_ns = 0 if pacing.clock == SCAN else ending.started_ns
+    return Left(record, started_ns, ending.written, bool(ending.trouble), why_refused)
+
+
+def _nothing(_record: bytes) -> None:
+    """Show nothing: nobody watches."""
+
+
+def run_apart(job: Job, unit: VirtualUnit | None, scenario_path: Path, data: Path) -> Left:
+    """Run a scenario with the desk in a process of its own, and conclude the run where that could not.
+
+    Raises:
+        StationError: that process failed for another reason than the scenario's faults.
+
+    """
+    with ExitStack() as cleanup:
+        place = Path(cleanup.enter_context(TemporaryDirectory(prefix="lostmotion-desk-")))
+        sources = {"recipe": str(job.recipe_source.path), "bench": str(job.bench_source.path)}
+        spec = place / "spec.json"
+        plain = None if unit is None else unit.plain()
+        spec.write_text(json.dumps(sources | {"unit": plain, "scenario": str(scenario_path), "data": str(data)}))
+        desk = children.run_module("faultlab.desk_process", spec, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+        cleanup.callback(children.stop, desk, LONGEST_AFTER_DESK_S)
+        folder = _said(desk).get("record")
+        if folder is None:
+            raise StationError(f"the supervisor process of the run failed: exit code {desk.wait()}; see above")
+        record = RunRecord(Path(folder))
+        ring = _follow(desk, record)
+        if ring is not None:
+            cleanup.callback(ring.close)
+        why_refused = _said(desk).get("refused", "")
+        desk.wait()
+        if desk.returncode not in (0, EXIT_RECORD_WAITS, -signal.SIGKILL):
+            raise StationError(f"the supervisor process of the run failed: exit code {desk.returncode}; see above")
+        if ring is not None:
+            _wait_for_end(ring)
+        if record.manifest()["state"] == RECORDING:
+            recover(record)
+        return _left(record, ring, desk, why_refused)
+
+
+def _said(desk: subprocess.Popen[bytes]) -> dict[str, str]:
+    """Wait for the next JSON line of a desk; nothing from one that has ended."""
+    line = b"" if desk.stdout is None else desk.stdout.readline()
+    said: dict[str, str] = json.loads(line) if line else {}
+    return said
+
+
+def _follow(desk: subprocess.Popen[bytes], record: RunRecord) -> RingReader | None:
+    """Return the ring of the run once it is there: what it says was written is what must be found."""
+    while desk.poll() is None:
+        name = record.manifest().get("ring")
+        if name:
+            return RingReader(Path(name))
+        time.sleep(LOOK_EVERY_S)
+    return None
+
+
+def _wait_for_end(ring: RingReader) -> None:
+    """Wait until a scan process that has lost its desk has ended."""
+    until = time.monotonic() + LONGEST_AFTER_DESK_S
+    while ring.pid and process_birth(ring.pid):
+        if time.monotonic() > until:
+            raise StationError(f"the scan process {ring.pid} continues without its supervisor process: end it by hand")
+        time.sleep(LOOK_EVERY_S)
+
+
+def _left(record: RunRecord, ring: RingReader | None, desk: subprocess.Popen[bytes], why_refused: str) -> Left:
+    timing = record.read_json("result.json")["timing"]
+    report = record.folder / SCAN_REPORT
+    finished = report.exists() and json.loads(report.read_bytes()).get("state") != "running"
+    died = ring is not None and ring.written > 0 and not finished and ring.state is not ScanState.FINISHED
+    traces = Traces(
+        scan_died=died,
+        desk_killed=desk.returncode == -signal.SIGKILL,
+        disk_refused=ring is not None and ring.stop_cause is StopCause.DISK,
+        clock_jumped_s=float(timing.get("wall_clock_jumped_s", 0.0)),
+        missed=int(timing["missed"]),
+        period_ms=int(timing["period_ns"]) * 1e-6,
+    )
+    if ring is None:
+        return Left(record, refused=why_refused, traces=traces)
+    return Left(record, ring.started_ns, ring.written, died, why_refused, traces)

@@ -1,0 +1,41 @@
+"""Records of runs with faults: kept like those of measurements, so that `show`, `list` and `replay` find them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from faultlab.run import FaultRun
+from station.bench.request import Job, Source
+from station.bench.virtual_unit import VirtualUnit
+from station.records.clocks import VIRTUAL
+from station.records.run_record import RunRecord
+from station.records.samples.scan_record import pack
+from station.run.conclusion import conclude
+from station.run.ending import Ending
+from station.run.new_record import Wanted, new_record
+from virtual_bench.faults.scenario import Scenario
+
+
+def create_record(
+    job: Job, unit: VirtualUnit | None, scenario_path: Path, scenario: Scenario, data: Path, *, clock: str
+) -> RunRecord:
+    """Create the record of a run with faults; its serial number names the scenario, a note says what it was.
+
+    Raises:
+        RecordError: the folder cannot be written.
+
+    """
+    name = scenario.scenario.name
+    wanted = Wanted(f"fault {name}", unit, Source.read(scenario_path), None, clock)
+    return new_record(data, job, wanted, notes=[f"faults were injected: {name}"])
+
+
+def keep(job: Job, unit: VirtualUnit, scenario_path: Path, scenario: Scenario, *, run: FaultRun, data: Path) -> Path:
+    """Keep a run of virtual time below `data` and return its folder."""
+    record = create_record(job, unit, scenario_path, scenario, data, clock=VIRTUAL)
+    scans = zip(run.scans, run.images, run.orders, strict=True)
+    with record.samples.open("wb") as stream:
+        for sequence, (scan, image, orders) in enumerate(scans):
+            stream.write(pack((sequence, scan, 0, 0), image, orders))
+    conclude(record, job, Ending(written=len(run.scans)))
+    return record.folder

@@ -1,0 +1,1 @@
+"""Checks of a recipe against itself and against its bench."""

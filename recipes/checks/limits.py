@@ -1,0 +1,93 @@
+"""Limits of the metrics against what they are for: one that never fails is refused, an implausible one is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from definitions.metrics import METRICS, Metric, Scale
+from recipes.checks.expectations import Finding
+from recipes.schema.bench_schema import Bench
+from recipes.schema.metric_schema import MetricWanted
+from recipes.schema.recipe_schema import Recipe
+
+SIDES = ("min", "max")
+DECIDES = {"low": "min", "high": "max"}
+"""Limit that decides, by the side on which a unit is bad; a limit on the other side alone lets every bad one pass."""
+
+
+def _windup_arcmin(recipe: Recipe) -> float:
+    """Wind-up between both reference torques by the catalogue."""
+    return 2.0 * recipe.measurement.reference_torque_nm / recipe.unit_under_test.stiffness_nm_per_arcmin
+
+
+SCALES: dict[Scale, Callable[[Recipe], float]] = {
+    Scale.OWN: lambda _: 1.0,
+    Scale.STIFFNESS: lambda recipe: recipe.unit_under_test.stiffness_nm_per_arcmin,
+    Scale.WINDUP: _windup_arcmin,
+    Scale.LOSS: lambda recipe: _windup_arcmin(recipe) * recipe.measurement.reference_torque_nm,
+    Scale.RATIO: lambda recipe: recipe.unit_under_test.ratio,
+    Scale.RATED_TORQUE: lambda recipe: recipe.unit_under_test.rated_torque_nm,
+}
+"""What each scale of a usual range is for the unit of a recipe."""
+
+
+def check_limits(recipe: Recipe, _bench: Bench) -> Iterator[Finding]:
+    """No limit is one that no unit can fail."""
+    yield from idle_limits(recipe)
+
+
+def idle_limits(recipe: Recipe) -> Iterator[Finding]:
+    """Limits that never fail: a recipe that has one decides less than it says."""
+    for index, metric in enumerate(recipe.metrics):
+        row = METRICS[metric.id]
+        floor, ceiling = row.usual.floor, row.usual.ceiling
+        if ceiling is not None and metric.max is not None and metric.max >= ceiling:
+            allowed = f"a max below {_said(ceiling, metric)}, the largest there is"
+            yield _never(index, metric, "max", metric.max, allowed)
+        alone = metric.max is None
+        if alone and floor is not None and metric.min is not None and metric.min <= floor:
+            decides = DECIDES[row.bad.side]
+            allowed = f"a {decides}" if decides == "max" else f"a min above {_said(floor, metric)}"
+            yield _never(index, metric, "min", metric.min, allowed)
+
+
+def implausible_limits(recipe: Recipe) -> Iterator[Finding]:
+    """Limits that may be meant, but look like a wrong unit, a slipped digit, or the wrong side."""
+    for index, metric in enumerate(recipe.metrics):
+        row, option = METRICS[metric.id], ("metrics", index)
+        decides = DECIDES[row.bad.side]
+        given = {side: limit for side in SIDES if (limit := getattr(metric, side)) is not None}
+        if given and decides not in given:
+            other = next(iter(given))
+            found = f"'{metric.id}' with {other} alone"
+            way = "much" if decides == "max" else "little"
+            hint = f"Without it a unit with too {way} of it passes."
+            yield Finding((*option, other), found, f"a {decides}, the side that decides", hint)
+        yield from (
+            found for side, limit in given.items() for found in _out_of_range(recipe, index, metric, side, limit, row)
+        )
+
+
+def _out_of_range(  # noqa: PLR0917 - a limit, where it stands, and what it is held against
+    recipe: Recipe, index: int, metric: MetricWanted, side: str, limit: float, row: Metric
+) -> Iterator[Finding]:
+    usual = row.usual
+    scale = SCALES[usual.of](recipe)
+    least, most = usual.least * scale, usual.most * scale
+    too_low = limit < least and side == DECIDES[row.bad.side]
+    if not (too_low or limit > most):
+        return
+    of = f" ({usual.least:g} to {usual.most:g} of {usual.of.value})" if usual.of.value else ""
+    found = f"{_said(limit, metric)} for '{metric.id}'"
+    allowed = f"one from {_said(least, metric)} to {_said(most, metric)}{of}"
+    yield Finding(("metrics", index, side), found, allowed, "Check the number and its unit.")
+
+
+def _never(index: int, metric: MetricWanted, side: str, limit: float, allowed: str) -> Finding:
+    found = f"{side} {_said(limit, metric)} for '{metric.id}', which no unit fails"
+    return Finding(("metrics", index, side), found, allowed, "Correct it, or delete it where nothing is to be decided.")
+
+
+def _said(value: float, metric: MetricWanted) -> str:
+    unit = METRICS[metric.id].unit
+    return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"

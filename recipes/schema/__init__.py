@@ -1,0 +1,1 @@
+"""What recipe, bench and calibration files may say."""

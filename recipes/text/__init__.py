@@ -1,0 +1,1 @@
+"""From a YAML file to values with a place: what is wrong is said with line and column."""

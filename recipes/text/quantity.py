@@ -1,0 +1,197 @@
+"""Quantities: the units that documents may use, and how a text such as `412 N·m` becomes a number.
+
+The registry holds the units of a reducer test bench and no others, so that a joule or a hertz is refused where a torque
+or a speed is meant. Angle is a dimension of its own here: 60 rpm is a speed, 1 Hz is not, and 50 % is not an angle.
+A kind of quantity is one row of `KINDS`; its unit is the one that attributes carry in their names.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from typing import TYPE_CHECKING
+
+from definitions.units import KINDS, Kind
+from recipes.text.problems import did_you_mean, excerpt
+
+if TYPE_CHECKING:
+    import pint
+
+UNIT_DEFINITIONS = """
+micro- = 1e-6 = u-
+milli- = 1e-3 = m-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+second = [time] = s
+radian = [angle] = rad
+newton = [force] = N
+metre = [length] = m = meter
+ampere = [current] = A
+kelvin = [temperature]; offset: 0 = K
+bit = [information] = bit
+one = [] = one
+minute = 60 * second = min
+hour = 60 * minute = h
+degree = 0.017453292519943295 * radian = deg
+arcminute = degree / 60 = arcmin
+arcsecond = degree / 3600 = arcsec
+revolution = 360 * degree = rev = r
+revolutions_per_minute = revolution / minute = rpm
+degree_celsius = kelvin; offset: 273.15 = degC
+hertz = 1 / second = Hz
+joule = [energy] = J
+percent = 0.01 * one = percent
+parts_per_million = 1e-6 * one = ppm
+"""
+
+SPELLINGS = (
+    ("·", "*"),
+    ("⋅", "*"),
+    ("∙", "*"),
+    ("×", "*"),
+    ("²", "^2"),
+    ("**", "^"),
+    ("°C", "degC"),
+    ("℃", "degC"),
+    ("°", "deg"),
+    ("′", "arcmin"),
+    ("″", "arcsec"),
+    ("µ", "u"),
+    ("μ", "u"),
+    ("%", "percent"),
+)
+"""Signs that people write, and what the registry reads instead; applied from top to bottom."""
+
+NEWTON_METRE = re.compile(r"(?<![A-Za-z])([umkM]?N)m(?![A-Za-z])")
+NUMBER_AND_UNIT = re.compile(r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*", re.DOTALL)
+DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+")
+UNIT_GRAMMAR = re.compile(r"[A-Za-z]+(\^[1-4])?([*/][A-Za-z]+(\^[1-4])?){0,5}")
+LONGEST_TEXT = 80
+"""Characters of the longest text that is read as a quantity."""
+
+
+OTHER_DIMENSIONS = (
+    ("a length", "m"),
+    ("a force", "N"),
+    ("a frequency", "Hz"),
+    ("an energy", "J"),
+    ("a stiffness per angle squared", "N*m/rad^2"),
+)
+"""Names for what is recognised and never allowed."""
+
+
+class QuantityError(Exception):
+    """A text is not the quantity that is meant; says what was found, what is allowed and what to do."""
+
+    def __init__(self, found: str, allowed: str, hint: str) -> None:
+        super().__init__(f"found {found}; allowed: {allowed}. {hint}")
+        self.found = found
+        self.allowed = allowed
+        self.hint = hint
+
+
+@cache
+def unit_registry() -> pint.UnitRegistry[float]:
+    """Build the registry on first use: importing pint takes 0.2 s, which help texts and completions need not pay."""
+    import pint  # noqa: PLC0415
+
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
+    registry.load_definitions(UNIT_DEFINITIONS.strip().splitlines())
+    return registry
+
+
+@cache
+def read_unit(text: str) -> pint.Unit:
+    """Return the unit that a text names, in any of the usual spellings.
+
+    Raises ValueError when it is no unit of this registry.
+    """
+    import pint  # noqa: PLC0415
+
+    plain = plain_unit(text)
+    if not UNIT_GRAMMAR.fullmatch(plain):
+        raise ValueError(text)
+    try:
+        return unit_registry().parse_units(plain)
+    except (pint.PintError, AttributeError) as error:  # UndefinedUnitError is an AttributeError too
+        raise ValueError(text) from error
+
+
+def plain_unit(text: str) -> str:
+    """Return a unit in the registry's spelling: `*` for products, `^` for powers, `N*m` for a newton metre."""
+    for written, read in SPELLINGS:
+        text = text.replace(written, read)
+    text = re.sub(r"\s*([*/^])\s*", r"\1", text.strip())
+    return NEWTON_METRE.sub(r"\1*m", re.sub(r"\s+", "*", text))
+
+
+def dimension_name(unit: pint.Unit) -> str:
+    """Return what a unit measures, in words, or an empty text when it measures nothing known here."""
+    registry = unit_registry()
+    named = [(kind.name, kind.unit) for kind in KINDS] + list(OTHER_DIMENSIONS)
+    for name, known in named:
+        if registry.parse_units(known).dimensionality == unit.dimensionality:
+            return name
+    return ""
+
+
+def convert(number: float, unit: str, to_unit: str) -> float:
+    """Convert a number between two units of the same dimension; offset units such as degC included."""
+    registry = unit_registry()
+    return float(registry.Quantity(number, read_unit(unit)).to(read_unit(to_unit)).magnitude)
+
+
+def show(value: float, kind: Kind, digits: int = 6) -> str:
+    """Return a loaded number for people, in the unit they use: `show(0.0523599, SPEED)` is `0.5 rpm`."""
+    return f"{convert(value, kind.unit, kind.shown):.{digits}g} {kind.shown}"
+
+
+def read_quantity(text: object, kind: Kind, percent_of: float | None = None, allowed: str = "") -> float:
+    """Return the number of a quantity in the unit of its kind.
+
+    `percent_of` is the number that 100 % stands for, None where percentages make no sense; `allowed` replaces the
+    description of what is allowed. Raises QuantityError.
+    """
+    allowed = allowed or f"{kind.name} such as '{kind.example}'"
+    if not isinstance(text, str):
+        raise QuantityError(*_not_a_text(text, kind, allowed))
+    match = NUMBER_AND_UNIT.fullmatch(text.replace("−", "-")) if len(text) <= LONGEST_TEXT else None
+    comma = DECIMAL_COMMA.match(text)
+    if match is None or comma:
+        hint = "Write the decimal sign as a point." if comma else "Write a number, a space and a unit."
+        raise QuantityError(f"{excerpt(text)}, which is not a number with a unit", allowed, hint)
+    number = float(match["number"])
+    if not match["unit"]:
+        raise QuantityError(*_not_a_text(match["number"], kind, allowed))
+    try:
+        unit = read_unit(match["unit"])
+    except ValueError:
+        spellings = {plain_unit(known.shown): known.shown for known in KINDS}
+        meant = did_you_mean(plain_unit(match["unit"]), spellings)
+        for plain, shown in spellings.items():
+            meant = meant.replace(f"'{plain}'", f"'{shown}'")
+        hint = meant or f"Write it in {kind.shown}."
+        raise QuantityError(f"{excerpt(text)}, whose unit is not known here", allowed, hint) from None
+    registry = unit_registry()
+    relative = percent_of is not None and not unit.dimensionality
+    wanted = registry.parse_units("one" if relative else kind.unit)
+    if unit.dimensionality != wanted.dimensionality:
+        name = dimension_name(unit)
+        which = f", which is {name}" if name else f", whose unit does not measure {kind.name}"
+        hint = f"Write it with a {kind.plain_name} unit."
+        raise QuantityError(f"{excerpt(text)}{which}", allowed, hint.replace("a angle", "an angle"))
+    value = float(registry.Quantity(number, unit).to(wanted).magnitude)
+    if relative and percent_of is not None:
+        value *= percent_of
+    if not math.isfinite(value):
+        raise QuantityError(f"{excerpt(text)}, which is too large for a number", allowed, "Check the exponent.")
+    return value
+
+
+def _not_a_text(value: object, kind: Kind, allowed: str) -> tuple[str, str, str]:
+    """Return found, allowed and hint for a value without a unit."""
+    if isinstance(value, bool) or value is None or isinstance(value, (list, dict)):
+        return excerpt(value), allowed, f"Write a number and its unit, {kind.shown}."
+    number = value if isinstance(value, str) else excerpt(value)
+    return f"{number} without a unit", allowed, f"Write the unit behind the number: '{number} {kind.shown}'."

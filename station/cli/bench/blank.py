@@ -1,0 +1,106 @@
+"""`lostmotion blank`: a fixture's deflection over torque, from a loop on a rigid dummy, as a block of a bench file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+
+from analysis.loop.fixture import blank_curve
+from analysis.loop.fixture_curve import FixtureCurve
+from analysis.loop.measured import measure
+from analysis.trace.trace import Trace
+from analysis.trace.trace_files import read_trace
+from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
+from station.bench.request import recipe_path, trace_file
+from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, scalar
+from station.cli.runs.evaluate_anew import method_without_run
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.program_file import StoredProgram
+from station.records.run_record import RunRecord
+from station.records.samples.samples import read_samples
+from station.results.evaluation import trace_of
+
+
+def blank(
+    trace: str, recipe: str | None, bench: str | None, data: Path, *, name: str | None, due: str | None, as_json: bool
+) -> int:
+    """Print the block `fixture` of a bench file, from a loop on a rigid dummy; return 0.
+
+    Args:
+        trace: stored run, or a CSV, Parquet or TDMS file.
+        recipe: how a file was loaded; a run has its own.
+        bench: bench that a file comes from.
+        data: folder of the runs.
+        name: id of the blank test.
+        due: day on which it is to be repeated, a year later by default.
+        as_json: JSON instead of YAML.
+
+    Raises:
+        StationError, RecipeError, AnalysisError: what cannot be read, or a trace without a whole loop.
+
+    """
+    source, made, method_recipe, method_bench, label = _source(trace, recipe, bench, data)
+    method = method_without_run(method_recipe, method_bench)
+    bare = replace(method, fixture_stiffness_nm_per_arcmin=None, fixture_curve=None)
+    found = measure(source, bare)
+    curve = blank_curve(found.loops, found.angles, name or label)
+    print_block({"fixture": _fixture_block(curve, made, due_day(due, made))}, _fixture_yaml, as_json=as_json)
+    return 0
+
+
+def _source(
+    trace: str, recipe: str | None, bench: str | None, data: Path
+) -> tuple[Trace, date, Recipe, Bench | None, str]:
+    """Return trace, day, recipe and bench of a file or a stored run, and a name for the blank test."""
+    path = trace_file(trace)
+    if path is not None:
+        if recipe is None:
+            raise StationError(f"{trace}: --recipe is missing: it gives the loading of the dummy and the ratio")
+        own = None if bench is None else load_bench(find_bench(bench))
+        made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
+        return read_trace(path), made, load_recipe(recipe_path(recipe)), own, f"blank-{made.isoformat()}"
+    run = Store(data).find(trace)
+    return _of_run(run, recipe, bench)
+
+
+def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trace, date, Recipe, Bench | None, str]:
+    if run.state() != "complete":
+        raise StationError(f"{run.id}: the run is {run.state()}; expected a complete one")
+    manifest = run.manifest()
+    own = load_recipe(run.folder / "recipe.yaml" if recipe is None else recipe_path(recipe))
+    where = load_bench(run.folder / "bench.yaml" if bench is None else find_bench(bench))
+    segments = StoredProgram.of(run).segments
+    trace = trace_of(read_samples(run), segments, where, manifest["period_ns"], run.id)
+    made = day_of(str(manifest["started"]))
+    return trace, made, own, where, f"blank-{made.isoformat()}"
+
+
+def _fixture_block(curve: FixtureCurve, made: date, due: date) -> dict[str, Any]:
+    ends = (curve.torque_nm[0], curve.torque_nm[-1])
+    turned = curve.deflection_arcmin[-1] - curve.deflection_arcmin[0]
+    if not turned > 0:
+        raise StationError("the fixture does not deflect at all: check the angle that the trace holds")
+    return {
+        "stiffness": f"{(ends[1] - ends[0]) / turned:.{DIGITS}g} N·m/arcmin",
+        "curve": {
+            "id": curve.id,
+            "made": made.isoformat(),
+            "due": due.isoformat(),
+            "angles": curve.angles,
+            "points": [
+                {"torque": f"{torque:.{DIGITS}g} N·m", "deflection": f"{angle:.{DIGITS}g} arcmin"}
+                for torque, angle in zip(curve.torque_nm, curve.deflection_arcmin, strict=True)
+            ],
+        },
+    }
+
+
+def _fixture_yaml(block: dict[str, Any]) -> str:
+    fixture, curve = block["fixture"], block["fixture"]["curve"]
+    lines = ["fixture:", f"  stiffness: {fixture['stiffness']}      # chord of the curve", "  curve:"]
+    lines += [f"    {key}: {scalar(curve[key])}" for key in ("id", "made", "due", "angles")]
+    lines += ["    points:"] + [f"      - {flow(point)}" for point in curve["points"]]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,138 @@
+"""`lostmotion calibration`: the torque ratio that runs measured, as an entry of `calibrations` in a bench file.
+
+One run gives the lines of its unit. Runs of three units or more give their mean, and how the units differ: that is how
+wrong the lines may be for a unit that was not calibrated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from analysis.torque_ratio.quadrants import QUADRANTS
+from recipes.text.section import LONGEST_NAME
+from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, rounded, scalar
+from station.cli.bench.calibration_runs import Stored, check_together, measured_ratio
+from station.records.data_folder import Store
+
+ONE_UNIT = "# of one unit: name runs of several units to include the spread between units"
+
+
+def calibration(runs: Sequence[str], data: Path, *, due: str | None, as_json: bool) -> int:
+    """Print the torque ratio that runs measured as an entry of `calibrations` in a bench file; return 0.
+
+    Raises:
+        StationError: a run has measured none, was altered or is invalid, its unit failed, a unit stands twice, or
+            benches, models or recipes differ.
+
+    """
+    found = [measured_ratio(Store(data).find(run)) for run in runs]
+    check_together(found)
+    stored = [one.stored for one in found]
+    made = max(day_of(str(one["made"])) for one in stored)
+    block: Stored = {
+        "id": _id([one.run for one in found]),
+        "model": stored[0]["model"],
+        "made": made.isoformat(),
+        "due": due_day(due, made).isoformat(),
+    }
+    lengths = [float(one["transition_rad"]) for one in stored if one.get("transition_rad") is not None]
+    if len(lengths) == len(found):
+        block["transition"] = _length(sum(lengths) / len(lengths))
+    for quadrant in QUADRANTS:
+        block[quadrant] = _mean_line([one["quadrants"][quadrant] for one in stored])
+    if len(found) > 1:
+        block["units"] = [_unit(one.serial, one.stored) for one in found]
+    checks = {quadrant: _check([one["quadrants"][quadrant] for one in stored]) for quadrant in QUADRANTS}
+    print_block({"calibrations": [block], "checks": checks}, _calibration_yaml, as_json=as_json)
+    return 0
+
+
+def _id(runs: Sequence[str]) -> str:
+    """Return a name for a bench file: of the run, or of the moment of the last one where its serial is too long."""
+    ending = f"-ratio-{len(runs)}-units" if len(runs) > 1 else "-ratio"
+    last = max(runs)
+    return (last if len(last + ending) <= LONGEST_NAME else last.partition("-")[0]) + ending
+
+
+def _mean_line(lines: Sequence[Stored]) -> Stored:
+    """Return the mean of lines, with the covariance of a mean."""
+    count = len(lines)
+    mean = {name: sum(line[name] for line in lines) / count for name in ("slope", "offset_nm")}
+    u_slope, u_offset = (math.hypot(*(line[name] for line in lines)) / count for name in ("u_slope", "u_offset_nm"))
+    together = sum(line["correlation"] * line["u_slope"] * line["u_offset_nm"] for line in lines) / count**2
+    residual = math.hypot(*(line["residual_sd_nm"] for line in lines)) / math.sqrt(count)
+    return {
+        "slope": rounded(mean["slope"]),
+        "offset": _torque(mean["offset_nm"]),
+        "u_slope": rounded(u_slope),
+        "u_offset": _torque(u_offset),
+        "correlation": rounded(together / (u_slope * u_offset) if u_slope * u_offset else 0.0),
+        "residual_sd": _torque(residual),
+    }
+
+
+def _check(lines: Sequence[Stored]) -> Stored:
+    """Return what stands beside the least squares of a quadrant: points, flagged ones, and the mean Theil–Sen line.
+
+    None for what a record of an earlier version does not have.
+    """
+    counts = {name: _sum([line.get(name) for line in lines]) for name in ("points", "flagged")}
+    robust = {name: _sum([line.get(f"theil_sen_{name}") for line in lines]) for name in ("slope", "offset_nm")}
+    means = {name: None if total is None else rounded(total / len(lines)) for name, total in robust.items()}
+    return {**counts, "theil_sen": None if None in means.values() else means}
+
+
+def _sum(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) if len(known) == len(values) else None
+
+
+def _unit(serial: str, stored: Stored) -> Stored:
+    unit: Stored = {"serial": serial}
+    if stored.get("transition_rad") is not None:
+        unit["transition"] = _length(stored["transition_rad"])
+    for quadrant in QUADRANTS:
+        line = stored["quadrants"][quadrant]
+        unit[quadrant] = {"slope": rounded(line["slope"]), "offset": _torque(line["offset_nm"])}
+    return unit
+
+
+def _torque(torque_nm: float) -> str:
+    return f"{torque_nm:.{DIGITS}g} N·m"
+
+
+def _length(angle_rad: float) -> str:
+    return f"{angle_rad:.{DIGITS}g} rad"
+
+
+def _calibration_yaml(block: Stored) -> str:
+    (entry,) = block["calibrations"]
+    lines = [line for key, value in entry.items() for line in _option(key, value)]
+    text = "\n".join(["calibrations:", f"  - {lines[0]}", *(f"    {line}" for line in lines[1:])])
+    said = [_check_text(quadrant, check) for quadrant, check in block["checks"].items()]
+    comments = [*said, "" if "units" in entry else ONE_UNIT]
+    return "\n".join([text, *(f"    {comment}" for comment in comments if comment)]) + "\n"
+
+
+def _check_text(quadrant: str, check: Stored) -> str:
+    """Return what stands beside a line as a comment; '' where a record of an earlier version has none of it."""
+    said = []
+    if check["theil_sen"] is not None:
+        said.append(f"Theil–Sen slope {check['theil_sen']['slope']}, offset {_torque(check['theil_sen']['offset_nm'])}")
+    if None not in (check["points"], check["flagged"]):
+        said.append(f"{check['flagged']} of {check['points']} points flagged")
+    return f"# {quadrant}: {'; '.join(said)}" if said else ""
+
+
+def _option(key: str, value: Any) -> list[str]:
+    """Return the lines of one option: a list has an entry per unit, everything else is one line."""
+    if not isinstance(value, list):
+        return [f"{key}: {flow(value) if isinstance(value, dict) else scalar(value)}"]
+    lines = [f"{key}:"]
+    for unit in value:
+        options = [line for name, own in unit.items() for line in _option(name, own)]
+        lines += [f"  - {options[0]}", *(f"    {line}" for line in options[1:])]
+    return lines

@@ -1,0 +1,165 @@
+"""The runs that a stored torque ratio is made of: what each has measured, and which of them say nothing of a unit.
+
+A ratio speaks for units of one lot. It takes nothing from a run that nobody may rely on, whose unit failed, or that was
+measured otherwise than the others; and their spread is that of units only where no unit is among them twice.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from analysis.evaluation.verdict import Verdict
+from analysis.torque_ratio.quadrants import QUADRANTS
+from recipes.schema.calibration_schema import LEAST_UNITS
+from station.errors import StationError
+from station.records.run_record import RESULT, RunRecord
+from station.records.seal import alterations
+from station.reports.headline import objection
+
+CALIBRATION = "calibration.json"
+
+ONE_UNIT_WITHIN = 5.0
+"""Standard uncertainties of their difference within which two lines are those of one unit.
+
+Three runs of one unit were 1.6 to 3.4 apart in the coefficient that differs most; two units of the virtual lot 160.
+"""
+
+ONE_RECIPE = "runs of two recipes cannot be compared. Name runs of one recipe and revision"
+
+COEFFICIENTS = (("offset_nm", "u_offset_nm"), ("slope", "u_slope"))
+"""What a line is, and its standard uncertainty."""
+
+Stored = dict[str, Any]
+
+
+class MeasuredRatio(NamedTuple):
+    """Torque ratio that a run measured (`calibration.json`), with what it was measured by and on."""
+
+    run: str
+    serial: str
+    recipe: str
+    virtual: str | None
+    """The unit of a virtual bench."""
+    stored: Stored
+
+    @property
+    def quadrants(self) -> Mapping[str, Mapping[str, float]]:
+        """Line of each quadrant."""
+        lines: Mapping[str, Mapping[str, float]] = self.stored["quadrants"]
+        return lines
+
+
+def measured_ratio(record: RunRecord) -> MeasuredRatio:
+    """Return the torque ratio that a run measured.
+
+    Raises:
+        StationError: it has measured none, was altered or is invalid, faults were injected, or its unit failed.
+
+    """
+    altered = alterations(record, samples=False)
+    if altered:
+        raise StationError(f"{record.id}: record altered: {altered[0]}; the run was not used")
+    if not (record.folder / CALIBRATION).is_file():
+        raise StationError(
+            f"{record.id}: the run measured no torque ratio; expected a complete run of a recipe with a step calibrate"
+        )
+    _refuse_unreliable(record)
+    manifest = record.manifest()
+    recipe = f"{manifest['recipe']['name']} revision {manifest['recipe']['revision']}"
+    virtual = manifest["unit"].get("virtual")
+    return MeasuredRatio(record.id, str(manifest["serial"]), recipe, virtual, record.read_json(CALIBRATION))
+
+
+def check_together(found: Sequence[MeasuredRatio]) -> None:
+    """Refuse runs whose lines have no mean, or whose spread is not that of units.
+
+    Raises:
+        StationError: recipes, benches or models differ; there are too few units, or one of them stands twice.
+
+    """
+    _check_alike(found)
+    _check_serials(found)
+    if len(found) == 1:
+        return
+    if len(found) < LEAST_UNITS:
+        raise StationError(
+            f"found runs of {len(found)} units; expected {LEAST_UNITS} or more, for their spread is taken for that "
+            "of all units, or one, whose lines then are its own"
+        )
+    for first, second in combinations(found, 2):
+        _refuse_one_unit(first, second)
+
+
+def _refuse_unreliable(record: RunRecord) -> None:
+    """Refuse lines that nobody may rely on, or that may be those of a defect; warn of a unit that did not pass."""
+    result = record.read_json(RESULT)
+    if result.get("scenario"):
+        raise StationError(f"{record.id}: faults were injected ({result['scenario']}); the run was not used")
+    if said := objection(result):
+        raise StationError(f"{record.id}: {said}; the run was not used. Measure again")
+    if result["verdict"] == Verdict.FAIL:
+        why = next(iter(result["reasons"]), "its verdict is FAIL")
+        raise StationError(
+            f"{record.id}: its unit failed: {why}; its friction may be its defect, so the run was not "
+            "used. Name a run of a unit that passed"
+        )
+    if result["verdict"] != Verdict.PASS:
+        sys.stderr.write(
+            f"WARNING  {record.id}: its unit is {result['verdict']}, and its friction counts as that of a good one\n"
+        )
+
+
+def _check_alike(found: Sequence[MeasuredRatio]) -> None:
+    first = found[0]
+    for one in found:
+        for what, own, others, why in (
+            ("bench", one.stored["bench"]["name"], first.stored["bench"]["name"], "a torque ratio is of one bench"),
+            ("model", one.stored["model"], first.stored["model"], "a torque ratio is of one model"),
+            ("recipe", one.recipe, first.recipe, ONE_RECIPE),
+        ):
+            if own != others:
+                raise StationError(f"{one.run}: found {what} {own}; {first.run} is of {what} {others}, and {why}")
+
+
+def _check_serials(found: Sequence[MeasuredRatio]) -> None:
+    serials = [one.serial for one in found]
+    twice = next((serial for serial in serials if serials.count(serial) > 1), None)
+    if twice is not None:
+        named = ", ".join(one.run for one in found if one.serial == twice)
+        raise StationError(
+            f"unit {twice} stands {serials.count(twice)} times: {named}; expected one run of each unit, for the "
+            "spread is meant between units"
+        )
+
+
+def _refuse_one_unit(first: MeasuredRatio, second: MeasuredRatio) -> None:
+    """Refuse one unit under two serial numbers: its lines differ by noise, and as units they would have no spread."""
+    needed = "expected a run of another unit (on the virtual bench --unit P1:1, P1:2, ...)"
+    if first.virtual is not None and first.virtual == second.virtual:
+        raise StationError(f"{second.run}: found the virtual unit {second.virtual}, as in {first.run}; {needed}")
+    if first.quadrants == second.quadrants:
+        raise StationError(f"{second.run}: found the lines of {first.run}, to the last digit; {needed}")
+    if apart(first, second) <= ONE_UNIT_WITHIN:
+        raise StationError(
+            f"{second.run}: found the lines of {first.run}, within {ONE_UNIT_WITHIN:g} standard uncertainties in every "
+            f"quadrant, as one unit measured twice has them; {needed}"
+        )
+
+
+def apart(first: MeasuredRatio, second: MeasuredRatio) -> float:
+    """Return the largest difference of any offset or slope, in standard uncertainties of that difference."""
+    return max(
+        _in_uncertainties(line[name] - other[name], math.hypot(line[u_name], other[u_name]))
+        for line, other in ((first.quadrants[quadrant], second.quadrants[quadrant]) for quadrant in QUADRANTS)
+        for name, u_name in COEFFICIENTS
+    )
+
+
+def _in_uncertainties(difference: float, u: float) -> float:
+    if u > 0.0:
+        return abs(difference) / u
+    return math.inf if difference else 0.0

@@ -1,0 +1,195 @@
+"""`lostmotion timing`: what this machine can do, measured with the whole scan and explained."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from typing import Any
+
+from recipes.checks.bus_load import bus_us
+from station.bench.request import load_job
+from station.records.scan_times import CAUSES, PARTS
+from station.timing.rates import HEAD, MISSED_ALLOWED, Rate, limit, measured
+from station.timing.run import Asked, measure
+
+DEFAULT_RECIPE = "rv-40e-121-quick"
+BINS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 100_000)
+BAR = 40
+GAPS_SHOWN = 10
+RATION_MS = 100
+"""Period at which Linux hosts ration processor time (CFS bandwidth control)."""
+
+RHYTHM_GAPS = 4
+RHYTHM_WIDTH = 0.05
+LONG_SHOWN = 5
+
+
+def timing(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool) -> int:
+    """Measure and explain; return 0, or 1 when more periods were missed than a recipe allows, or a record is missing.
+
+    Raises:
+        StationError, RecipeError: the bench file is wrong, or the bench cannot be opened.
+
+    """
+    job = load_job(recipe or DEFAULT_RECIPE, bench)
+    report = measure(job, asked)
+    report["explanation"] = explain(report)
+    if as_json:
+        sys.stdout.write(json.dumps(report, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write("\n".join(lines(report)) + "\n")
+    return 1 if report["missed"] > MISSED_ALLOWED * report["periods"] or lost_records(report) else 0
+
+
+def rates(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool) -> int:
+    """Measure one scan rate after the other; return 0 when at least the slowest holds, else 1.
+
+    Raises:
+        StationError, RecipeError: the bench file is wrong, or the bench cannot be opened.
+
+    """
+    job = load_job(recipe or DEFAULT_RECIPE, bench)
+    bitrate = job.bench.can.bitrate
+    found: list[Rate] = []
+    if not as_json:
+        sys.stdout.write(f"{asked.seconds:g} s at each scan rate, bench {job.bench.bench.name}\n{HEAD}\n")
+    for rate in measured(lambda period_us: measure(job, replace(asked, period_ns=period_us * 1000))):
+        found.append(rate)
+        if not as_json:
+            sys.stdout.write(rate.row(bitrate) + "\n")
+            sys.stdout.flush()
+    told = limit(found, bitrate)
+    if as_json:
+        rows = [rate._asdict() | {"holds": rate.holds} for rate in found]
+        whole = {"rates": rows, "bitrate": bitrate, "bus_us": bus_us(bitrate), "explanation": told}
+        sys.stdout.write(json.dumps(whole, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write("\n".join(told) + "\n")
+    return 0 if found[0].holds else 1
+
+
+def lost_records(report: dict[str, Any]) -> str:
+    """Return what is wrong with the records that came out of the ring; empty when none is missing or damaged."""
+    records = report["records"]
+    if records["problem"]:
+        return str(records["problem"])
+    missing = report["scans"] - records["checked"]
+    return f"{missing} of {report['scans']} records never came out of the ring" if missing else ""
+
+
+def explain(report: dict[str, Any]) -> list[str]:
+    """Return what the figures mean, in plain words."""
+    period_us = report["period_ns"] / 1000.0
+    late, work = report["lateness_us"], report["work_us"]
+    used = work["p50"] / period_us
+    told = [
+        f"A scan takes {work['p50']:.0f} µs of {period_us:.0f} µs ({used:.0%}), 1 in 1000 over {work['p999']:.0f} µs.",
+        f"It starts {late['p50']:.0f} µs after its deadline, 1 in 100 later than {late['p99']:.0f} µs.",
+        "The amplifier stamps its samples, so lateness does not bend the curve; it adds to the reaction time.",
+    ]
+    if report["missed"] == 0:
+        told.append(f"No period was missed in {report['periods']}.")
+    else:
+        causes = [gap["before"]["cause"] for gap in report["gaps"]]
+        most = max(dict.fromkeys(causes), key=causes.count)
+        share = report["missed"] / report["periods"]
+        told.append(
+            f"{report['missed']} of {report['periods']} periods were missed ({share:.3%}; recipes allow about 0.1 %). "
+            f"Before {causes.count(most)} of {len(causes)} gaps, {CAUSES[most]}.",
+        )
+    every_ms = _rhythm_ms(report)
+    if every_ms:
+        told.append(
+            f"The gaps repeat every {every_ms} ms: the processor time is limited by the host of a "
+            "virtual machine or by a container. Change that limit; no setting of this program helps.",
+        )
+    if late["p999"] > 0.5 * period_us:
+        told.append("The wake-up latency is sometimes too long for this period: see the list of causes.")
+    if used > 0.5:
+        told.append("More than half of the period is work: choose a longer period, or a faster processor.")
+    if report["embedded"] and report["missed"]:
+        told.append("The virtual bench uses the same processor; with a real bench the scan has it alone.")
+    return told
+
+
+def _rhythm_ms(report: dict[str, Any]) -> int:
+    """Return the period at whose fixed phase the gaps lie [ms], 0 when they lie anywhere."""
+    times_ms = [gap["before"]["scan"] * report["period_ns"] * 1e-6 for gap in report["gaps"]]
+    if len(times_ms) < RHYTHM_GAPS:
+        return 0
+    phases = [(time_ms - times_ms[0] + RATION_MS / 2) % RATION_MS - RATION_MS / 2 for time_ms in times_ms]
+    inside = sum(abs(phase) <= RHYTHM_WIDTH * RATION_MS for phase in phases)
+    return RATION_MS if inside >= 0.8 * len(times_ms) else 0
+
+
+def histogram(edges: list[list[float]]) -> list[str]:
+    """Return a histogram as rows of text; `edges` are pairs of upper edge [µs] and count."""
+    total = sum(count for _, count in edges)
+    rows, low = [], 0.0
+    for high in (*BINS_US, float("inf")):
+        count = int(sum(n for edge, n in edges if low < edge <= high))
+        if count:
+            label = f"over {low:g}" if high == float("inf") else f"to {high:g}"
+            bar = "#" * max(round(BAR * count / total), 1)
+            rows.append(f"  {label:>11} µs {count:>9}  {bar}")
+        low = float(high)
+    return rows
+
+
+def lines(report: dict[str, Any]) -> list[str]:
+    """Return the report for a person."""
+    seconds = report["periods"] * report["period_ns"] * 1e-9
+    bench = f"{report['bench']}{' (embedded)' if report['embedded'] else ''}"
+    out = [
+        f"{report['scans']} scans of {report['period_ns'] / 1e6:g} ms in {seconds:.1f} s on bench {bench}",
+        f"controller idle, absolute deadlines in whole nanoseconds, spin tail {report['spin_ns'] // 1000} µs",
+        "",
+        f"{'µs':12}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>10}",
+    ]
+    rows = {"lateness": report["lateness_us"], "work": report["work_us"], **report["parts_us"]}
+    for name, row in rows.items():
+        label = f"  {name}" if name in PARTS else name
+        out.append(f"{label:12}{row['p50']:>9.1f}{row['p99']:>9.1f}{row['p999']:>9.1f}{row['max']:>10.1f}")
+    out += ["", "lateness", *histogram(report["histograms_us"]["lateness"])]
+    out += ["", "work", *histogram(report["histograms_us"]["work"])]
+    out += ["", f"missed periods: {report['missed']}"]
+    for gap in report["gaps"][:GAPS_SHOWN]:
+        before = gap["before"]
+        told = f"scan {before['scan']} was {before['lateness_us']:.0f} µs late, {_parts(before)}"
+        out.append(f"  {gap['missed']} before scan {gap['scan']}: {told} ({CAUSES[before['cause']]})")
+    if report["gaps_in_all"] > GAPS_SHOWN:
+        out.append(f"  and {report['gaps_in_all'] - GAPS_SHOWN} more gaps (--json lists up to 256)")
+    out += ["", "longest scans"]
+    for one in report["longest_scans"][:LONG_SHOWN]:
+        out.append(f"  scan {one['scan']}: {_parts(one)}, {one['lateness_us']:.0f} µs late")
+    out += ["", "latest scans"]
+    for one in report["latest_scans"][:LONG_SHOWN]:
+        out.append(f"  scan {one['scan']}: {one['lateness_us']:.0f} µs late, {_parts(one)}")
+    out += ["", *footing(report)]
+    realtime = report["realtime"]
+    out += ["", "asked of the machine"]
+    out += [f"  {'granted' if realtime[name] else 'refused'}  {name}: {d}" for name, d in realtime["details"].items()]
+    out += ["", "what stands in the way"]
+    against = [row for row in report["machine"] if not row["in_order"]]
+    out += [f"  {row['found']}; remedy: {row['mend']}" for row in against] or ["  nothing"]
+    return [*out, "", *report["explanation"]]
+
+
+def footing(report: dict[str, Any]) -> list[str]:
+    """Return what the scan needs beside time: every record, memory that does not grow, room on the bus."""
+    memory, period_us, bus = report["resident_kb"], report["period_ns"] / 1000.0, bus_us(report["bitrate"])
+    wrong = lost_records(report)
+    sequence = wrong or "no gap in sequence or scan numbers, every CRC right"
+    grown_kb = memory["after"] - memory["before"]
+    resident = f"{memory['before'] / 1024:.1f} MiB at its start, {memory['after'] / 1024:.1f} MiB at its end"
+    wire = f"{bus:.0f} µs of {period_us:g} µs at {report['bitrate'] / 1e6:g} Mbit/s ({bus / period_us:.0%})"
+    return [
+        f"records: {report['records']['checked']} checked, {sequence}",
+        f"memory of the scan process: {resident} (grown by {grown_kb} KiB)",
+        f"bus: the frames of a scan take {wire}; {1e6 / bus:.0f} Hz at most",
+    ]
+
+
+def _parts(scan: dict[str, Any]) -> str:
+    return ", ".join(f"{part} {scan[f'{part}_us']:.0f}" for part in PARTS) + " µs"

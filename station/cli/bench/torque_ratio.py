@@ -1,0 +1,182 @@
+"""`lostmotion torque-ratio`: the line T_out = C + m·T_in of a table of points, or of each quadrant of a run.
+
+Beside the least squares stand the Theil–Sen line, which outliers cannot move, each flagged point, and the input torque
+that a wanted output torque needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from analysis.torque_ratio.line_fit import LEAST_POINTS, RatioFit, fit_torque_ratio
+from analysis.torque_ratio.points import doubts, fit_points
+from analysis.torque_ratio.quadrant_fit import quadrant_points
+from analysis.trace.errors import AnalysisError
+from analysis.trace.runs import commanded_runs
+from analysis.trace.trace_files import read_rows
+from analysis.trace.units import IntArray
+from definitions.units import TORQUE
+from recipes.text.quantity import QuantityError, read_quantity, show
+from station.bench.request import trace_file
+from station.cli.bench.torque_ratio_text import line_blocks
+from station.cli.say import say
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.run_record import RESULT
+from station.reports.headline import objection
+from station.results.export_origin import origin_of
+from station.results.run_analysis import complete_run
+
+FITTED = ("calibrate", "measure")
+"""Roles of the segments that lines are fitted to, the first one that a file has."""
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines of a file or a run by quadrant (None: a table of points), and the row of each point where it has one."""
+
+    source: str
+    run: str | None
+    fits: Mapping[str | None, RatioFit]
+    rows: IntArray | None = None
+    notes: Sequence[str] = ()
+
+
+def torque_ratio(name: str, targets: Sequence[str], data: Path, *, as_json: bool) -> int:
+    """Print the torque ratio of a table of points, or of a stored run; return 0.
+
+    Args:
+        name: CSV, Parquet or TDMS file with the columns torque_in_nm and torque_out_nm, or a stored run.
+        targets: output torques whose input torque is wanted, as `412 N·m`.
+        data: folder of the runs.
+        as_json: one JSON object instead of text.
+
+    Raises:
+        StationError, AnalysisError: what cannot be read or fitted, or a target that no line reaches.
+
+    """
+    wanted = [_target(text) for text in targets]
+    path = trace_file(name)
+    found = _of_run(name, data) if path is None else _of_file(path)
+    _refuse_unreached(wanted, found)
+    lines = [_line(quadrant, fit, wanted, found.rows) for quadrant, fit in found.fits.items()]
+    document = {"source": found.source, "run": found.run, "lines": lines, "notes": list(found.notes)}
+    blocks = [block for line in lines for block in line_blocks(line, found.source)]
+    return say(document, [*blocks, *found.notes], as_json=as_json)
+
+
+def _target(text: str) -> float:
+    try:
+        torque_nm = read_quantity(text, TORQUE)
+    except QuantityError as error:
+        raise StationError(f"--target: found {error.found}; allowed is {error.allowed}. {error.hint}") from None
+    if not torque_nm:
+        raise StationError(f"--target: found {text}; allowed is an output torque other than zero, such as '412 N·m'")
+    return torque_nm
+
+
+def _of_file(path: Path) -> Lines:
+    trace, rows = read_rows(path)
+    origin = origin_of(path, trace)
+    if origin is not None:
+        origin.check_complete()
+        if origin.objections:
+            raise StationError(f"{path}: {origin.objections[0]}; it was not evaluated")
+    runs = commanded_runs(trace)
+    if not runs:
+        fit = fit_points(trace, rows)
+        return Lines(str(path), None, {None: fit}, rows, doubts(fit, rows))
+    role = next((role for role in FITTED if any(run.role == role for run in runs)), None)
+    if role is None:
+        raise AnalysisError(
+            f"{path}: column segment: found {', '.join(sorted({run.role for run in runs}))}; expected rows of "
+            f"{' or '.join(FITTED)}; name those in which both torques were measured"
+        )
+    points = quadrant_points(trace, [run for run in runs if run.role == role])
+    fits: dict[str | None, RatioFit] = {
+        quadrant: fit_torque_ratio(x, y) for quadrant, (x, y) in points.items() if x.size >= LEAST_POINTS
+    }
+    if not fits:
+        raise AnalysisError(
+            f"{path}: segments {role}: found fewer than {LEAST_POINTS} points in every quadrant; expected a loading "
+            "or an unloading through most of the torque"
+        )
+    missing = [quadrant for quadrant in points if quadrant not in fits]
+    notes = (
+        [f"no line for {', '.join(missing)}: fewer than {LEAST_POINTS} points of segments {role}"] if missing else []
+    )
+    return Lines(str(path), None, fits, notes=notes)
+
+
+def _of_run(name: str, data: Path) -> Lines:
+    """Return the lines that a run measured, of the calibration segments as they were evaluated then."""
+    run = Store(data).find(name)
+    quadrants = complete_run(run).result.quadrants
+    if quadrants is None or not quadrants.fits:
+        raise StationError(
+            f"{run.id}: the run measured no torque ratio; expected a complete run of a recipe with a step calibrate "
+            "and a metric torque_ratio_slope or torque_ratio_offset"
+        )
+    result = run.read_json(RESULT)
+    said = [f"{run.id}: {invalid}: its lines say little of the unit"] if (invalid := objection(result)) else []
+    if result.get("scenario"):
+        said.append(f"{run.id}: faults were injected ({result['scenario']}): its lines may be theirs")
+    return Lines(run.id, run.id, dict(quadrants.fits.items()), notes=said)
+
+
+def _refuse_unreached(wanted: Sequence[float], found: Lines) -> None:
+    for torque_nm in wanted:
+        if not any(_reaches(fit, torque_nm) for fit in found.fits.values()):
+            raise StationError(
+                f"--target: found {show(torque_nm, TORQUE)}; allowed is an output torque of the sign that the points "
+                f"of {found.source} have, on a line whose slope is not zero"
+            )
+
+
+def _reaches(fit: RatioFit, torque_out_nm: float) -> bool:
+    """Whether a line is that of the sign of an output torque."""
+    return bool(float(fit.outputs_nm.mean()) * torque_out_nm > 0.0 and fit.slope != 0.0)
+
+
+def _line(quadrant: str | None, fit: RatioFit, wanted: Sequence[float], rows: IntArray | None) -> dict[str, Any]:
+    without = fit.without_flagged()
+    return {
+        "quadrant": quadrant,
+        "points": fit.points,
+        "offset_nm": fit.offset_nm,
+        "slope": fit.slope,
+        "residual_sd_nm": fit.residual_sd_nm,
+        "u_offset_nm": fit.u_offset_nm,
+        "u_slope": fit.u_slope,
+        "correlation": fit.correlation,
+        "r_squared": fit.r_squared,
+        "theil_sen": {"offset_nm": fit.theil_sen_offset_nm, "slope": fit.theil_sen_slope},
+        "without_flagged": None if without is None else {"offset_nm": without.offset_nm, "slope": without.slope},
+        "flagged": [_point(fit, int(index), rows) for index in fit.flagged],
+        "targets": [_needed(fit, torque_nm) for torque_nm in wanted if _reaches(fit, torque_nm)],
+    }
+
+
+def _point(fit: RatioFit, index: int, rows: IntArray | None) -> dict[str, Any]:
+    """Return a flagged point: `row` of the file; in a run a point is an average of samples, counted from 1."""
+    return {
+        "row": None if rows is None else int(rows[index]),
+        "point": index + 1,
+        "torque_in_nm": float(fit.inputs_nm[index]),
+        "torque_out_nm": float(fit.outputs_nm[index]),
+        "studentised": float(fit.studentised[index]),
+    }
+
+
+def _needed(fit: RatioFit, torque_out_nm: float) -> dict[str, Any]:
+    torque_in_nm = fit.torque_in_nm(torque_out_nm)
+    return {
+        "torque_out_nm": torque_out_nm,
+        "torque_in_nm": torque_in_nm,
+        "u_torque_in_nm": fit.u_torque_in_nm(torque_out_nm),
+        "u_torque_out_nm": fit.u_torque_out_nm(torque_in_nm),
+        "beyond_points": not float(fit.outputs_nm.min()) <= torque_out_nm <= float(fit.outputs_nm.max()),
+    }

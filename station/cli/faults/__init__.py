@@ -1,0 +1,1 @@
+"""Commands of the fault lab. Nothing else names the fault lab, and it is loaded when one of them is asked for."""

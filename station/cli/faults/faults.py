@@ -1,0 +1,290 @@
+"""`lostmotion faults`: the vocabulary, one scenario, or the whole matrix of faults and states."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from math import isfinite
+from pathlib import Path
+
+from faultlab.judge import first_action, first_alarm, judge, low_from
+from faultlab.matrix.matrix import LOW_SHARE_OF_RATED, RECIPE, Cell, cells, run_matrix
+from faultlab.matrix.page import markdown, wires_markdown, write_page
+from faultlab.rows import ROWS
+from faultlab.run import FaultRun, run_scenario
+from recipes import Problem, RecipeError, find_bench, load_bench
+from station.bench.assemble_virtual import check_clock, choose_unit, load_scenario
+from station.bench.request import Job, find_profile, load_job
+from station.bench.virtual_unit import VirtualUnit
+from station.cli.out_file import refuse_early, writing
+from station.errors import StationError
+from station.records.clocks import VIRTUAL, Pacing
+from station.run.pacing import pacing_of
+from virtual_bench.faults.scenario import OF_THE_RECORD, Scenario
+from virtual_bench.faults.vocabulary import FAULTS, NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES, on_the_wire
+
+
+def gateway(bench_name: str, scenario_path: Path) -> int:
+    """Stand between a controller and a bench on a cable until interrupted; the ports are printed as one JSON line.
+
+    Raises:
+        RecipeError, StationError, VirtualBenchError, DriverError: what cannot be had as asked.
+
+    """
+    from station.bench.gateway_process import serve  # noqa: PLC0415 - brings the drivers
+
+    bench_path = find_bench(bench_name)
+    bench = load_bench(bench_path)
+    names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
+    serve(bench, {name: find_profile(name, bench_path) for name in names}, scenario_path, end_with_parent=False)
+    return 0
+
+
+def list_faults(*, as_json: bool) -> int:
+    """Print what can be injected."""
+    if as_json:
+        rows = [
+            {
+                "target": target,
+                "verb": verb,
+                "value": row.value,
+                "low": row.low if isfinite(row.low) else None,
+                "high": row.high if isfinite(row.high) else None,
+                "acts_on": row.acts_on,
+                "in_virtual_time": (target, verb) not in ONLY_OVER_WIRES,
+                "over_wires": True,
+                "by_wall_clock": (target, verb) not in NOT_BY_WALL_CLOCK,
+                "by_gateway": on_the_wire(target, verb),
+            }
+            for (target, verb), row in FAULTS.items()
+        ]
+        sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
+        return 0
+    for (target, verb), row in FAULTS.items():
+        value = f"; value: {row.value}" if row.value else ""
+        only = {" (not by the wall clock)": NOT_BY_WALL_CLOCK, " (over wires only)": ONLY_OVER_WIRES}
+        where = next((words for words, rows in only.items() if (target, verb) in rows), "")
+        sys.stdout.write(f"{target + ' ' + verb:32} {row.acts_on}{value}{where}\n")
+    return 0
+
+
+@dataclass(frozen=True)
+class How:
+    """How a scenario is run: recipe and unit in place of its own, over wires, a bench on a cable, where it is kept.
+
+    Over wires the virtual bench waits for the scan, and no deadline is waited for; `wall_clock`: as with real hardware.
+    """
+
+    recipe: str | None = None
+    unit: str | None = None
+    wires: bool = False
+    wall_clock: bool = False
+    bench: str | None = None  # behind a gateway
+    data: Path | None = None
+    seed: int | None = None
+
+
+def run(path: Path, how: How, *, as_json: bool) -> int:
+    """Run a scenario, in virtual time or over wires, and judge it; 0 when it holds, 1 when not.
+
+    Raises:
+        RecipeError: the scenario, or what it starts with, has problems, each with its place.
+        StationError: the record cannot be kept below `data`.
+
+    """
+    scenario = load_scenario(path)
+    job = load_job(how.recipe or scenario.start.recipe or RECIPE, how.bench)
+    pacing = pacing_of(job, scenario, wall_clock=how.wall_clock, fast=True) if how.wires else Pacing(VIRTUAL)
+    _check_targets(path, scenario, pacing.clock)
+    chosen = choose_unit(how.unit or scenario.start.unit or None, job.recipe, how.seed)
+    behind_gateway = not job.bench.bench.embedded
+    if behind_gateway and not how.wires:
+        raise StationError(f"--bench {how.bench} is a real bench: faults reach it over wires only; add --wires")
+    if not how.wires:
+        found = run_scenario(job, chosen, scenario)
+        wrong = judge(found, scenario)
+        kept = None
+        if how.data is not None:
+            from faultlab.record import keep  # noqa: PLC0415 - brings the analysis
+
+            kept = keep(job, chosen, path, scenario, run=found, data=how.data)
+        _say(scenario, job, found, wrong, kept, unit=chosen, as_json=as_json)
+        return 1 if wrong else 0
+    from faultlab.wires import run_over_wires  # noqa: PLC0415 - brings the analysis
+
+    with kept_in(how.data) as folder:
+        there = run_over_wires(job, None if behind_gateway else chosen, path, folder, _to_stderr, pacing=pacing)
+        wrong = judge(there.run, scenario)
+        if wrong and there.held_up:
+            wrong.append(f"{there.held_up}: try again on a quiet machine")
+        kept = there.record.folder if how.data else None
+        on_bench = None if behind_gateway else chosen
+        _say(scenario, job, there.run, wrong, kept, unit=on_bench, as_json=as_json)
+    return 1 if wrong else 0
+
+
+@contextmanager
+def kept_in(data: Path | None) -> Iterator[Path]:
+    """Give the folder that records are kept in, or one that is gone afterwards."""
+    if data is not None:
+        yield data
+        return
+    with tempfile.TemporaryDirectory(prefix="lostmotion-faults-") as folder:
+        yield Path(folder)
+
+
+def _to_stderr(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
+
+
+def _check_targets(path: Path, scenario: Scenario, clock: str) -> None:
+    if not scenario.faults and not scenario.operator:
+        text = "nothing is injected and the operator does nothing: give faults or operator"
+        raise RecipeError([Problem(str(path), 1, 1, "faults", "none", text)])
+    check_clock(path, scenario, clock)
+    asked = [(place, kind) for place, one in enumerate(scenario.expect) for kind in OF_THE_RECORD if getattr(one, kind)]
+    if asked and clock == VIRTUAL:
+        allowed = "what a run in virtual time has: it keeps no record of its own"
+        where = [Problem(str(path), 0, 0, f"expect.{at}", kind, allowed, "run it over wires") for at, kind in asked]
+        raise RecipeError(where)
+
+
+def _say(
+    scenario: Scenario,
+    job: Job,
+    found: FaultRun,
+    wrong: list[str],
+    record: Path | None,
+    *,
+    unit: VirtualUnit | None,
+    as_json: bool,
+) -> None:
+    acted, alarm = first_action(found), first_alarm(found)
+    found_first = acted is not None and alarm is not None and alarm < acted  # by something else than the fault
+    rated_nm = job.recipe.unit_under_test.rated_torque_nm
+    low = None if alarm is None else low_from(found, alarm, LOW_SHARE_OF_RATED * rated_nm)
+    figures = {
+        "scenario": scenario.scenario.name,
+        "holds": not wrong,
+        "wrong": wrong,
+        "unit": None if unit is None else {"virtual": unit.name, "noise_seed": unit.seed},
+        "states": found.states,
+        "acted": [{"fault": name, "scan": found.scans[place]} for name, place in found.acted],
+        "alarms": [{"id": event.text, "scan": event.scan, "state": event.state} for event in found.alarms()],
+        "detect_scans": None if alarm is None or acted is None or found_first else found.waited(acted, alarm),
+        "torque_low_s": None if low is None else round(low * found.period_s, 6),
+        "refused": found.refused,
+        "record": None if record is None else str(record),
+    }
+    if as_json:
+        sys.stdout.write(json.dumps(figures, ensure_ascii=False) + "\n")
+        return
+    lines = [f"{scenario.scenario.name}: {'holds' if not wrong else 'DOES NOT HOLD'}"]
+    lines += [f"  {text}" for text in wrong]
+    lines += [f"  acted     {name} at scan {found.scans[place]}" for name, place in found.acted]
+    lines += [f"  alarm     {event.text} at scan {event.scan} in {event.state}" for event in found.alarms()]
+    if figures["detect_scans"] is not None:
+        lines.append(f"  detected  after {figures['detect_scans']} scans")
+    if low is not None:
+        lines.append(f"  torque    below 2 % of rated {low * found.period_s:.3f} s after the alarm")
+    if found.refused:
+        lines.append(f"  refused   {found.refused}")
+    lines.append(f"  states    {' → '.join(found.states) or 'none: nothing has moved'}")
+    if unit is not None:
+        lines.append(f"  unit      {unit.name}, noise seed {unit.seed}")
+    if record is not None:
+        lines.append(f"  record    {record}")
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+def wires_matrix(
+    names: list[str], data: Path | None, page: Path | None, *, as_json: bool, wall_clock: bool = False
+) -> int:
+    """Run the matrix over wires; 0 when every fault keeps its bounds, 1 when not."""
+    from faultlab.matrix.over_wires import WireCell, run_wires_matrix, wire_rows  # noqa: PLC0415 - brings the analysis
+
+    chosen = wire_rows(tuple(names))
+    if not chosen:
+        sys.stderr.write(f"no row that is run over wires is called like {', '.join(names)}\n")
+        return 2
+    refuse_early(page, "--page")
+    begin = time.monotonic()
+
+    def show(found: WireCell) -> None:
+        if as_json:
+            return
+        again = f"  (repeated {found.repeated} times: the machine was busy)" if found.repeated else ""
+        kept = f"  {found.record}" if data else ""
+        sys.stdout.write(line(found.cell) + again + kept + "\n")
+        sys.stdout.flush()
+
+    if not as_json:
+        clock = "by the wall clock" if wall_clock else "the bench waits for the scan"
+        sys.stdout.write(f"{len(chosen)} faults over wires, {clock}\n{HEAD}\n")
+    with kept_in(data) as folder:
+        found = run_wires_matrix(chosen, folder, _nothing, show, wall_clock=wall_clock)
+    bad = [item for item in found if item.cell.wrong]
+    if page is not None:
+        with writing(page, "--page"):
+            page.write_text(wires_markdown([item.cell for item in found]), encoding="utf-8")
+    if as_json:
+        rows = [asdict(item.cell) | {"fault": ROWS[item.cell.row].name, "repeated": item.repeated} for item in found]
+        sys.stdout.write(json.dumps(rows) + "\n")
+    else:
+        sys.stdout.write(f"{len(found)} faults in {time.monotonic() - begin:.0f} s; outside their bounds: {len(bad)}\n")
+    return 1 if bad else 0
+
+
+def _nothing(_text: str) -> None:
+    """Say nothing: the table says it."""
+
+
+def matrix(names: list[str], html: Path | None, page: Path | None, workers: int, *, as_json: bool) -> int:
+    """Run the matrix; 0 when every cell keeps its bounds, 1 when not."""
+    chosen = cells(names)
+    if not chosen:
+        sys.stderr.write(f"no row is called like {', '.join(names)}; see 'lostmotion faults matrix --help'\n")
+        return 2
+    refuse_early(html, "--html")
+    refuse_early(page, "--page")
+    begin = time.monotonic()
+
+    def show(cell: Cell) -> None:
+        if not as_json:
+            sys.stdout.write(line(cell) + "\n")
+            sys.stdout.flush()
+
+    if not as_json:
+        sys.stdout.write(f"{len({row for row, _ in chosen})} faults, {len(chosen)} cells\n{HEAD}\n")
+    found = run_matrix(chosen, workers, show)
+    took_s = time.monotonic() - begin
+    bad = [cell for cell in found if cell.wrong]
+    if html is not None:
+        with writing(html, "--html"):
+            write_page(html, found, took_s)
+    if page is not None:
+        with writing(page, "--page"):
+            page.write_text(markdown(found), encoding="utf-8")
+    if as_json:
+        sys.stdout.write(json.dumps([asdict(cell) | {"fault": ROWS[cell.row].name} for cell in found]) + "\n")
+    else:
+        sys.stdout.write(f"{len(found)} cells in {took_s:.0f} s; outside their bounds: {len(bad)}\n")
+    return 1 if bad else 0
+
+
+HEAD = f"{'fault':40} {'state':10} {'alarm':26} {'reaction':10} {'detect':>7} {'order':>6} {'|T|<2 %':>8}"
+
+
+def line(cell: Cell) -> str:
+    """One cell as a line of the table."""
+    detect = "" if cell.detect_scans is None else str(cell.detect_scans)
+    order = "" if cell.order_scans is None else str(cell.order_scans)
+    low = "" if not cell.alarm else f"{cell.torque_s:.3f} s" if cell.torque_s is not None else f"{cell.rest_nm:.0f} N·m"
+    alarm, reaction = cell.alarm or "none: goes on", cell.reaction or "tolerated"
+    wrong = f"  {'; '.join(cell.wrong)}" if cell.wrong else ""
+    return f"{ROWS[cell.row].name:40} {cell.state:10} {alarm:26} {reaction:10} {detect:>7} {order:>6} {low:>8}{wrong}"

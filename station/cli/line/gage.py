@@ -1,0 +1,176 @@
+"""`lostmotion gage`: a gage study of a CSV file, of stored runs, or of runs that a CSV file lists."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from analysis.line.average_range import AverageRange, analyse_average_range
+from analysis.line.gage_design import GageDesign, gage_design
+from analysis.line.gage_study import GageStudy, Interval, Source, analyse_gage_study
+from station.cli.csv_columns import read_csv_columns
+from station.cli.line.line_statistics import figure
+from station.cli.line.stored_metric import Ask, StoredValue
+from station.cli.line.stored_values import StoredValues, stored_values
+from station.cli.say import Grid, say
+from station.errors import StationError
+
+BY = ("day", "bench", "operator")
+"""What can stand for the operator: an automatic bench has none, unless the runs name one."""
+
+NO_SPREAD = "The gage cannot be judged: all repeats of a part are identical. Check for copied or rounded rows"
+
+SPREADS = {
+    "sd_repeatability": "repeatability (EV)",
+    "sd_reproducibility": "reproducibility (AV)",
+    "sd_gage": "gage (GRR)",
+    "sd_part": "parts (PV)",
+    "sd_total": "total (TV)",
+}
+"""Standard deviations of a study and their names in the hand method."""
+
+GOOD_PCT, FAIR_PCT = 10.0, 30.0
+LEAST_NDC = 5
+"""AIAG: below 10 % good, up to 30 % for some uses, five categories or more."""
+
+
+def gage(
+    file: Path | None, ask: Ask | None, data: Path, by: str, study: tuple[float | None, float], *, as_json: bool
+) -> int:
+    """Print the study by analysis of variance and by average and range; return 0.
+
+    Args:
+        file: CSV file of the study, or None.
+        ask: metric of stored runs, or None.
+        data: their folder.
+        by: what stands for the operator, one of `BY`.
+        study: tolerance (None: that of the recipe) and level of confidence.
+        as_json: one JSON object instead of text.
+
+    Raises:
+        StationError, AnalysisError: bad input, or a study that is not complete.
+
+    """
+    given, level = study
+    if by not in BY:
+        raise StationError(f"--by: found {by!r}; allowed are {', '.join(BY)}")
+    if file is None and ask is None:
+        raise StationError("give a CSV FILE with the columns operator, part and value, or --metric ID for stored runs")
+    stored: StoredValues | None = None
+    if file is not None:
+        design, stored = _listed(file, ask, data)
+    else:
+        stored = stored_values(data, ask or Ask(""))
+        design = _of_runs(stored, by)
+    tolerance = _tolerance(given, stored)
+    anova = analyse_gage_study(design, tolerance, level)
+    ranges = analyse_average_range(design, tolerance, level)
+    unit = "" if stored is None else stored.unit
+    head: dict[str, Any] = {"file": None if file is None else str(file), **({} if stored is None else stored.head())}
+    head |= {"parts": list(design.parts), "operators": list(design.operators), "trials": design.values.shape[2]}
+    document = {
+        **head,
+        "tolerance": tolerance,
+        "level": level,
+        "anova": _plain(anova),
+        "average_range": _plain(ranges),
+    }
+    notes = [] if stored is None else stored.notes()
+    return say(document, [*_blocks(design, anova, ranges, unit, level), *notes], as_json=as_json)
+
+
+def _listed(file: Path, ask: Ask | None, data: Path) -> tuple[GageDesign, StoredValues | None]:
+    """Return the study of a CSV file; where it names runs instead of values, these are looked up."""
+    table = read_csv_columns(file)
+    operators, parts = table.texts("operator"), table.texts("part")
+    if "value" in table.columns:
+        return gage_design(operators, parts, table.numbers("value")), None
+    if "run" not in table.columns or ask is None:
+        raise StationError(
+            f"{file}: found columns {', '.join(table.columns)}; expected operator, part and value, or operator, part "
+            "and run with --metric ID"
+        )
+    names = table.texts("run")
+    stored = stored_values(data, ask, names)
+    by_run = {one.run_id: one for one in stored.values}
+    rows = []
+    for row, name in enumerate(names, start=1):
+        if name not in by_run:
+            raise StationError(
+                f"{file}: row {row}, column run: found '{name:.60}'; no such run with a value of {ask.metric} in {data}"
+            )
+        rows.append(by_run[name])
+    twice = next((name for name, count in Counter(one.run_id for one in rows).items() if count > 1), None)
+    if twice:
+        raise StationError(f"{file}: column run: {twice} stands there more than once; every measurement counts once")
+    design = gage_design(operators, parts, [one.value for one in rows])
+    return design, dataclasses.replace(stored, values=rows, left_out=Counter())
+
+
+def _of_runs(stored: StoredValues, by: str) -> GageDesign:
+    def operator(one: StoredValue) -> str:
+        return {"day": one.started.date().isoformat(), "bench": one.bench, "operator": one.operator}[by]
+
+    nobody = [one.run_id for one in stored.values if by == "operator" and not one.operator]
+    if nobody:
+        raise StationError(
+            f"gage study: {len(nobody)} of {len(stored.values)} runs have no operator, {nobody[0]} for one; measure "
+            "with 'lostmotion run --operator NAME', or list the runs in a CSV file with the columns operator, part, run"
+        )
+    names = [operator(one) for one in stored.values]
+    if len(set(names)) < 2:
+        raise StationError(
+            f"gage study: every run is of one {by} ({names[0]}); expected two or more. Measure on another {by}, or "
+            "list the runs in a CSV file with the columns operator, part and run"
+        )
+    return gage_design(names, [one.serial for one in stored.values], [one.value for one in stored.values])
+
+
+def _tolerance(given: float | None, stored: StoredValues | None) -> float | None:
+    if given is not None or stored is None:
+        return given
+    low, high = stored.limits.get("min"), stored.limits.get("max")
+    return None if low is None or high is None else high - low
+
+
+def _plain(study: GageStudy | AverageRange) -> dict[str, Any]:
+    return {
+        key: value._asdict() if isinstance(value, (Interval, Source)) else value for key, value in vars(study).items()
+    }
+
+
+def _interval(one: Interval, unit: str, digits: int = 4) -> tuple[str, str]:
+    return figure(one.value, unit, digits), f"{figure(one.low, '', 3)} … {figure(one.high, '', 3)}"
+
+
+def _blocks(design: GageDesign, anova: GageStudy, ranges: AverageRange, unit: str, level: float) -> list[str | Grid]:
+    parts, operators, trials = design.values.shape
+    rows: list[tuple[str, ...]] = []
+    for key, name in SPREADS.items():
+        rows.append((name, *_interval(getattr(anova, key), unit), *_interval(getattr(ranges, key), unit)))
+    rows.append(("gage, % of total", *_interval(anova.grr_pct, "%"), *_interval(ranges.grr_pct, "%")))
+    if anova.tolerance_pct is not None:
+        rows.append(
+            ("gage, % of tolerance", figure(anova.tolerance_pct, "%", 4), "", figure(ranges.tolerance_pct, "%", 4), "")
+        )
+    rows.append(("distinct categories (ndc)", str(anova.ndc), "", str(ranges.ndc), ""))
+    sources = [
+        (name, f"{row.sum_of_squares:.6g}", str(row.freedom), f"{row.mean_square:.4g}")
+        for name, row in (("part", anova.part), ("operator", anova.operator), ("part × operator", anova.interaction),
+                          ("repeatability", anova.repeatability))
+    ]  # fmt: skip
+    pooled = "pooled with the repeatability" if anova.pooled else "kept apart"
+    share = anova.grr_pct.value
+    words = "good" if share < GOOD_PCT else "fit for some uses" if share <= FAIR_PCT else "not fit"
+    few = "" if anova.ndc >= LEAST_NDC else f", and tells {anova.ndc} groups of parts apart; {LEAST_NDC} are needed"
+    interval = f"{level:.0%} interval"
+    spread = bool((design.values.max(axis=2) > design.values.min(axis=2)).any())
+    return [
+        f"{parts} parts × {operators} operators × {trials} trials",
+        Grid(("source", "sum of squares", "freedom", "mean square"), sources, right=(1, 2, 3)),
+        f"interaction: p = {anova.p_interaction:.3g}, {pooled}",
+        Grid(("", "by variance", interval, "by range", interval), rows, right=(1, 3)),
+        f"The gage is {words} by AIAG: {share:.3g} % of the total spread{few}" if spread else NO_SPREAD,
+    ]

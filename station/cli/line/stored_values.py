@@ -1,0 +1,189 @@
+"""One metric over many stored runs: which runs count, which were left out and why, and that they are comparable."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from station.cli.line.stored_metric import Ask, Kind, StoredMetric, StoredValue, read_metric
+from station.errors import RecordError, StationError
+from station.records.run_record import RunRecord
+from station.store.metric_rows import MetricRow, metric_rows
+from station.store.view import look_at, without_collector
+
+ATTEMPTS = ("first", "last", "all")
+"""Which runs of a serial number count: a retest must not count twice where each unit counts once."""
+
+SAME = ("unit", "definition", "branch", "estimator", "band", "torque_nm")
+"""What must be the same of a metric in every run, or the numbers are not of one kind."""
+
+
+ELSEWHERE = frozenset({"not_in_chain", "copied", "renamed"})
+"""Kinds of folder that are no run of this data folder, whatever they say."""
+
+
+@dataclass(frozen=True)
+class StoredValues:
+    """Values of one metric in order of time, its limits in the newest run, and what was left out (reason, count)."""
+
+    ask: Ask
+    unit: str
+    name: str
+    definition: str
+    limits: dict[str, float | None]
+    values: list[StoredValue]
+    left_out: Counter[str] = field(default_factory=Counter)
+    kinds: Counter[Kind] = field(default_factory=Counter)
+
+    def notes(self) -> list[str]:
+        """Return what a reader must know of the runs behind the figures."""
+        virtual = sum(one.virtual for one in self.values)
+        notes = [f"VIRTUAL: {virtual} of {len(self.values)} runs are of the virtual bench"] if virtual else []
+        faults = sum(one.faults for one in self.values)
+        notes += [f"FAULTS INJECTED: in {faults} of {len(self.values)} runs"] if faults else []
+        for what in ("revision", "torque"):
+            counts = _counts(self.kinds, what)
+            notes += [f"MIXED: {_listing(counts, what)}"] if len(counts) > 1 else []
+        return notes + [f"left out: {count} {reason}" for reason, count in self.left_out.items()]
+
+    def head(self) -> dict[str, Any]:
+        """Return what was taken, for JSON."""
+        return {
+            "metric": self.ask.metric,
+            "definition": self.definition,
+            "unit": self.unit,
+            "side": self.ask.side,
+            "recipe": self.ask.recipe,
+            "runs": [one.run_id for one in self.values],
+            "left_out": dict(self.left_out),
+            "virtual_runs": sum(one.virtual for one in self.values),
+            "runs_with_faults": sum(one.faults for one in self.values),
+        }
+
+
+def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> StoredValues:
+    """Collect one metric over the complete, unaltered runs of a data folder.
+
+    only: ids of the runs that are asked for; None: all.
+
+    Raises:
+        StationError: no such folder, no value at all (with what was left out), a metric that stands in a run more than
+            once, runs whose definitions of the metric differ, or, while no recipe is asked for, runs of several
+            recipes or with the output torque from different sensors.
+
+    """
+    if not data.is_dir():
+        raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
+    if ask.attempts not in ATTEMPTS:
+        raise StationError(f"--attempts: found {ask.attempts!r}; allowed are {', '.join(ATTEMPTS)}")
+    rows, left_out = _read(data, ask, only)
+    rows = _attempts(rows, ask.attempts, left_out)
+    if not rows:
+        what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "it holds no runs"
+        raise StationError(f"{data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
+    metric = _same(rows, (ask.metric.split() or [""])[0])
+    pooled = Counter(row.kind for row in rows)
+    if ask.recipe is None:
+        _check_one_kind(ask.metric, pooled)
+    side = ask.side or metric.side
+    name = ask.metric if side == "both" else f"{ask.metric} side {side.replace('-', '−')}"
+    values = [row.value for row in rows]
+    limits = {"min": metric.limit_min, "max": metric.limit_max}
+    return StoredValues(ask, metric.unit, name, metric.definition, limits, values, left_out, pooled)
+
+
+def _read(data: Path, ask: Ask, only: Collection[str] | None) -> tuple[list[StoredMetric], Counter[str]]:
+    """Return the runs that count, oldest first, and why the others do not."""
+    left_out: Counter[str] = Counter()
+    rows: list[StoredMetric] = []
+    name = (ask.metric.split() or [""])[0]
+    with look_at(data) as view, without_collector():
+        for lines in metric_rows(view, name, ask.side, ask.recipe, ask.serial):
+            if only is not None and lines[0].run not in only:
+                continue
+            found = read_metric(view, lines, ask)
+            if isinstance(found, str):
+                left_out[found] += 1
+            else:
+                rows.append(found)
+        for run in view.open:
+            reason = _why_open(RunRecord(data / run), ask) if only is None or run in only else ""
+            if reason:
+                left_out[reason] += 1
+        left_out["altered"] += sum(problem.kind in ELSEWHERE for problem in view.problems)
+    return rows, +left_out
+
+
+def _why_open(run: RunRecord, ask: Ask) -> str:
+    """Return why a run that was not concluded does not count; '' for one that was not asked for."""
+    try:
+        manifest = run.manifest()
+        asked = ask.recipe in (None, manifest["recipe"]["name"]) and ask.serial in (None, manifest["serial"])
+        return f"that ended as {run.state()}" if asked else ""
+    except (RecordError, KeyError, TypeError, AttributeError):
+        return "damaged"
+
+
+def _counts(kinds: Counter[Kind], what: str) -> Counter[Any]:
+    """Count the runs by one field of their kind; those where nothing is known of it are not counted."""
+    found: Counter[Any] = Counter()
+    for kind, count in kinds.items():
+        if getattr(kind, what) != "":
+            found[getattr(kind, what)] += count
+    return found
+
+
+def _listing(counts: Counter[Any], what: str) -> str:
+    named = "" if what == "torque" else f"{what} "
+    return ", ".join(f"{count} {'run' if count == 1 else 'runs'} of {named}{key}" for key, count in counts.items())
+
+
+def _check_one_kind(metric: str, kinds: Counter[Kind]) -> None:
+    """Refuse runs whose spread is that of the recipes or of the torque sensors, and not of what was measured."""
+    recipes, torques = _counts(kinds, "recipe"), _counts(kinds, "torque")
+    if len(recipes) > 1:
+        raise StationError(
+            f"{metric}: found {_listing(recipes, 'recipe')}; only runs of one recipe are comparable. Choose it with "
+            "--recipe NAME"
+        )
+    if len(torques) > 1:
+        raise StationError(
+            f"{metric}: found {_listing(torques, 'torque')}; their sensor errors differ. Keep them in separate "
+            f"data folders, or combine them with --recipe {next(iter(recipes))}"
+        )
+
+
+def _attempts(rows: list[StoredMetric], which: str, left_out: Counter[str]) -> list[StoredMetric]:
+    if which == "all":
+        return rows
+    kept: dict[str, StoredMetric] = {}
+    for row in rows:
+        if which == "last" or row.value.serial not in kept:
+            kept[row.value.serial] = row
+    if len(rows) > len(kept):
+        left_out[f"that are not the {which} of their unit"] += len(rows) - len(kept)
+    return sorted(kept.values(), key=lambda row: row.value.run_id)
+
+
+def _same(rows: list[StoredMetric], name: str) -> MetricRow:
+    """Return the metric of the newest run; StationError when another run means something else by it."""
+    newest, metric, _ = rows[-1]
+    of = attrgetter(*SAME)
+    meaning = of(metric)
+    for value, other, _ in rows:
+        if of(other) != meaning:
+            differs = [key for key in SAME if getattr(other, key) != getattr(metric, key)]
+            raise StationError(
+                f"runs {value.run_id} and {newest.run_id} mean different things by {name}: {differs[0]} is "
+                f"{_shown(other, differs[0])} and {_shown(metric, differs[0])}. Choose runs of one recipe with --recipe"
+            )
+    return metric
+
+
+def _shown(metric: MetricRow, field: str) -> str:
+    value = getattr(metric, field)
+    return str(value) if field in ("band", "torque_nm") else repr(value)

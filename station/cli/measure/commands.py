@@ -1,0 +1,150 @@
+"""Commands that move a bench, and the check of what it would do."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Annotated
+
+import typer
+
+from station.cli.options import (
+    DEFAULT_DATA,
+    BenchOption,
+    DataOption,
+    JsonOption,
+    RecipeArgument,
+    RunArgument,
+    ScenarioOption,
+    SeedOption,
+    UnitOption,
+    WallClockOption,
+)
+
+
+class Pace(Enum):
+    """How fast scans follow each other on a bench that waits for them."""
+
+    deadlines = "deadlines"
+    fast = "fast"
+
+
+ReportOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--report/--no-report",
+        help="Make the report after the run, or leave it to 'lostmotion report'. Default: as the recipe says.",
+        show_default=False,
+    ),
+]
+
+
+def check(recipe: RecipeArgument, bench: BenchOption = None, as_json: JsonOption = False) -> None:
+    """Check a recipe and show its load profile, duration and peak torque. Exit code: 0 in order, 2 not."""
+    from station.cli.measure import check as command_check
+
+    raise typer.Exit(command_check.check(recipe, bench, as_json=as_json))
+
+
+def run(
+    recipe: RecipeArgument,
+    serial: Annotated[
+        str | None,
+        typer.Option("--serial", metavar="SN", help="Serial number of the unit. Required on a real bench."),
+    ] = None,
+    bench: BenchOption = None,
+    data: DataOption = DEFAULT_DATA,
+    unit: UnitOption = None,
+    scenario: ScenarioOption = None,
+    virtual_time: Annotated[
+        bool,
+        typer.Option("--virtual-time", help="Simulate the bench in this process, faster than real time."),
+    ] = False,
+    wall_clock: WallClockOption = False,
+    pace: Annotated[
+        Pace,
+        typer.Option("--pace", help="On a bench that waits for the scan: run in real time, or as fast as possible."),
+    ] = Pace.deadlines,
+    seed: SeedOption = None,
+    operator: Annotated[
+        str | None, typer.Option("--operator", metavar="NAME", help="Name of the operator, for 'lostmotion gage'.")
+    ] = None,
+    report: ReportOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Run a recipe: measure a unit, judge it, store the record.
+
+    Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
+    Exit code: 0 PASS, 1 FAIL, 2 bad input, 3 NOT DECIDABLE, 4 bench fault or stopped,
+    70 the program failed.
+    """
+    from station.cli.measure import run as command_run
+
+    options = command_run.Options(
+        recipe,
+        serial,
+        bench,
+        data,
+        unit,
+        scenario,
+        virtual_time,
+        as_json,
+        operator,
+        seed,
+        report=report,
+        wall_clock=wall_clock,
+        fast=pace is Pace.fast,
+    )
+    raise typer.Exit(command_run.run(options))
+
+
+def resume(
+    name: RunArgument,
+    data: DataOption = DEFAULT_DATA,
+    report: ReportOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Take over a run whose desk died, to its end and its verdict. Exit code as run.
+
+    Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
+    """
+    from station.cli.measure import resume as command_resume
+
+    raise typer.Exit(command_resume.resume_run(name, data, as_json=as_json, report=report))
+
+
+def recover(
+    bench: BenchOption = None,
+    data: DataOption = DEFAULT_DATA,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Skip the question. Only after you have checked the bench.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """The way back after a fault: show how the bench was left, acknowledge, bring the torque to zero, open the lock.
+
+    Nothing is enabled before you say so. The bench is the one of the newest run, or the one that --bench names.
+    Exit code: 0 the unit is unloaded and the lock open, 2 bad input, 4 not.
+    """
+    from station.cli.measure import recover as command_recover
+
+    raise typer.Exit(command_recover.recover(bench, data, yes=yes, as_json=as_json))
+
+
+def conclude(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[RUN]", help="Run id or part of it, serial number, folder, or 'last'.")
+    ] = None,
+    all_runs: Annotated[bool, typer.Option("--all", help="Every run whose supervisor process ended early.")] = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Conclude a run whose supervisor process ended: save its samples, evaluate them, store result and verdict.
+
+    Looking at runs never does that. What cannot be read now decides nothing: try again when it is there.
+    Exit code: 0 nothing is left to conclude, 1 a run could not be concluded, 2 bad input.
+    """
+    from station.cli.measure import conclude as command_conclude
+
+    raise typer.Exit(command_conclude.conclude_runs(name, data, all_runs=all_runs, as_json=as_json))

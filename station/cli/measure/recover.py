@@ -1,0 +1,200 @@
+"""`lostmotion recover`: the way back after a fault, also after everything was restarted with the unit still wound up.
+
+How the last run left the bench is read from its record: its fault goes on, and so do the zeroes of its torque sensors.
+The scan of a recovery runs the same controller, which waits in that fault until a person has acknowledged it and asked
+for the reset. The recovery is recorded like a run, in `recoveries` below the runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import select
+import sys
+from pathlib import Path
+from typing import Any
+
+from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER
+from recipes import find_bench, load_bench
+from station.bench.request import Job, load_job, stored_job
+from station.cli.measure.run import EXIT_BENCH
+from station.errors import BenchFaultError, RecordError, StationError
+from station.records.clocks import SCAN, WALL, clock_of
+from station.records.data_folder import Store
+from station.records.left_state import left_state
+from station.records.program_file import PROGRAM, StoredProgram, plain_program
+from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
+from station.records.samples.check import check_bytes, sound_table
+from station.records.samples.samples import samples_bytes
+from station.run.conclusion import conclude
+from station.run.desk import Desk
+from station.run.ending import Ending
+from station.run.pacing import pacing_of
+from station.run.way_back.guide import Guide
+from station.run.way_back.recover import recover as conclude_deserted
+from station.version import software
+
+FOLDER = "recoveries"
+NO_FAULT = FAULT_BY_ID["brake_stays_closed"].number
+"""Where a run was torn off without a fault: what goes on is the lock that was left closed."""
+
+
+def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
+    """Lead a person through the way back; 0 when the unit is unloaded and the lock open, else 4.
+
+    Raises:
+        StationError, RecipeError: no run has left this bench, or nobody is there to answer.
+
+    """
+    run = _last_run(Store(data), bench)
+    _conclude_if_deserted(run)
+    manifest = run.manifest()
+    content, layout = samples_bytes(run), run.layout()
+    table = sound_table(content, layout)
+    if not len(table):
+        raise StationError(f"{run.id}: has no readable records, so the state of the bench is not known")
+    to_its_end = run.state() not in (INTERRUPTED, NOT_CONCLUDED) and not check_bytes(content, layout=layout).problems
+    before = left_state(table, StoredProgram.of(run), to_its_end=to_its_end)
+    stream = sys.stderr if as_json else sys.stdout
+
+    def say(line: str) -> None:
+        stream.write(line + "\n")
+        stream.flush()
+
+    say(f"Run {run.id} of {manifest['serial']} ended: {manifest['state']}, {before['text'] if before else ''}")
+    if manifest["state"] in ("complete", "stopped"):
+        say("the run ended normally: unloaded, lock open, drive off. Nothing to recover")
+        if as_json:
+            nothing = {"run": run.id, "before": before, "after": before, "released": True, "record": str(run.folder)}
+            sys.stdout.write(json.dumps(nothing, ensure_ascii=False) + "\n")
+        return 0
+    if manifest["bench"]["embedded"] and bench is None:
+        raise StationError(
+            f"{run.id}: its virtual bench ended with the run, so there is nothing to recover. Name a bench that is "
+            "still running with --bench"
+        )
+    if not yes and not sys.stdin.isatty():
+        raise StationError(
+            "no terminal to answer in: run it in a terminal, or with --yes after you have checked the bench"
+        )
+    job = stored_job(run) if bench is None else load_job(str(run.folder / "recipe.yaml"), bench)
+    left = left_by(table)
+    record = _create(data, run, job, left)
+    guide = Guide(job.program, say, _say_yes if yes else _typed)
+    with contextlib.closing(record.lock):
+        try:
+            ending = Desk(job, record, lambda _: None, say, left=left, attend=guide.attend, pacing=pacing_of(job)).run(
+                None, None
+            )
+        except BenchFaultError as error:
+            record.samples.touch()
+            ending = Ending.refused_by(record, error)
+        result = conclude(record, job, ending).result
+    after = result["left"]
+    released = result["state"] == "stopped" and after is not None and after["lock"] == "open"
+    report = {
+        "bench": job.bench.bench.name,
+        "run": run.id,
+        "fault": FAULT_BY_NUMBER[int(left["fault"])].id,
+        "before": before,
+        "after": after,
+        "released": released,
+        "alarms": result["alarms"],
+        "reasons": result["reasons"],
+        "record": result["record"],
+    }
+    if as_json:
+        sys.stdout.write(json.dumps(report, ensure_ascii=False) + "\n")
+    for line in _last_words(report):
+        say(line)
+    return 0 if released else EXIT_BENCH
+
+
+def _conclude_if_deserted(run: RunRecord) -> None:
+    """Conclude the run that the way back begins at; where that cannot be done now, its samples have to do."""
+    if run.scanning():
+        raise StationError(
+            f"{run.id}: still running (pid {run.scanning()}). Take it over: 'lostmotion resume {run.id}'"
+        )
+    try:
+        conclude_deserted(run)
+    except StationError as error:
+        sys.stderr.write(f"WARNING  {run.id}: cannot be concluded now: {error}\n")
+
+
+def left_by(table: Any) -> dict[str, float]:
+    """Return what the controller of a recovery has to know of the run before: its fault and its zeroes."""
+    orders = table[-1]["orders"]
+    return {
+        "fault": int(orders["fault"]) or NO_FAULT,
+        "torque_in_tare_nm": float(orders["torque_in_tare_nm"]),
+        "torque_out_tare_nm": float(orders["torque_out_tare_nm"]),
+    }
+
+
+def _last_run(store: Store, bench: str | None) -> RunRecord:
+    """Return the newest run over wires, on this bench when one is named, or the recovery that came after it."""
+    name = None if bench is None else load_bench(find_bench(bench)).bench.name
+    runs = [*store.runs(), *Store(store.data / FOLDER).runs()]
+    for run in sorted(runs, key=lambda item: item.id, reverse=True):
+        try:
+            manifest = run.manifest()
+        except RecordError as error:
+            # It may be the one that left the bench as it is: a person is told before anything is asked.
+            sys.stderr.write(f"WARNING  run {run.id} is passed over: {error}\n")
+            continue
+        if clock_of(manifest) in (WALL, SCAN) and run.records() and name in (None, manifest["bench"]["name"]):
+            if run.state() == "recording":
+                raise StationError(f"{run.id}: this run is still in progress. Wait for its end, or stop it")
+            return run
+    where = f"{store.data}: no run" + (f" on bench {name}" if name else "")
+    raise StationError(f"{where} has left a record: name the runs' folder with --data")
+
+
+def _create(data: Path, run: RunRecord, job: Job, left: dict[str, float]) -> RunRecord:
+    of = run.manifest()
+    keep = ("recipe", "unit", "period_ns")
+    bench = job.bench.bench
+    manifest = {
+        **{key: of[key] for key in keep},
+        "clock": pacing_of(job).clock,
+        "software": software(),
+        "scenario": None,  # that of the run before is not injected again
+        "bench": {
+            "name": bench.name,
+            "revision": bench.revision,
+            "sha256": job.bench_source.sha256,
+            "file": str(job.bench_source.path),
+            "embedded": bench.embedded,
+            "public_key": bench.public_key,
+        },
+        "recovery_of": run.id,
+        "left": left,
+        "verdict": None,
+        "notes": [],
+        "ring": None,
+    }
+    files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
+    files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
+    record = Store(data / FOLDER).create(of["serial"], manifest, files, own=True)
+    record.write_json(PROGRAM, plain_program(job.program))
+    return record
+
+
+def _say_yes() -> str | None:
+    return "y"
+
+
+def _typed() -> str | None:
+    """Return a line that was typed, '' at the end of the input, None while there is none."""
+    ready, _, _ = select.select([sys.stdin], [], [], 0)
+    return sys.stdin.readline() if ready else None
+
+
+def _last_words(report: dict[str, Any]) -> list[str]:
+    after = report["after"]
+    left = f"{after['text']}: {after['next_action']}" if after else "the bench said nothing"
+    if report["released"]:
+        return [f"RELEASED  {left}", f"record {report['record']}"]
+    reasons = [f"  {reason}" for reason in report["reasons"]]
+    return [f"NOT RELEASED  {left}", *reasons, f"record {report['record']}"]

@@ -1,0 +1,1 @@
+"""Commands on single runs: list, show, verify, report, export, replay, and evaluation anew."""

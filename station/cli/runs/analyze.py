@@ -1,0 +1,104 @@
+"""`lostmotion analyze`: metrics of a stored run, or of a CSV, Parquet or TDMS trace measured elsewhere."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from recipes import OWN, Selection
+from station.bench.request import trace_file
+from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
+from station.cli.runs.monte_carlo_table import check_draws, show_monte_carlo
+from station.cli.measure.run import EXIT_BENCH, EXIT_CODES, exit_code
+from station.cli.runs.show import stored_result
+from station.errors import StationError
+from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RunRecord
+from station.records.seal import alterations
+from station.records.data_folder import Store
+from station.reports.result_view import result_console, show_result
+from station.run.conclusion import NOT_DECIDABLE
+
+
+def analyze(
+    trace: str,
+    recipe: str | None,
+    bench: str | None,
+    data: Path,
+    *,
+    as_json: bool,
+    selection: Selection = OWN,
+    draws: int = 0,
+) -> int:
+    """Analyse a trace and print its result; return the exit code of its verdict.
+
+    selection: metrics to report instead of the recipe's; the recipe's limits for the same definitions hold.
+    draws: of Monte Carlo beside the uncertainty budget.
+
+    Raises:
+        StationError, RecipeError, AnalysisError: what cannot be read, or what the method needs and the trace lacks.
+
+    """
+    if selection.preset is not None:
+        known_preset(selection.preset)
+    check_draws(draws)
+    path = trace_file(trace)
+    if path is not None:
+        if recipe is None:
+            raise StationError(f"{trace}: --recipe is missing: it defines how the trace is evaluated")
+        result = elsewhere(path, recipe, bench, selection, draws=draws)
+    else:
+        run = Store(data).find(trace)
+        if run.state() != "complete" and not alterations(run):
+            return _incomplete(run, as_json=as_json)
+        result = reevaluate(run, recipe, bench, selection, draws=draws)
+    if as_json:
+        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+        return _code(result)
+    console = result_console()
+    heading = reevaluation_heading(result)
+    if heading:
+        console.print(heading, style="bold magenta", highlight=False, soft_wrap=True)
+    if draws and result["metrics"]:
+        show_monte_carlo(console, result["metrics"])
+    show_result(console, result)
+    if heading:
+        # The verdict is the last thing on the screen: whose it is stands below it as well.
+        console.print(heading, style="bold magenta", highlight=False, soft_wrap=True)
+    return _code(result)
+
+
+def _code(result: dict[str, Any]) -> int:
+    return EXIT_CODES[NOT_DECIDABLE] if result.get("altered") else exit_code(result)
+
+
+def _incomplete(run: RunRecord, *, as_json: bool) -> int:
+    """Say why a run has no trace to evaluate; return 4 for one that stopped or faulted, 3 for one without an end."""
+    state = run.state()
+    words = {
+        "fault": "the run ended in a fault",
+        "stopped": "the run was stopped",
+        "interrupted": "the run was interrupted",
+        "not concluded": "the run is not concluded",
+        "recording": "the run is still going on",
+    }
+    what = words.get(state, f"the run is {state}")
+    sys.stderr.write(f"{run.id}: {what}: it has no complete trace to evaluate. See 'lostmotion show {run.id}'\n")
+    if as_json:
+        sys.stdout.write(json.dumps(stored_result(run), ensure_ascii=False) + "\n")
+    return EXIT_CODES[NOT_DECIDABLE] if state in (INTERRUPTED, RECORDING, NOT_CONCLUDED) else EXIT_BENCH
+
+
+def reevaluation_heading(result: dict[str, Any]) -> str:
+    """Return what stands above and below the result of another recipe or bench; '' for the run's own."""
+    if not result.get("reevaluated"):
+        return ""
+    recipe, original = result["recipe"], result["original_verdict"]
+    with_bench = result["reevaluated_bench"]
+    bench = f" on bench {with_bench}" if with_bench else ""
+    selection = f" by the definitions of {', '.join(result['selection'])}" if result.get("selection") else ""
+    return (
+        f"RE-EVALUATED with {recipe['name']} rev {recipe['revision']} ({recipe['sha256'][:8]}){bench}{selection}, "
+        f"not the run's own verdict ({original})"
+    )

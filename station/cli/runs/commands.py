@@ -1,0 +1,168 @@
+"""Commands that look at what was measured."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from station.cli.options import (
+    DEFAULT_DATA,
+    ChosenMetricOption,
+    DataOption,
+    JsonOption,
+    PresetOption,
+    RunArgument,
+    TraceArgument,
+)
+
+
+def list_runs(
+    limit: Annotated[int, typer.Option("--limit", metavar="N", min=1, help="Number of newest runs to list.")] = 50,
+    everything: Annotated[bool, typer.Option("--all", help="All runs.")] = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """List the stored runs, newest last, and name what is missing or altered."""
+    from station.cli.runs import list_runs as command_list
+
+    raise typer.Exit(command_list.list_runs(data, None if everything else limit, as_json=as_json))
+
+
+def show(
+    name: RunArgument,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Show a stored run."""
+    from station.cli.runs import show as command_show
+
+    raise typer.Exit(command_show.show(name, data, as_json=as_json))
+
+
+def report(
+    name: RunArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to. Default: that of the run.")
+    ] = None,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the report of a stored run, as HTML that stands alone and as PDF."""
+    from station.cli.runs import report as command_report
+
+    raise typer.Exit(command_report.report(name, data, out, open_it=open_it, as_json=as_json))
+
+
+def analyze(
+    trace: TraceArgument,
+    recipe: Annotated[
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="Recipe for the evaluation. Default for a stored run: its own recipe."),
+    ] = None,
+    bench: Annotated[
+        str | None,
+        typer.Option("--bench", metavar="FILE", help="Bench on which the trace was recorded, for its fixture and calibrations."),
+    ] = None,
+    preset: PresetOption = None,
+    metric: ChosenMetricOption = None,
+    monte_carlo: Annotated[
+        int,
+        typer.Option("--monte-carlo", metavar="N", min=0, max=100_000, help="Number of Monte Carlo draws for the uncertainty, 50 or more."),
+    ] = 0,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute metrics and verdict of a trace. Exit code as run."""
+    from recipes import Selection
+    from station.cli.runs import analyze as command_analyze
+
+    selection = Selection(preset, tuple(metric or ()))
+    raise typer.Exit(
+        command_analyze.analyze(trace, recipe, bench, data, as_json=as_json, selection=selection, draws=monte_carlo)
+    )
+
+
+def metrics(preset: PresetOption = None, as_json: JsonOption = False) -> None:
+    """List the definitions of all metrics and the presets, or of one preset. Exit code: 0, or 2 for no such preset."""
+    from station.cli.runs import metrics as command_metrics
+
+    raise typer.Exit(command_metrics.metrics(preset, as_json=as_json))
+
+
+def export(
+    name: RunArgument,
+    file_format: Annotated[
+        str,
+        typer.Option("--format", metavar="FORMAT", help="File format: parquet, csv, mat or tdms."),
+    ] = "parquet",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="File or folder to write. Default: RUN.FORMAT in this folder."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write every scan of a run as Parquet, CSV, MATLAB or TDMS, with units and metadata."""
+    from station.cli.runs import export as command_export
+
+    raise typer.Exit(command_export.export(name, data, file_format, out, as_json=as_json))
+
+
+def replay(
+    name: RunArgument,
+    recipe: Annotated[
+        str | None,
+        typer.Option(
+            "--recipe", metavar="OTHER", help="What if: replay and evaluate the run with another recipe, up to the first difference."
+        ),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Step the controller through a record and compare every order, byte for byte.
+
+    Exit code: 0 identical, 1 not (the first differing scan is printed), 2 bad input or a damaged record, 3 identical,
+    but the record was altered after the run. With --recipe: 0 nothing would have changed, 1 something would have, 2 as
+    above, 3 nothing can be said, because the replay differs or the record was altered.
+    """
+    from station.cli.runs import replay as command_replay
+
+    raise typer.Exit(command_replay.replay_run(name, data, recipe, as_json=as_json))
+
+
+def verify(
+    data: DataOption = DEFAULT_DATA,
+    key: Annotated[
+        list[str] | None,
+        typer.Option("--key", metavar="KEY", help="Accept only signatures by this public key; may be repeated."),
+    ] = None,
+    bench: Annotated[
+        str | None, typer.Option("--bench", metavar="FILE", help="Bench file that contains the public key.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Compare the size of the samples, not their bytes.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Check that no run is missing or altered: the chain, its signatures and every file.
+
+    Exit code: 0 passed, 1 not, 2 bad input.
+    """
+    from station.cli.runs import verify as command_verify
+
+    raise typer.Exit(command_verify.verify(data, key or [], bench, samples=not quick, as_json=as_json))
+
+
+def key(
+    trust: Annotated[
+        str | None, typer.Option("--trust", metavar="KEY", help="Trust the public key of another bench.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print the public key by which this computer signs runs."""
+    from station.cli.runs import verify as command_verify
+
+    raise typer.Exit(command_verify.key(trust, as_json=as_json))

@@ -1,0 +1,111 @@
+"""`lostmotion export`: a stored run as a file of another program."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from station.cli.out_file import refuse_records, writing
+from station.cli.runs.show import stored_result
+from station.errors import RecordError, StationError
+from station.records.samples.check import check_bytes
+from station.records.run_record import RunRecord
+from station.records.samples.samples import samples_bytes
+from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
+from station.records.data_folder import Store
+from station.records.samples.table import table_of
+from station.results.export import FORMATS, Column, columns_of, sidecar
+from station.results.export_origin import for_analysis
+
+COPIED = (
+    "id",
+    "serial",
+    "attempt",
+    "state",
+    "started",
+    "ended",
+    "clock",
+    "period_ns",
+    "recipe",
+    "bench",
+    "software",
+    "scenario",
+    "operator",
+)
+
+
+def described(run: RunRecord) -> dict[str, Any]:
+    """Return what a file must say of its run to stand alone: identity, recipe, bench, software, verdict, metrics.
+
+    A unit that was not real, and a scenario whose faults were injected, are part of its identity.
+    """
+    manifest, result = run.manifest(), stored_result(run)
+    head = {key: manifest[key] for key in COPIED if manifest.get(key) is not None}
+    unit = {"unit": manifest["unit"]["model"]}
+    unit |= {"virtual_unit": manifest["unit"]["virtual"]} if manifest["unit"].get("virtual") else {}
+    unit |= {"noise_seed": seed} if (seed := manifest["unit"].get("noise_seed")) is not None else {}
+    # Of an altered record the result decides nothing, and the file says so wherever it goes.
+    kept = ("verdict", "reasons", "metrics", "timing", "altered")
+    return head | unit | {key: result[key] for key in kept if key in result}
+
+
+def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json: bool) -> int:
+    """Export a run; return 0, or 3 for an altered record, which the file and the command both say.
+
+    Raises:
+        StationError: there is no such run or format, the run has no records, they are damaged, or the file cannot be
+            written.
+
+    """
+    if file_format not in FORMATS:
+        raise StationError(f"--format: found {file_format!r}; allowed are {', '.join(FORMATS)}")
+    run = Store(data).find(name)
+    altered = alterations(run)
+    path = Path(f"{run.id}.{file_format}") if out is None else out
+    if path.is_dir():
+        path = path / f"{run.id}.{file_format}"
+    refuse_records(path)
+    content, layout = samples_bytes(run), run.layout()
+    read_back = check_bytes(content, None, layout)
+    # A run that was cut off has half a record at its end; anything else is damage and must not leave as a measurement.
+    damage = [problem for problem in read_back.problems if "after the last complete record" not in problem]
+    if damage:
+        raise RecordError(f"{run.id}: {damage[0]}; a damaged record is not exported")
+    if not read_back.records:
+        raise StationError(f"{run.id}: the run has no records: nothing was measured")
+    table = table_of(content, layout)
+    measured, beside = for_analysis(run, table)
+    columns = columns_of(table, int(run.manifest()["period_ns"]), measured)
+    _write(path, file_format, columns, described(run) | beside)
+    found = {"run": run.id, "file": str(path), "format": file_format, "scans": read_back.records}
+    found |= {"columns": len(columns), "bytes": path.stat().st_size, "altered": list(altered)}
+    if as_json:
+        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+    else:
+        told = f"{path}: {read_back.records} scans, {len(columns)} columns, {found['bytes']} bytes"
+        sys.stdout.write("\n".join([*alteration_lines(altered), told]) + "\n")
+    return EXIT_ALTERED if altered else 0
+
+
+def _write(path: Path, file_format: str, columns: list[Column], run: dict[str, Any]) -> None:
+    """Write the file, and what stands beside it, completely or not at all; nothing is left of what failed.
+
+    Raises:
+        StationError: the folder is not there or read-only, or the disk is full.
+
+    """
+    part = path.with_name(f".{path.name}.part")
+    finals = {part: path, sidecar(part): sidecar(path)}
+    try:
+        with writing(path):
+            FORMATS[file_format](part, columns, run)
+            for written, final in finals.items():
+                if written.exists():
+                    written.replace(final)
+    finally:
+        for written in finals:
+            with contextlib.suppress(OSError):  # where nothing can be written, nothing can be taken away either
+                written.unlink(missing_ok=True)

@@ -1,0 +1,95 @@
+"""`lostmotion list`: the runs of a data folder, and what is missing or altered there."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from station.cli.runs.show import bare_row, row
+from station.errors import StationError
+from station.records.run_record import NOT_CONCLUDED, RunRecord
+from station.run.run_list import print_runs
+from station.store.view import View, look_at, run_rows, without_collector
+
+NEWEST = 50
+"""Runs that are read from their folders each time, so that nothing but folder and chain has a say in what they are."""
+
+MOST_PROBLEMS = 20
+"""Problems that are told; `lostmotion verify` tells all."""
+
+
+def list_runs(data: Path, limit: int | None, *, as_json: bool) -> int:
+    """Print the newest runs, newest last; limit: how many, None for all.
+
+    Raises:
+        StationError: the data folder is not there.
+
+    """
+    if not data.is_dir():
+        what = "is a file" if data.exists() else "there is no such folder"
+        raise StationError(f"--data {data}: {what}; a folder that holds runs is needed, as 'lostmotion run' makes it")
+    with look_at(data) as view, without_collector():
+        left_out = 0 if limit is None else max(len(view.runs) - limit, 0)
+        rows = list_rows(view, view.runs[left_out:])
+    if as_json:
+        sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
+    elif not rows:
+        sys.stdout.write(f"{data}: holds no runs\n")
+    else:
+        console = Console()
+        print_runs(console, rows, fits=console.is_terminal)
+    stream = sys.stderr if as_json else sys.stdout
+    stream.writelines(f"{line}\n" for line in [*_below(rows), *_notes(view, left_out)])
+    return 0
+
+
+def _below(rows: list[dict[str, Any]]) -> list[str]:
+    """Return what is said of damaged runs, each with its damage, and how runs are concluded."""
+    lines = [f"damaged  {one['run']}: {one['error']}" for one in rows if one["state"] == "damaged"]
+    waiting = sum(one["state"] == NOT_CONCLUDED and not one["scanning"] for one in rows)
+    if waiting:
+        what = "run is" if waiting == 1 else "runs are"
+        lines.append(f"{waiting} {what} not concluded: 'lostmotion conclude --all' evaluates them")
+    return lines
+
+
+def list_rows(view: View, runs: list[str]) -> list[dict[str, Any]]:
+    """Return runs as rows of the list. The newest ones are read from their folders, older ones from the store."""
+    view.chain.index()
+    stored = run_rows(view, runs[:-NEWEST]) if len(runs) > NEWEST else {}
+    missing = set(view.missing)
+    rows = []
+    for run in runs:
+        if run in missing:
+            rows.append(_missing_row(view, run))
+        elif run in stored:
+            rows.append(_stored_row(view, stored[run]))
+        else:
+            rows.append(row(RunRecord(view.data / run), view.chain))
+    return rows
+
+
+def _missing_row(view: View, run: str) -> dict[str, Any]:
+    created = next((entry.fields for entry in view.chain.entries_of(run)), {})
+    return bare_row(run, "missing") | {name: created.get(name) for name in ("serial", "attempt")}
+
+
+def _stored_row(view: View, stored: dict[str, Any]) -> dict[str, Any]:
+    altered = stored["altered"].splitlines()
+    if not view.trusted(stored["key"]):
+        altered.append(f"is signed by {stored['key']}, which this computer does not know")
+    shown = {name: stored[name] for name in ("run", "serial", "attempt", "recipe", "revision", "started", "records")}
+    shown |= {"state": "altered" if altered else stored["state"], "scanning": None}
+    shown |= {"verdict": None if altered else stored["verdict"]}
+    return shown | ({"altered": altered} if altered else {})
+
+
+def _notes(view: View, left_out: int) -> list[str]:
+    notes = [f"{left_out} older runs are not shown. All: 'lostmotion list --all'"] if left_out else []
+    texts = [problem.text for problem in view.problems]
+    notes += [f"PROBLEM  {text}" for text in texts[:MOST_PROBLEMS]]
+    return notes + ([f"{len(texts)} found: see 'lostmotion verify --data {view.data}'"] if texts else [])

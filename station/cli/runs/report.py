@@ -1,0 +1,81 @@
+"""`lostmotion report`: HTML and PDF of a stored run, made anew from its record."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import webbrowser
+from pathlib import Path
+
+from jinja2 import TemplateError
+
+from analysis.trace.errors import AnalysisError
+from recipes import RecipeError
+from station.bench.request import stored_job
+from station.cli.out_file import refuse_records, writing
+from station.cli.runs.show import stored_result
+from station.durable import write_durable
+from station.errors import RecordError, StationError
+from station.records.run_record import NOT_CONCLUDED, RunRecord
+from station.records.data_folder import Store
+from station.reports.illustrate import HTML, PDF, Shown, illustrate
+from station.results.run_analysis import complete_run
+
+
+def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: bool) -> int:
+    """Write report.html and report.pdf into the run's folder, or another one, and say where; return 0.
+
+    The verdict is the stored one. An altered record is reported as altered; a run without an end has no metrics.
+
+    Raises:
+        StationError, RecipeError: there is no such run, its record cannot be read, or the folder not be written.
+
+    """
+    run = Store(data).find(name)
+    if run.state() == NOT_CONCLUDED:
+        raise StationError(
+            f"{run.id}: not concluded yet, so there is no result to report. Run 'lostmotion conclude {run.id}'"
+        )
+    folder = run.folder if out is None else out
+    if folder.resolve() != run.folder.resolve():
+        refuse_records(folder / HTML)
+    _refuse_unwritable(folder)
+    try:
+        html, pdf = illustrate(run, shown_of(run), keep=out is None)
+    except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
+        what = " ".join(str(error).split())
+        raise RecordError(f"{run.id}: no report: its record is damaged: {what}. See 'lostmotion show'") from error
+    for file, content in ((HTML, html), (PDF, pdf)):
+        write_durable(folder / file, content)
+    paths = {"html": str(folder / HTML), "pdf": str(folder / PDF)}
+    if as_json:
+        sys.stdout.write(json.dumps({"run": run.id, **paths}, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(f"report  {paths['html']}\n        {paths['pdf']}\n")
+    if open_it:
+        webbrowser.open((folder / HTML).resolve().as_uri())
+    return 0
+
+
+def _refuse_unwritable(folder: Path) -> None:
+    """Refuse a folder that takes no file, before anything is made for it."""
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+
+
+def shown_of(run: RunRecord) -> Shown:
+    """Return what is shown of a run: its stored result, and its evaluation where the record bears one."""
+    result = stored_result(run)
+    try:
+        if result["state"] == "complete" and not result.get("altered"):
+            found = complete_run(run)
+            return Shown(found.job, result, found.result)
+        job = stored_job(run)
+    except AnalysisError:
+        job = stored_job(run)
+    except RecipeError as error:
+        raise RecordError(f"{run.id}: no report: its recipe or bench cannot be read any more: {error}") from error
+    return Shown(job, result, None)

@@ -1,0 +1,172 @@
+"""`lostmotion show`: what was measured in one run."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.box import HEAVY
+from rich.console import Console
+from rich.errors import ConsoleError
+from rich.panel import Panel
+from rich.text import Text
+
+from station.records.chain.chain_file import CHAIN, Chain
+from station.errors import RecordError
+from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RESULT, RunRecord
+from station.records.run_ring import records_waiting
+from station.records.samples.samples import check_samples
+from station.records.seal import EXIT_ALTERED, alterations, is_sealed, vouched_for
+from station.records.data_folder import Store
+from station.reports.result_view import result_console, show_result
+
+SHAPELESS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, ConsoleError)
+"""What an altered result raises that cannot be shown; of one that nobody altered these are errors of the program."""
+
+ROW_KEYS = frozenset({"id", "value", "unit", "uncertainty", "branch", "side", "limits", "verdict"})
+
+
+def show(name: str, data: Path, *, as_json: bool) -> int:
+    """Print a stored run; its record is read back first, and a damaged or altered one says so; 3 when altered.
+
+    Raises:
+        StationError: there is no such run.
+
+    """
+    run = Store(data).find(name)
+    found = stored_result(run)
+    code = EXIT_ALTERED if found.get("altered") else 0
+    if as_json:
+        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+        return code
+    console = result_console()
+    manifest = run.manifest()
+    by = f" by {manifest['operator']}" if manifest.get("operator") else ""
+    console.print(
+        f"{run.id}  attempt {manifest['attempt']}, started {manifest['started']}{by}, {run.records()} scans on disk",
+        highlight=False,
+        soft_wrap=True,
+    )
+    if is_sealed(manifest) and not vouched_for(run):
+        console.print(f"no {CHAIN} beside this run: its run.json cannot be verified", style="yellow", highlight=False)
+    show_result(console, found)
+    if found.get("altered"):
+        console.print(altered_banner(found["altered"]))
+    return code
+
+
+def altered_banner(altered: list[str]) -> Panel:
+    """Return what nobody may overlook: this record is not what the run left."""
+    text = Text(" RECORD ALTERED ", style="bold white on red", justify="center")
+    for one in altered:
+        text.append(f"\n{one}", style="bold red")
+    return Panel(text, border_style="red", box=HEAVY, padding=(1, 2))
+
+
+def stored_result(run: RunRecord) -> dict[str, Any]:
+    """Return a run's result; for a run that was not concluded, what is known; for a doubtful record, no verdict.
+
+    Of a record that does not read back, or is not as it was when the run was concluded, no row keeps its verdict.
+    """
+    manifest, state = run.manifest(), run.state()
+    if not is_sealed(manifest):
+        return _without_result(run, manifest, state)
+    altered = alterations(run)
+    result = _without_result(run, manifest, state)
+    try:
+        result |= run.read_json(RESULT)
+        # An altered result may be of any shape, and rows that cannot be shown must not keep the alteration from it.
+        result |= {"metrics": [one for one in result["metrics"] if set(one) >= ROW_KEYS]}
+        result |= {"record": str(run.folder)}  # where it is now: a data folder may have been copied or moved
+    except (RecordError, TypeError, ValueError):
+        result = _without_result(run, manifest, state)
+    read_back = check_samples(run, manifest.get("records"))
+    doubts = [f"record altered: {one}" for one in altered]
+    doubts += [f"the record is damaged: {problem}" for problem in read_back.problems]
+    if not doubts:
+        return result
+    if not altered:
+        return without_verdicts(result, doubts)
+    try:
+        shown = without_verdicts(result | {"altered": list(altered)}, doubts)
+        show_result(Console(file=io.StringIO()), shown)
+    except SHAPELESS:
+        shown = without_verdicts(_without_result(run, manifest, state) | {"altered": list(altered)}, doubts)
+    return shown
+
+
+def without_verdicts(result: dict[str, Any], reasons: list[str]) -> dict[str, Any]:
+    """Return a result that decides nothing, in no row either, and says why; its other reasons follow."""
+    metrics = [
+        metric
+        | {"verdict": None}
+        | {"sides": {side: found | {"verdict": None} for side, found in metric.get("sides", {}).items()}}
+        for metric in result["metrics"]
+    ]
+    return result | {"verdict": "NOT DECIDABLE", "reasons": [*reasons, *result["reasons"]], "metrics": metrics}
+
+
+def _without_result(run: RunRecord, manifest: dict[str, Any], state: str) -> dict[str, Any]:
+    pid = run.scanning()
+    on_disk, waiting = run.records(), records_waiting(run)
+    rest = f", {waiting} more in memory" if waiting else ""
+    reasons = {
+        RECORDING: f"still running (pid {pid})" if pid else "the run is still going on",
+        INTERRUPTED: "the run was interrupted before it was evaluated; its samples are kept. "
+        f"'lostmotion conclude {run.id}' tries again",
+        NOT_CONCLUDED: f"still running (pid {pid}) without its supervisor process. Take it over: 'lostmotion resume {run.id}'"
+        if pid
+        else f"not concluded: the supervisor process ended before the evaluation; {on_disk} scans on disk{rest}. "
+        f"Run 'lostmotion conclude {run.id}'",
+    }
+    trouble = manifest.get("trouble")
+    return {
+        "run": run.id,
+        "serial": manifest["serial"],
+        "recipe": {key: manifest["recipe"][key] for key in ("name", "revision", "sha256")},
+        "scenario": manifest.get("scenario"),
+        "operator": manifest.get("operator"),
+        "state": state,
+        "verdict": "NOT DECIDABLE",
+        "reasons": [reasons.get(state, f"the run ended as {state} without a result"), *([trouble] if trouble else [])],
+        "metrics": [],
+        "timing": None,
+        "alarms": [],
+        "record": str(run.folder),
+        "records": on_disk,
+    } | ({"waiting": waiting} if waiting else {})
+
+
+def row(run: RunRecord, chain: Chain | None = None) -> dict[str, Any]:
+    """Return one run as a row of the list; a manifest that cannot be read is a row as well.
+
+    An altered run has no verdict. Its samples are compared by their size alone: `show` and `analyze` read them.
+    chain: that of its data folder, for who looks at many runs.
+    """
+    try:
+        manifest = run.manifest()
+        altered = alterations(run, samples=False, chain=chain)
+        found = {
+            "run": run.id,
+            "serial": manifest["serial"],
+            "attempt": manifest["attempt"],
+            "recipe": manifest["recipe"]["name"],
+            "revision": manifest["recipe"]["revision"],
+            "started": manifest["started"],
+            "state": "altered" if altered else run.state(),
+            "scanning": run.scanning() or None,
+            "verdict": None if altered else manifest["verdict"],
+            "records": run.records(),
+        }
+        return found | ({"altered": list(altered)} if altered else {})
+    except RecordError as error:
+        return bare_row(run.id, "damaged") | {"records": run.records(), "error": str(error)}
+
+
+def bare_row(run: str, state: str) -> dict[str, Any]:
+    """Return the row of a run of which nothing else is known."""
+    unknown = dict.fromkeys(("serial", "attempt", "recipe", "revision", "started", "verdict"))
+    return {"run": run, **unknown, "state": state, "records": 0}

@@ -1,0 +1,101 @@
+"""`lostmotion verify` and `lostmotion key`: whether a data folder is as it was left, and who signs here."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from recipes import find_bench, load_bench
+from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
+from station.records.chain.problems import PROBLEMS
+from station.cli.measure.recover import FOLDER as RECOVERIES
+from station.errors import StationError
+from station.own_place import own_place
+from station.records.verify import Verified, verify_folder
+
+EXIT_PROBLEMS = 1
+MOST_OF_A_KIND = 20
+"""Problems of one kind that are printed; JSON has all."""
+
+
+def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_json: bool) -> int:
+    """Check chain, signatures and every file of a data folder and of its recoveries; 0 passed, 1 not.
+
+    Raises:
+        StationError, RecipeError: no such folder, or a key that is none.
+
+    """
+    if not data.is_dir():
+        raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
+    named = tuple(check_public_key(key, "--key") for key in keys) + _key_of(bench)
+    folders = [data, *([data / RECOVERIES] if (data / RECOVERIES).is_dir() else [])]
+    found = {folder: verify_folder(folder, named, samples=samples) for folder in folders}
+    if as_json:
+        whole = _as_json(data, found[data])
+        if len(folders) > 1:
+            whole["recoveries"] = _as_json(folders[1], found[folders[1]])
+        sys.stdout.write(json.dumps(whole, ensure_ascii=False) + "\n")
+    else:
+        for folder, one in found.items():
+            sys.stdout.writelines(f"{line}\n" for line in _lines(folder, one))
+    return EXIT_PROBLEMS if any(one.problems for one in found.values()) else 0
+
+
+def _key_of(bench: str | None) -> tuple[str, ...]:
+    """Return the public key of a bench file, none without one; StationError where the file names none."""
+    if bench is None:
+        return ()
+    key = load_bench(find_bench(bench)).bench.public_key
+    if key is None:
+        raise StationError(f"--bench {bench}: bench.public_key is missing. 'lostmotion key' on its computer prints it")
+    return (key,)
+
+
+def _as_json(folder: Path, one: Verified) -> dict[str, Any]:
+    return {
+        "data": str(folder),
+        "chain": one.chain.id if one.chain.there else None,
+        "entries": one.walk.entries,
+        "keys": dict(one.walk.keys),
+        "runs": one.runs,
+        "concluded": one.concluded,
+        "passed": not one.problems,
+        "warning": one.trust.warning or None,
+        "problems": [problem.as_json() for problem in one.problems],
+    }
+
+
+def _lines(folder: Path, one: Verified) -> list[str]:
+    """Return what a person reads: how much was checked, then every kind of problem with what to do about it."""
+    signed = f"{one.walk.entries} entries of the chain" if one.chain.there else "no chain: its runs are unsigned"
+    lines = [f"{folder}: {one.runs} runs, {one.concluded} concluded, {signed}"]
+    for kind, action in PROBLEMS.items():
+        texts = [problem.text for problem in one.problems if problem.kind == kind]
+        lines += [f"  {text}" for text in texts[:MOST_OF_A_KIND]]
+        lines += [f"  ... and {len(texts) - MOST_OF_A_KIND} more of this kind"] if len(texts) > MOST_OF_A_KIND else []
+        lines += [f"    {action}"] if texts else []
+    if one.trust.warning:
+        lines.append(f"  note: {one.trust.warning}")
+    count = len(one.problems)
+    return [*lines, "passed" if not count else f"NOT PASSED: {count} {'problem' if count == 1 else 'problems'}"]
+
+
+def key(trusted: str | None, *, as_json: bool) -> int:
+    """Print the public key of this computer, made at first use; trust another one where it is named. Returns 0.
+
+    Raises:
+        StationError: the key cannot be made, or the named one is none.
+
+    """
+    if trusted is not None:
+        trust(check_public_key(trusted, "--trust"))
+    own, place = own_key().public, own_place() / KEYS / PRIVATE
+    if as_json:
+        whole = {"public_key": own, "private_key_file": str(place), "trusted": trusted_by_person()}
+        sys.stdout.write(json.dumps(whole) + "\n")
+        return 0
+    sys.stdout.write(f"{own}\nThe private key is {place}. Bench files name the public key: bench.public_key\n")
+    sys.stdout.writelines(f"trusted: {one}\n" for one in trusted_by_person())
+    return 0

@@ -1,0 +1,1 @@
+"""Commands on the store: make it again, look at it."""

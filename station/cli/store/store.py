@@ -1,0 +1,73 @@
+"""`lostmotion store`: how far the store is, and making it again."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from station.errors import StationError
+from station.records.chain.chain_file import Chain
+from station.store.outbox import rebuild
+from station.store.table_counts import behind, counts
+from station.store.view import look_at, opened, warn
+
+SAID_EVERY = 2000
+
+
+def rebuild_store(data: Path, *, as_json: bool) -> int:
+    """Make the store of a data folder again from its chain and its run folders; 0.
+
+    Raises:
+        StationError: no such folder, or the store cannot be used.
+
+    """
+    _refuse_no_folder(data)
+    database = opened(data)
+    try:
+        rebuild(database, Chain(data), told=_tell)
+        with look_at(data):
+            pass
+        found = counts(database, Chain(data))
+    finally:
+        database.close()
+    return _say({"store": database.place.shown, "rows": found, "behind": 0}, as_json=as_json)
+
+
+def store_state(data: Path, *, as_json: bool) -> int:
+    """Print where the store of a data folder is, its rows, and how many entries of the chain it is behind; 0.
+
+    Raises:
+        StationError: no such folder, or the store cannot be used.
+
+    """
+    _refuse_no_folder(data)
+    database, chain = opened(data), Chain(data)
+    try:
+        found = {"store": database.place.shown, "rows": counts(database, chain), "behind": behind(database, chain)}
+    finally:
+        database.close()
+    return _say(found, as_json=as_json)
+
+
+def _refuse_no_folder(data: Path) -> None:
+    if not data.is_dir():
+        raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
+
+
+def _tell(done: int, there: int) -> None:
+    if done % SAID_EVERY == 0:
+        warn(f"{done} of {there} runs are in the store")
+
+
+def _say(found: dict[str, object], *, as_json: bool) -> int:
+    if as_json:
+        sys.stdout.write(json.dumps(found) + "\n")
+        return 0
+    rows = found["rows"]
+    assert isinstance(rows, dict)  # noqa: S101 - for the type checker
+    sys.stdout.write(f"{found['store']}\n")
+    sys.stdout.writelines(f"  {name:14} {count:8}\n" for name, count in rows.items())
+    left = found["behind"]
+    sys.stdout.write("up to the chain\n" if not left else f"behind by {left} entries. The next 'list' brings it up\n")
+    return 0

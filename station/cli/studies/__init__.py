@@ -1,0 +1,1 @@
+"""Studies of lock angle, temperature and frequency, and models of a loop."""

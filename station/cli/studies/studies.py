@@ -1,0 +1,177 @@
+"""`lostmotion study lock-angle`, `temperature` and `eccentricity`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from analysis.studies.eccentricity import PUBLISHED, EccentricityRow, eccentricity_trend
+from analysis.studies.lock_angle import lock_angle_study
+from analysis.studies.temperature import temperature_trend
+from station.cli.csv_columns import read_csv_columns
+from station.cli.line.line_statistics import Asked, figure, values_of
+from station.cli.line.stored_metric import Ask
+from station.cli.line.stored_values import StoredValues, stored_values
+from station.cli.say import Grid, say
+from station.errors import StationError
+from station.records.run_conditions import housing_temperature_c, lock_position_deg
+
+TEMPERATURE = "temperature_c"
+LABELS = ("test", "position", "position_deg", "lock_deg", "run")
+"""Columns of a CSV file that number the positions and are no metrics."""
+
+SQUARE = 2.0
+ECCENTRICITY_COLUMNS = EccentricityRow._fields
+
+
+def lock_angle(file: Path | None, asks: Sequence[Ask], data: Path, level: float, *, as_json: bool) -> int:
+    """Print the spread of metrics over lock positions and their correlation; return 0.
+
+    Raises:
+        StationError, AnalysisError: bad input, or fewer than four positions.
+
+    """
+    metrics, units, head, notes = _columns(file, asks) if file is not None else _runs(asks, data)
+    study = lock_angle_study(metrics, level)
+    spreads = [
+        (name, *(figure(value, units.get(name, "")) for value in (one.mean, one.sd, one.least, one.most)))
+        for name, one in study.spreads.items()
+    ]
+    pairs = [
+        (
+            f"{one.first} and {one.second}",
+            figure(one.coefficient, "", 3),
+            f"{figure(one.low, '', 3)} … {figure(one.high, '', 3)}",
+            f"{one.p_none:.2g}",
+        )
+        for one in study.correlations
+    ]
+    blocks: list[str | Grid] = [
+        f"{study.positions} positions of the lock",
+        Grid(("metric", "mean", "standard deviation", "lowest", "highest"), spreads, right=(1, 2, 3, 4)),
+        "The standard deviation is the standard uncertainty that an unknown position of the lock adds",
+    ]
+    if pairs:
+        blocks.append(Grid(("pair", "correlation", f"{level:.0%} interval", "p of none"), pairs, right=(1, 3)))
+    document = {**head, "positions": study.positions, "level": level}
+    document |= {"spreads": {name: one._asdict() for name, one in study.spreads.items()}}
+    document |= {"correlations": [one._asdict() for one in study.correlations]}
+    return say(document, [*blocks, *notes], as_json=as_json)
+
+
+Source = tuple[dict[str, list[float]], dict[str, str], dict[str, Any], list[str]]
+"""Values per metric, units, what goes into the JSON, and notes."""
+
+
+def _columns(file: Path, asks: Sequence[Ask]) -> Source:
+    table = read_csv_columns(file)
+    names = [ask.metric for ask in asks] or [name for name in table.numeric() if name not in LABELS]
+    if not names:
+        raise StationError(f"{file}: found columns {', '.join(table.columns)}; expected a column of numbers per metric")
+    return {name: table.numbers(name) for name in names}, {}, {"file": str(file)}, []
+
+
+def _runs(asks: Sequence[Ask], data: Path) -> Source:
+    if not asks or asks[0].serial is None:
+        raise StationError("give a CSV FILE with a column per metric, or --serial SN and --metric ID for stored runs")
+    found: list[StoredValues] = [stored_values(data, ask) for ask in asks]
+    ids = [one.run_id for one in found[0].values]
+    for other in found[1:]:
+        if [one.run_id for one in other.values] != ids:
+            raise StationError(
+                f"{other.ask.metric} is there in other runs than {asks[0].metric}; choose runs of one --recipe"
+            )
+    positions = [lock_position_deg(one.run) for one in found[0].values]
+    head = {"runs": ids, "serial": asks[0].serial, "lock_position_deg": positions}
+    places = ", ".join(figure(place, "", 4) for place in positions)
+    notes = [f"locked shaft at {places}° (by its encoder)", *found[0].notes()]
+    values = {one.name: [row.value for row in one.values] for one in found}
+    return values, {one.name: one.unit for one in found}, head, notes
+
+
+def temperature(
+    file: Path | None, column: str, ask: Ask | None, data: Path, how: tuple[float, float], *, as_json: bool
+) -> int:
+    """Print the slope of a metric over the temperature of the housing; return 0.
+
+    Args:
+        file: CSV file with `temperature_c` and the column of the values, or None.
+        column: its column of values.
+        ask: metric of stored runs, or None.
+        data: their folder.
+        how: reference temperature [°C] and level of confidence.
+        as_json: one JSON object instead of text.
+
+    Raises:
+        StationError, AnalysisError: bad input, fewer than four runs, or temperatures within 2 °C.
+
+    """
+    reference, level = how
+    found = values_of(Asked(file, column, data, ask))
+    if found.stored is not None:
+        celsius = [housing_temperature_c(one.run) for one in found.stored.values]
+    else:
+        celsius = found.table.numbers(TEMPERATURE) if found.table is not None else []
+    one = temperature_trend(celsius, found.values, reference, level)
+    unit = found.unit
+    per = f"{unit}/°C" if unit else "/°C"
+    interval = f"{figure(one.slope_low, '', 3)} … {figure(one.slope_high, '', 3)} with {level:.0%} confidence"
+    means = "depends" if one.p_none < 1.0 - level else "does not visibly depend"
+    rows = [
+        ("slope", figure(one.slope_per_c, per, 4), f"± {one.u_slope_per_c:.2g} (k = 1), {interval}"),
+        (f"value at {reference:g} °C", figure(one.at_reference, unit), f"± {one.u_at_reference:.2g} (k = 1)"),
+        ("spread about the line", figure(one.residual_sd, unit, 3), ""),
+    ]
+    blocks: list[str | Grid] = [
+        f"{found.name}: {one.runs} runs from {one.low_c:.1f} to {one.high_c:.1f} °C",
+        Grid(("", "", ""), rows, right=(1,)),
+        f"The metric {means} on temperature (p of no slope: {one.p_none:.2g})",
+    ]
+    document = {**found.head(), "level": level, "temperature_c": celsius, **dataclasses.asdict(one)}
+    return say(document, [*blocks, *found.notes()], as_json=as_json)
+
+
+def eccentricity(
+    file: Path | None, exponent: float | None, at_mm: Sequence[float], *, free: bool, as_json: bool
+) -> int:
+    """Print the law of stiffness over eccentricity, and what it gives for each row of its table; return 0.
+
+    Raises:
+        StationError, AnalysisError: bad input, or too few rows.
+
+    """
+    if free and exponent is not None:
+        raise StationError("--free and --exponent: choose one of them")
+    if any(not 0.0 < place < 1e3 for place in at_mm):
+        raise StationError(f"--at: found {at_mm[0]:g}; allowed are millimetres above 0")
+    rows: Sequence[EccentricityRow] = PUBLISHED
+    if file is not None:
+        table = read_csv_columns(file)
+        numbers = [table.numbers(name) for name in ECCENTRICITY_COLUMNS]
+        rows = [EccentricityRow(*row) for row in zip(*numbers, strict=True)]
+    chosen = None if free else SQUARE if exponent is None else exponent
+    trend = eccentricity_trend(rows, chosen)
+    shown = [
+        (
+            f"{row.eccentricity_mm:g}",
+            f"{row.torque_nm:g}",
+            f"{1e3 * row.deflection_rad:.4g}",
+            f"{1e3 * trend.deflection_rad(row.eccentricity_mm, row.torque_nm):.4g}",
+        )
+        for row in rows
+    ]
+    spread = f" ± {trend.u_exponent:.2g}" if free else " (given)"
+    origin = file or "the published table"
+    asked = [(place, trend.stiffness_nm_per_rad(place)) for place in at_mm]
+    blocks: list[str | Grid] = [
+        f"K = {trend.coefficient:.5g} N·m/rad · (a/mm)^{trend.exponent:.4g}{spread}, from {origin}",
+        Grid(("a [mm]", "torque [N·m]", "deflection [mrad]", "by the law [mrad]"), shown, right=(0, 1, 2, 3)),
+        f"ln K scatters by {trend.residual:.2g} about the law",
+        *(f"at {place:g} mm: {stiffness:.5g} N·m/rad" for place, stiffness in asked),
+    ]
+    document = {"file": None if file is None else str(file), **dataclasses.asdict(trend)}
+    document |= {"rows": [row._asdict() for row in rows]}
+    document |= {"at": [{"eccentricity_mm": place, "stiffness_nm_per_rad": k} for place, k in asked]}
+    return say(document, blocks, as_json=as_json)

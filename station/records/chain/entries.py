@@ -1,0 +1,132 @@
+"""The entries of a chain: one line of JSON each, with the hash of the line before, signed.
+
+| kind | says |
+|---|---|
+| `start` | a chain begins: its id, and what was in the folder before it |
+| `created` | an attempt exists: run, serial number, attempt; nothing is measured yet |
+| `sealed` | a run was concluded: SHA-256 of its run.json, state and verdict |
+| `lost` | entries that this computer had seen are gone: their counters are never used again |
+
+The signature covers the line up to the signature itself. The order of the first fields is part of the format: runs and
+serial numbers are found by it without reading every line.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from station.records.chain.keys import BenchKey, signed_by
+
+START, CREATED, SEALED, LOST = "start", "created", "sealed", "lost"
+FIELDS: dict[str, tuple[str, ...]] = {
+    START: ("chain", "before", "replaces"),
+    CREATED: ("run", "serial", "attempt", "recipe", "bench"),
+    SEALED: ("run", "serial", "attempt", "created", "sha256", "state", "verdict"),
+    LOST: ("first", "last", "sha256"),
+}
+"""What an entry of each kind has, beside what every entry has."""
+
+_TEXTS = (
+    "kind",
+    "time",
+    "previous",
+    "key",
+    "signature",
+    "chain",
+    "run",
+    "serial",
+    "recipe",
+    "bench",
+    "sha256",
+    "state",
+)
+_NUMBERS = ("counter", "attempt", "first", "last")
+_BEFORE: dict[str, type] = {"bytes": int, "sha256": str, "unconcluded": list}
+_REPLACES: dict[str, type] = {"chain": str, "counter": int, "sha256": str}
+
+SIGNATURE = b',"signature":"'
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of a chain, as it stands in the file, and what it says."""
+
+    line: bytes
+    fields: dict[str, Any]
+
+    @property
+    def kind(self) -> str:
+        """Kind of the entry, a key of `FIELDS`."""
+        return str(self.fields["kind"])
+
+    @property
+    def counter(self) -> int:
+        """Number of the entry, from 1."""
+        return int(self.fields["counter"])
+
+    @property
+    def key(self) -> str:
+        """Public key that it names as that of its signature."""
+        return str(self.fields["key"])
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the line, which the next entry holds."""
+        return hashlib.sha256(self.line).hexdigest()
+
+    @cached_property
+    def signed(self) -> bool:
+        """Whether the key that it names has signed this line."""
+        content, _, signature = self.line.rpartition(SIGNATURE)
+        return signed_by(self.key, content + b"}", signature[:-2].decode("ascii", "replace"))
+
+
+def signed_entry(kind: str, counter: int, previous: str, time: str, key: BenchKey, **fields: Any) -> Entry:
+    """Return a new entry, signed; `fields` are those of its kind."""
+    row = {"kind": kind, "counter": counter} | {name: fields[name] for name in FIELDS[kind]}
+    row |= {"time": time, "previous": previous, "key": key.public}
+    content = json.dumps(row, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
+    signature = key.sign(content)
+    line = content[:-1] + SIGNATURE + signature.encode() + b'"}'
+    return Entry(line, row | {"signature": signature})
+
+
+def entry_of(line: bytes) -> Entry | None:
+    """Return the entry that a line is; None for a line that is none: torn, or of another hand."""
+    try:
+        fields = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(fields, dict):
+        return None
+    own = FIELDS.get(str(fields.get("kind")), ("kind of an entry",))
+    needed = (*own, "counter", "time", "previous", "key", "signature")
+    return Entry(line, fields) if all(name in fields for name in needed) and _sound(fields) else None
+
+
+def _sound(fields: dict[str, Any]) -> bool:
+    """Whether what stands in an entry is of its kind, so that nobody stumbles over it."""
+    return (
+        all(isinstance(fields[name], str) for name in _TEXTS if name in fields)
+        and all(type(fields[name]) is int for name in _NUMBERS if name in fields)
+        and isinstance(fields.get("verdict"), str | None)
+        and isinstance(fields.get("created"), int | None)
+        and _block(fields.get("before"), _BEFORE)
+        and all(isinstance(run, str) for run in (fields.get("before") or {}).get("unconcluded", ()))
+        and _block(fields.get("replaces"), _REPLACES)
+    )
+
+
+def _block(found: object, kinds: dict[str, type]) -> bool:
+    return found is None or (
+        isinstance(found, dict) and all(isinstance(found.get(name), kind) for name, kind in kinds.items())
+    )
+
+
+def text_in_line(value: object) -> bytes:
+    """Return how a value stands in a line, to look for it without reading the line."""
+    return json.dumps(value, ensure_ascii=False).encode()

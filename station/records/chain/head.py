@@ -1,0 +1,102 @@
+"""What this computer has last seen of a chain, outside its data folder: how far it went, and who may sign in it.
+
+    <own place>/chains/<chain>/<path>.json   counter and hash of the newest entry, path of the folder, keys; signed
+    <own place>/folders/<path>.json          which chain lies in a data folder
+
+So a chain that was cut off at its end, or replaced with all of its folder, is noticed on the computer that wrote it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from station.durable import write_durable
+from station.errors import StationError
+from station.own_place import own_folder, own_place
+from station.records.chain.keys import BenchKey, signed_by
+
+CHAINS, FOLDERS = "chains", "folders"
+
+
+@dataclass(frozen=True)
+class Head:
+    """Newest entry of a chain that this computer has seen, and the keys that it has pinned for it."""
+
+    chain: str
+    counter: int
+    sha256: str
+    path: str
+    keys: tuple[str, ...]
+
+
+def head_of(chain: str, data: Path) -> Head | None:
+    """Return what was last seen of a chain in a data folder; None where this computer never wrote to it.
+
+    Of a folder that was moved, that of its old place counts. A copy beside the original has none, and goes its own way.
+    """
+    own = _signed(own_place() / CHAINS / _name(chain) / f"{_path_name(data)}.json")
+    if own is not None:
+        return own
+    moved = [
+        head for head in heads_of(chain) if chain_seen_in(Path(head.path)) != chain or not Path(head.path).is_dir()
+    ]
+    return max(moved, key=lambda head: head.counter, default=None)
+
+
+def heads_of(chain: str) -> list[Head]:
+    """Return what was seen of a chain in every place that it had."""
+    files = (own_place() / CHAINS / _name(chain)).glob("*.json")
+    return [head for path in files if (head := _signed(path)) is not None]
+
+
+def _signed(path: Path) -> Head | None:
+    found = _read(path)
+    if found is None:
+        return None
+    signature, key = str(found.pop("signature", "")), str(found.pop("key", ""))
+    with suppress(KeyError, TypeError, ValueError):
+        if signed_by(key, _content(found), signature):
+            return Head(**{**found, "keys": tuple(found["keys"])})
+    return None
+
+
+def chain_seen_in(data: Path) -> str | None:
+    """Return the id of the chain that this computer last wrote in a data folder; None where it never did."""
+    found = _read(own_place() / FOLDERS / f"{_path_name(data)}.json")
+    return None if found is None else str(found.get("chain"))
+
+
+def keep_head(head: Head, data: Path, key: BenchKey) -> None:
+    """Keep what was seen. A disk that refuses that costs no run: the chain itself is on disk already."""
+    row = asdict(head) | {"keys": list(head.keys)}
+    whole = row | {"key": key.public, "signature": key.sign(_content(row))}
+    with suppress(StationError):
+        write_durable(own_folder(f"{CHAINS}/{_name(head.chain)}") / f"{_path_name(data)}.json", _content(whole))
+        if chain_seen_in(data) != head.chain:
+            place = {"chain": head.chain, "path": str(data.resolve())}
+            write_durable(own_folder(FOLDERS) / f"{_path_name(data)}.json", _content(place))
+
+
+def _content(row: dict[str, Any]) -> bytes:
+    return json.dumps(row, ensure_ascii=False, sort_keys=True).encode()
+
+
+def _name(chain: str) -> str:
+    return chain if chain.isalnum() else hashlib.sha256(chain.encode()).hexdigest()[:32]
+
+
+def _path_name(data: Path) -> str:
+    return hashlib.sha256(str(data.resolve()).encode()).hexdigest()[:32]
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None

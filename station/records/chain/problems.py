@@ -1,0 +1,45 @@
+"""What can be wrong with a chain and the runs in it: one table, with what a person does about each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+PROBLEMS: dict[str, str] = {
+    "forged_entry": "This line was not signed with the key. Compare it with a backup of the chain",
+    "removed_entries": "Lines were removed. Restore the chain from a backup",
+    "reordered_entries": "Lines were moved or duplicated. Restore the chain from a backup",
+    "broken_link": "The line before this one was changed. Restore the chain from a backup",
+    "truncated": "The end of the chain was cut off. Restore the chain and the runs from a backup",
+    "lost_entries": "The chain was cut before this entry was written. Look for the runs in a backup",
+    "no_chain": "The chain was removed. Restore it from a backup",
+    "no_start": "The first line is missing or changed. Restore the chain from a backup",
+    "replaced": "The folder was emptied or replaced. Look for its runs in a backup",
+    "unknown_key": "If the key belongs to another of your benches, trust it: 'lostmotion key --trust KEY'",
+    "old_index": "The index of runs older than the chain was changed. Restore it from a backup",
+    "missing": "The run was deleted or moved. Restore it from a backup, or record the reason",
+    "renamed": "Give the folder its own name again",
+    "swapped": "Give the folders their own names again",
+    "copied": "Move the copy out of the data folder",
+    "not_in_chain": "This run was not recorded here. Move it out of the data folder",
+    "altered": "Restore the run from a backup; an altered run gives no verdict",
+    "damaged": "Restore the run from a backup",
+    "attempt": "Two attempts have one number, or one is missing. Look at the runs of this serial number",
+}
+"""Kinds of problem and what to do about them."""
+
+
+class Problem(NamedTuple):
+    """One finding: its kind (a key of `PROBLEMS`), the run it is about ('' for the chain), and what was found."""
+
+    kind: str
+    run: str
+    text: str
+
+    @property
+    def sentence(self) -> str:
+        """The finding and what to do about it."""
+        return f"{self.text}. {PROBLEMS[self.kind]}"
+
+    def as_json(self) -> dict[str, str]:
+        """Return plain data."""
+        return {"kind": self.kind, "run": self.run, "text": self.text, "next_action": PROBLEMS[self.kind]}

@@ -1,0 +1,213 @@
+"""A chain from its first line to its last: every hash, every counter, every signature, and what each run has there."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.entries import CREATED, LOST, SEALED, START, Entry, entry_of
+from station.records.chain.head import chain_seen_in, head_of, heads_of
+from station.records.chain.keys import FOLDER_KEYS, keys_in, own_public_key, trusted_by_person
+from station.records.chain.problems import Problem
+
+
+@dataclass(frozen=True)
+class Place:
+    """How far a chain has been walked: bytes of the file, and counter and hash of the last entry before them."""
+
+    offset: int = 0
+    counter: int = 0
+    sha256: str = ""
+
+
+@dataclass
+class Walk:
+    """What a walk found: entries by run, what is wrong, who signed how many entries."""
+
+    place: Place = field(default_factory=Place)
+    created: dict[str, Entry] = field(default_factory=dict)
+    sealed: dict[str, list[Entry]] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+    keys: Counter[str] = field(default_factory=Counter)
+    entries: int = 0
+
+
+def walk(chain: Chain, begin: Place | None = None, end_at: int | None = None) -> Walk:
+    """Walk a chain from a place to its end, or to the end of the line that ends there.
+
+    Raises:
+        RecordError: the file cannot be read.
+
+    """
+    found = Walk(begin or Place())
+    content, at = chain.content, found.place.offset
+    counter, sha256 = found.place.counter, found.place.sha256
+    while (end := content.find(b"\n", at, end_at)) >= 0:
+        entry = entry_of(content[at:end])
+        at = end + 1
+        if entry is None:
+            continue  # torn by a power failure: where it was more than that, the next line has no link to it
+        found.problems += _link_problems(entry, counter, sha256)
+        if entry.signed:
+            _take(found, entry)
+        else:
+            text = f"{CHAIN}: entry {entry.counter} ({_about(entry)}) is not signed by the key that it names"
+            found.problems.append(Problem("forged_entry", str(entry.fields.get("run", "")), text))
+        counter, sha256 = entry.counter, entry.sha256
+    found.place = Place(at, counter, sha256)
+    return found
+
+
+def _take(found: Walk, entry: Entry) -> None:
+    found.entries += 1
+    found.keys[entry.key] += 1
+    run = str(entry.fields.get("run", ""))
+    if entry.kind == CREATED:
+        found.created[run] = entry
+    elif entry.kind == SEALED:
+        found.sealed.setdefault(run, []).append(entry)
+    elif entry.kind == LOST:
+        first, last = entry.fields["first"], entry.fields["last"]
+        text = f"{CHAIN}: entries {first} to {last} were gone when entry {entry.counter} was written"
+        found.problems.append(Problem("lost_entries", "", text))
+    elif entry.kind == START and entry.fields["replaces"]:
+        before = entry.fields["replaces"]
+        text = f"{CHAIN}: another chain lay in this folder before, with {before['counter']} entries; it is gone"
+        found.problems.append(Problem("replaced", "", text))
+
+
+def _about(entry: Entry) -> str:
+    run = entry.fields.get("run")
+    return f"{entry.kind} {run}" if run else entry.kind
+
+
+def _link_problems(entry: Entry, counter: int, sha256: str) -> list[Problem]:
+    """Return what is wrong between an entry and the one before it."""
+    run = str(entry.fields.get("run", ""))
+    first = counter == 0
+    if first and entry.kind != START:
+        return [Problem("no_start", run, f"{CHAIN}: begins with entry {entry.counter} ({_about(entry)})")]
+    expected = counter + 1
+    if entry.kind == LOST:
+        expected = max(counter, int(entry.fields["last"])) + 1
+    if entry.counter > expected:
+        missing = f"entry {expected} is" if entry.counter == expected + 1 else f"entries {expected} to "
+        missing += "" if entry.counter == expected + 1 else f"{entry.counter - 1} are"
+        return [Problem("removed_entries", run, f"{CHAIN}: {missing} missing before {_about(entry)}")]
+    if entry.counter < expected:
+        text = f"{CHAIN}: entry {entry.counter} ({_about(entry)}) stands behind entry {counter}"
+        return [Problem("reordered_entries", run, text)]
+    if entry.fields["previous"] != sha256:
+        text = f"{CHAIN}: entry {entry.counter} ({_about(entry)}) does not hold the hash of the line before it"
+        return [Problem("broken_link", run, text)]
+    return []
+
+
+def whole_between(chain: Chain, begin: Entry, end: Entry) -> bool:
+    """Whether the lines from one entry to a later one are those that stood there when the later one was signed."""
+    if end.counter == begin.counter + 1:
+        return str(end.fields["previous"]) == begin.sha256
+    content, last = chain.content, begin
+    at = content.find(begin.line) + len(begin.line) + 1
+    while last.sha256 != end.sha256:
+        behind = content.find(b"\n", at)
+        if behind < 0:
+            return False
+        entry, at = entry_of(content[at:behind]), behind + 1
+        if entry is None:
+            continue
+        if entry.kind == LOST or _link_problems(entry, last.counter, last.sha256):
+            return False
+        last = entry
+    return True
+
+
+def end_problems(chain: Chain, place: Place) -> list[Problem]:
+    """Return what the end of a chain, walked up to there, lacks of what this computer had seen."""
+    seen = chain_seen_in(chain.data)
+    if not chain.there:
+        head = None if seen is None else head_of(seen, chain.data)
+        if head is None:
+            return []
+        return [Problem("no_chain", "", f"{CHAIN}: is missing; this computer had seen {head.counter} entries")]
+    found = []
+    if seen not in (None, chain.id):
+        found.append(
+            Problem("replaced", "", f"{CHAIN}: another chain lay in this folder when this computer wrote to it")
+        )
+    head = head_of(chain.id, chain.data)
+    if head is None:
+        return found
+    if head.counter > place.counter:
+        text = f"{CHAIN}: ends with entry {place.counter}; this computer had seen {head.counter}"
+        found.append(Problem("truncated", "", text))
+    elif f'"counter":{head.counter},'.encode() in chain.content and not _holds(chain, head.counter, head.sha256):
+        text = f"{CHAIN}: entry {head.counter} is not the one that this computer had seen"
+        found.append(Problem("truncated", "", text))
+    return found
+
+
+def _holds(chain: Chain, counter: int, sha256: str) -> bool:
+    token, content = f',"counter":{counter},'.encode(), chain.content
+    at = content.rfind(token)
+    while at >= 0:
+        begin, end = content.rfind(b"\n", 0, at) + 1, content.find(b"\n", at)
+        entry = entry_of(content[begin:end])
+        if entry is not None and entry.sha256 == sha256:
+            return True
+        at = content.rfind(token, 0, begin)
+    return False
+
+
+@dataclass(frozen=True)
+class Trust:
+    """Whose signatures count in a data folder; `warning` is empty where this computer knows that by itself."""
+
+    keys: frozenset[str]
+    warning: str = ""
+
+
+def trust_of(chain: Chain, named: tuple[str, ...] = ()) -> Trust:
+    """Return whose signatures count: keys that were named, or those that this computer knows.
+
+    On a computer that never wrote to the folder, those in the folder itself; that is said as a warning. Where this
+    computer has seen another chain in the folder, the keys beside a chain that it does not know say nothing.
+    """
+    if named:
+        return Trust(frozenset(named))
+    own = own_public_key()
+    known = {*trusted_by_person(), *([own] if own else [])}
+    heads = heads_of(chain.id)
+    if heads or chain_seen_in(chain.data) is not None:
+        return Trust(frozenset(known.union(*(head.keys for head in heads))))
+    in_folder = set(keys_in(chain.data / FOLDER_KEYS))
+    unknown = sorted(in_folder - known)
+    text = (
+        f"{FOLDER_KEYS}: the public key that signed this folder is known from the folder itself only "
+        f"({', '.join(unknown)}). Compare it with the bench's, or name it with --key"
+    )
+    return Trust(frozenset(known | in_folder), text if unknown else "")
+
+
+def key_problems(found: Walk, trust: Trust) -> list[Problem]:
+    """Return the keys that signed and that nobody here knows."""
+    texts = {
+        key: f"{CHAIN}: {count} entries are signed by {key}, which this computer does not know"
+        for key, count in found.keys.items()
+        if key not in trust.keys
+    }
+    return [Problem("unknown_key", "", text) for text in texts.values()]
+
+
+def attempt_problems(found: Walk) -> list[Problem]:
+    """Return the serial numbers whose attempts in the chain do not count up by one."""
+    last: dict[str, int] = {}
+    problems = []
+    for run, entry in found.created.items():
+        serial, attempt = str(entry.fields["serial"]), entry.fields["attempt"]
+        if serial in last and attempt <= last[serial]:
+            text = f"{run}: attempt {attempt} of {serial} comes behind attempt {last[serial]}"
+            problems.append(Problem("attempt", run, text))
+        last[serial] = attempt
+    return problems

@@ -1,0 +1,205 @@
+"""Where runs are kept: one folder per run, named by moment and serial number, and how a run is found again.
+
+The run id sorts by time, also where the computer's clock was set back between two runs. Several runs of one serial
+number are attempts 1, 2, 3 ...; the numbers come from the folder's chain, which a deleted run does not shorten.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from station.durable import sync_folder
+from station.errors import RecordError, StationError
+from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
+from station.records.chain.entries import CREATED
+from station.records.run_record import MANIFEST, RECORDING, RunRecord, process_birth
+from station.records.samples.layout import CURRENT, LAYOUT
+from station.wall_clock import WALL_CLOCK, now_text
+
+STAMP = "%Y%m%dT%H%M%S.%f"
+FORMAT_VERSION = 1
+LONGEST_SERIAL = 128
+
+FURTHEST_AHEAD = timedelta(days=3660)
+"""A folder named by a later moment than this from now was not named by a clock: new ids do not come after it."""
+
+
+def check_serial(serial: str) -> str:
+    """Return a serial number as it may be stored; StationError when it is empty, too long or not printable."""
+    if not serial.strip() or len(serial) > LONGEST_SERIAL or not serial.isprintable():
+        raise StationError(
+            f"--serial: found {serial[:40]!r}; allowed are 1 to {LONGEST_SERIAL} printable characters. Scan it again",
+        )
+    return serial
+
+
+def check_operator(name: str) -> str:
+    """Return an operator's name as it may be stored; StationError when it is empty, too long or not printable."""
+    if not name.strip() or len(name) > LONGEST_SERIAL or not name.isprintable():
+        raise StationError(f"--operator: found {name[:40]!r}; allowed are 1 to {LONGEST_SERIAL} printable characters")
+    return name.strip()
+
+
+def _folder_name(serial: str) -> str:
+    return re.sub(r"[^A-Za-z0-9._+-]", "_", serial).lstrip(".") or "_"
+
+
+def _stamp(moment: datetime) -> str:
+    return moment.strftime(STAMP)[:-3] + "Z"
+
+
+def _moment_of(name: str) -> datetime | None:
+    """Return the moment that a run's folder is named by; None for a folder that is named in another way."""
+    try:
+        return datetime.strptime(name.partition("Z-")[0], STAMP).replace(tzinfo=UTC)
+    except ValueError:
+        return None
+
+
+class Store:
+    """All runs below one folder."""
+
+    def __init__(self, data: Path) -> None:
+        self.data = data
+        self.warnings: list[str] = []
+        """What was noticed of the chain when a run was created."""
+
+    def create(self, serial: str, manifest: dict[str, Any], files: dict[str, bytes], *, own: bool = False) -> RunRecord:
+        """Create the folder of a new run with its manifest and the files that are known before it starts.
+
+        The run has its line in the chain before anybody can see it. With `own` this process owns it by then, until the
+        lock is released or the process ends.
+
+        Raises:
+            RecordError: the folder or its chain cannot be written, or this computer has no key to sign with.
+
+        """
+        try:
+            self.data.mkdir(parents=True, exist_ok=True)
+            with writing_to(self.data) as chain:
+                names = self._names()
+                attempt = self._next_attempt(serial, names, chain.chain)
+                record = self._new_folder(serial, [chain.newest_run, *names])
+                if own:
+                    record.lock.take()
+                head = {"id": record.id, "serial": serial, "attempt": attempt, "state": RECORDING}
+                head |= {"chain": chain.next_place}
+                desk = {"pid": os.getpid(), "birth": process_birth(os.getpid())}
+                dates = {"started": now_text(), "ended": None, "format": FORMAT_VERSION, "desk": desk}
+                whole = {**head, **manifest, **dates}
+                record.write_json(CREATED_MANIFEST, whole)
+                parts = {part: str(manifest.get(part, {}).get("sha256", "")) for part in ("recipe", "bench")}
+                chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, **parts)
+                put_created_in_place(record.folder)
+                self.warnings += chain.warnings
+        except OSError as error:
+            raise RecordError(f"{self.data}: cannot be written: {error.strerror}. Choose another --data") from error
+        for name, content in files.items():
+            (record.folder / name).parent.mkdir(exist_ok=True)
+            record.write_bytes(name, content)
+        record.samples.touch()  # from here on a run without this file has lost it
+        record.write_json(LAYOUT, CURRENT.as_json())
+        sync_folder(self.data)
+        return record
+
+    def _new_folder(self, serial: str, names: list[str]) -> RunRecord:
+        """Make a folder that is not there yet, and whose name comes after these names."""
+        latest = WALL_CLOCK.now() + FURTHEST_AHEAD
+        moments = ((name, _moment_of(name)) for name in sorted(names, reverse=True))
+        newest, before = next(((name, at) for name, at in moments if at is not None and at <= latest), ("", None))
+        while True:
+            now = WALL_CLOCK.now()
+            stamp = _stamp(now)
+            if before is not None and f"{stamp}-" < newest:  # the clock was set back since then: a millisecond after it
+                stamp = _stamp(max(now, before + timedelta(milliseconds=1)))
+            folder = self.data / f"{stamp}-{_folder_name(serial)}"
+            try:
+                folder.mkdir()
+            except FileExistsError:
+                continue
+            return RunRecord(folder)
+
+    def _names(self) -> list[str]:
+        """Names of the folders that may be runs: by them runs are found without a look into each."""
+        try:
+            with os.scandir(self.data) as there:
+                return sorted(entry.name for entry in there)
+        except OSError:
+            return []
+
+    def of_serial(self, serial: str) -> list[RunRecord]:
+        """Return the runs of a serial number, oldest first; damaged ones are left out."""
+        return [run for run in self._named_by(serial, self._names()) if run.serial() == serial]
+
+    def _named_by(self, serial: str, names: list[str]) -> list[RunRecord]:
+        end = f"-{_folder_name(serial)}"
+        runs = (RunRecord(self.data / name) for name in names if name.endswith(end))
+        return [run for run in runs if run.has(MANIFEST)]
+
+    def _next_attempt(self, serial: str, names: list[str], chain: Chain) -> int:
+        """Return the number of the next attempt: one more than the chain knows of, and the folders from before it.
+
+        A damaged run that the chain does not know counts, for it may have been one of this serial number.
+        """
+        highest, damaged = chain.last_attempt(serial), 0
+        for record in self._named_by(serial, names):
+            try:
+                manifest = record.manifest()
+            except RecordError:
+                damaged += not chain.entries_of(record.id)
+                continue
+            if manifest["serial"] == serial:
+                highest = max(highest, manifest["attempt"])
+        return 1 + highest + damaged
+
+    def runs(self) -> list[RunRecord]:
+        """All runs, oldest first."""
+        if not self.data.is_dir():
+            return []
+        return [RunRecord(path.parent) for path in sorted(self.data.glob(f"*/{MANIFEST}"))]
+
+    def newest(self, count: int) -> list[RunRecord]:
+        """Return the runs in the newest folders, oldest first; the others are not touched."""
+        return [
+            run
+            for name in [one for one in self._names() if "Z-" in one][-count:]
+            if (run := RunRecord(self.data / name)).has(MANIFEST)
+        ]
+
+    def find(self, name: str) -> RunRecord:
+        """Find a run by id, folder, the end of its id, serial number (newest attempt), or `last`.
+
+        Raises:
+            StationError: there is none, or the name fits several.
+
+        """
+        if not name.strip():
+            raise StationError("RUN is empty; allowed are a run id or part of it, a serial number, a folder, or last")
+        if (Path(name) / MANIFEST).is_file():
+            return RunRecord(Path(name).resolve())  # a run is named by its folder, and `.` has no name
+        names = self._names()
+        by_serial = [run for run in self._named_by(name, names) if run.serial() == name]
+        exact = name in names and self._is_run(name)
+        if Path(name).is_dir() and not exact and not by_serial:
+            raise StationError(f"{name}: this folder is no run: it has no {MANIFEST}. See 'lostmotion list'")
+        newest = next((one for one in reversed(names) if self._is_run(one)), None)
+        if newest is None:
+            raise StationError(f"{self.data}: holds no runs. Make one with 'lostmotion run', or name --data")
+        if name == "last" or exact:
+            return RunRecord(self.data / (newest if name == "last" else name))
+        if by_serial:
+            return by_serial[-1]
+        by_part = [one for one in names if name in one and self._is_run(one)]
+        if len(by_part) == 1:
+            return RunRecord(self.data / by_part[0])
+        if by_part:
+            ids = ", ".join(by_part[:8])
+            raise StationError(f"{name}: fits {len(by_part)} runs: {ids}. Write more of the id")
+        raise StationError(f"{name}: no such run in {self.data}; newest is {newest}. See 'lostmotion list'")
+
+    def _is_run(self, name: str) -> bool:
+        return (self.data / name / MANIFEST).is_file()

@@ -1,0 +1,75 @@
+"""The folders of a data folder held against its chain: what is missing, copied, renamed, swapped, or from elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from collections.abc import Set as AbstractSet
+from pathlib import Path
+
+from station.records.chain.chain_file import CREATED_MANIFEST, Chain
+from station.records.chain.entries import Entry
+from station.records.chain.old_index import INDEX, index_kept, runs_in
+from station.records.chain.problems import Problem
+from station.records.chain.walk import Walk
+from station.records.run_record import RunRecord
+
+
+def folder_problems(
+    data: Path, known: AbstractSet[str], folders: Mapping[str, str | None], about: Callable[[str], str]
+) -> list[Problem]:
+    """Return what is wrong with the folders.
+
+    Args:
+        data: the data folder.
+        known: every run that the chain knows of.
+        folders: every folder with a run.json, and the run that this run.json names; None where it cannot be read.
+        about: says of a run that is missing what a person looks for it by.
+
+    """
+    problems = []
+    doubtful = {name: run for name, run in folders.items() if run != name or name not in known}
+    held = {name: name if run is None else run for name, run in doubtful.items()}
+    elsewhere = {run for name, run in held.items() if run != name and run in known}
+    for name, run in held.items():
+        if run == name:
+            if name not in known:
+                problems.append(Problem("not_in_chain", name, f"{name}: the chain does not name this run"))
+        elif held.get(run) == name:
+            if name < run:  # one line for the two
+                problems.append(Problem("swapped", name, f"{name}: has changed places with {run}"))
+        elif held.get(run, run if run in folders else "") == run:
+            problems.append(Problem("copied", name, f"{name}: is a copy of {run}"))
+        elif run in known:
+            problems.append(Problem("renamed", name, f"{name}: is the folder of {run}"))
+        else:
+            problems.append(Problem("not_in_chain", name, f"{name}: holds run {run}, which the chain does not name"))
+    lost = sorted(known - folders.keys() - elsewhere)
+    return problems + [
+        Problem("missing", run, f"{run}: {about(run)}; its folder is missing")
+        for run in lost
+        if not RunRecord(data / run).has(CREATED_MANIFEST)
+    ]
+
+
+def runs_before(chain: Chain) -> tuple[set[str], list[Problem]]:
+    """Return the runs that a folder had before its chain, and what is wrong with their index."""
+    before = chain.before
+    if before is None:
+        return set(), []
+    kept = index_kept(chain.data, before)
+    if kept is None:
+        text = f"{INDEX}: is not the one that was there when the chain began"
+        return set(before["unconcluded"]), [Problem("old_index", "", text)]
+    return runs_in(kept) | set(before["unconcluded"]), []
+
+
+def about_run(found: Walk, run: str) -> str:
+    """Return what the chain says of a run, for a person who looks for it."""
+    sealed, created = found.sealed.get(run), found.created.get(run)
+    if sealed:
+        return f"{_unit(sealed[-1])}, {sealed[-1].fields['verdict'] or sealed[-1].fields['state']}"
+    return f"{_unit(created)}, not concluded" if created is not None else "from before the chain"
+
+
+def _unit(entry: Entry) -> str:
+    return f"attempt {entry.fields['attempt']} of {entry.fields['serial']}"

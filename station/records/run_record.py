@@ -1,0 +1,181 @@
+"""One run's folder: its files, its manifest, and the state that the run is in.
+
+    <data>/<run id>/
+        run.json          what, who, when, state of the run
+        recipe.yaml       the recipe as run, byte for byte
+        bench.yaml        the bench file, byte for byte
+        program.json      what the recipe became: segments and limits
+        samples.parquet   every scan (samples.bin while it is recorded, and where it was interrupted)
+        samples.json      the layout of a record
+        events.jsonl      transitions, alarms with cause and next action, notes
+        timing.json       proof of timing
+        calibration.json  torque ratio, when the run measured one
+        result.json       metrics and verdict
+        log.jsonl         and, when they were asked for, loop.png, report.html, report.pdf
+
+A folder stands alone and is never overwritten.
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from station.durable import as_json, open_file, refused, write_durable
+from station.errors import RecordError
+from station.records.manifest import INTERRUPTED, MANIFEST, RECORDING, read_manifest
+from station.records.run_lock import RunLock
+from station.records.samples.layout import CURRENT, LAYOUT, Layout, layout_in
+
+__all__ = [
+    "INTERRUPTED",
+    "MANIFEST",
+    "NOT_CONCLUDED",
+    "PACKED",
+    "RECORDING",
+    "RESULT",
+    "SAMPLES",
+    "SCAN_REPORT",
+    "RunRecord",
+    "process_birth",
+]
+
+SAMPLES = "samples.bin"
+PACKED = "samples.parquet"
+RESULT = "result.json"
+SCAN_REPORT = "scan-report.json"
+NOT_CONCLUDED = "not concluded"
+"""Shown state of a run that no process owns any more and that nobody has concluded yet; never written to run.json."""
+
+
+def process_birth(pid: int) -> str:
+    """Return when a process was started, in the kernel's ticks since boot, or '' when there is none.
+
+    With the process id it names a process for good: ids are used again.
+    """
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return ""
+    fields = stat.rpartition(")")[2].split()
+    return "" if fields[0] == "Z" else fields[19]
+
+
+class RunRecord:
+    """One run's folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.lock = RunLock(folder)
+
+    @property
+    def id(self) -> str:
+        """Run id: the folder's name."""
+        return self.folder.name
+
+    @property
+    def samples(self) -> Path:
+        """File that scan records are written to; a concluded run may have them packed (`records.samples`)."""
+        return self.folder / SAMPLES
+
+    def is_packed(self) -> bool:
+        """Whether the samples were packed when the run was concluded; RecordError as `manifest`."""
+        return isinstance(self.manifest().get("samples"), dict)
+
+    def layout(self) -> Layout:
+        """Return the layout of the records as the run describes it; RecordError when it does not.
+
+        A run that ended before it described its records has none: it is read as one of today's.
+        """
+        if not self.has(LAYOUT) and not self.has(SAMPLES) and not self.has(PACKED):
+            return CURRENT
+        return layout_in(self.read_json(LAYOUT), self.folder / LAYOUT)
+
+    def manifest(self) -> dict[str, Any]:
+        """Return run.json, sound in every entry; RecordError when it cannot be read or is damaged."""
+        return read_manifest(self.folder / MANIFEST)
+
+    def day(self) -> date:
+        """Return the day of the run, in UTC: calibrations in its bench file are judged by it, whenever that is.
+
+        Raises:
+            RecordError: run.json cannot be read.
+
+        """
+        return date.fromisoformat(self.manifest()["started"][:10])
+
+    def update(self, **changes: Any) -> None:
+        """Change entries of run.json durably."""
+        self.write_json(MANIFEST, self.manifest() | changes)
+
+    def write_json(self, name: str, content: Any) -> None:
+        """Write one of the run's JSON files durably."""
+        write_durable(self.folder / name, as_json(content))
+
+    def write_bytes(self, name: str, content: bytes) -> None:
+        """Write one of the run's files durably."""
+        write_durable(self.folder / name, content)
+
+    def read_json(self, name: str) -> Any:
+        """Read one of the run's JSON files; RecordError when it is missing or damaged."""
+        path = self.folder / name
+        try:
+            with open_file(path) as file:
+                return json.load(file)
+        except OSError as error:
+            raise refused(path, error, "read") from error
+        except (ValueError, RecursionError) as error:
+            raise RecordError(f"{path}: is damaged: {error}") from error
+
+    def remove(self, name: str) -> None:
+        """Remove one of the run's files if it is there; RecordError when the disk refuses that."""
+        path = self.folder / name
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise RecordError(f"{path}: cannot be removed: {error.strerror}") from error
+
+    def has(self, name: str) -> bool:
+        """Whether the run has this file."""
+        return (self.folder / name).is_file()
+
+    def records(self) -> int:
+        """Complete scan records on disk; none where nobody can tell."""
+        with suppress(OSError, RecordError, TypeError, ValueError):
+            manifest = self.manifest()
+            if "samples" in manifest:
+                return int(manifest["records"])
+            return self.samples.stat().st_size // self.layout().record_bytes
+        return 0
+
+    def serial(self) -> str | None:
+        """Serial number of the unit; None when the manifest is damaged."""
+        try:
+            return str(self.manifest()["serial"])
+        except RecordError:
+            return None
+
+    def scanning(self) -> int:
+        """Process id of the scan process while it lives, else 0."""
+        if not self.has(SCAN_REPORT):
+            return 0
+        with suppress(RecordError, TypeError, ValueError, KeyError, OverflowError):
+            said = self.read_json(SCAN_REPORT)
+            pid = int(said["pid"])
+            return pid if said["birth"] and process_birth(pid) == said["birth"] else 0
+        return 0
+
+    def state(self) -> str:
+        """State of the run; a recording that no process owns is `not concluded`."""
+        if self.deserted() and not self.lock.taken():
+            return NOT_CONCLUDED
+        return str(self.manifest()["state"])
+
+    def deserted(self) -> bool:
+        """Whether the run was not concluded and its desk is not here; somebody else may own it (see `lock`)."""
+        manifest = self.manifest()
+        desk = manifest["desk"]
+        return bool(manifest["state"] == RECORDING) and process_birth(desk["pid"]) != desk["birth"]

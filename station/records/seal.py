@@ -1,0 +1,315 @@
+"""What a verdict rests on, kept so that an alteration shows: checksums in run.json, and run.json's own in the chain.
+
+When a run is concluded, run.json gets the SHA-256 and the size of every file of `SEALED`, and one signed line goes to
+the end of the chain in the data folder. A run that was not concluded has no checksums; there is no verdict in it to
+believe either. A run is concluded by its line: the new run.json is on disk beside the old one before it, and takes its
+place behind it, whoever does that.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from station.durable import as_json, open_file, read_from_disk, refused, remove_parts, sync_folder
+from station.errors import RecordError
+from station.records.chain.chain_file import CHAIN, Chain, writing_to
+from station.records.chain.entries import CREATED, Entry
+from station.records.chain.entries import SEALED as SEALED_ENTRY
+from station.records.chain.head import chain_seen_in
+from station.records.chain.old_index import INDEX, index_content, index_kept, index_lines
+from station.records.chain.walk import trust_of, whole_between
+from station.records.ring.ring import FILE_PREFIX
+from station.records.run_record import INTERRUPTED, MANIFEST, PACKED, RECORDING, RESULT, SAMPLES, RunRecord
+
+CONCLUDED = ".run.json.concluded"
+"""The run.json of a run whose line is being written to the chain; nobody believes it before it is there."""
+
+SEALED = (
+    SAMPLES,
+    PACKED,
+    "samples.json",
+    "recipe.yaml",
+    "bench.yaml",
+    "scenario.yaml",
+    "program.json",
+    "events.jsonl",
+    "calibration.json",
+    "timing.json",
+    RESULT,
+)
+"""With the device profiles: every file that the verdict rests on, and the verdict itself."""
+
+EXIT_ALTERED = 3
+"""What a command that found an alteration ends with when nothing worse is to be said; `analyze` uses it too."""
+
+WORST_FIRST = ("FAIL", "NOT DECIDABLE", "PASS")
+CHUNK_BYTES = 1 << 20
+
+
+def sealed_names(record: RunRecord) -> list[str]:
+    """Return the files of a run that are sealed, as they are there now."""
+    profiles = sorted(f"profiles/{path.name}" for path in record.folder.glob("profiles/*"))
+    return [name for name in (*SEALED, *profiles) if record.has(name)]
+
+
+def fingerprint(path: Path) -> dict[str, Any]:
+    """Return SHA-256 and size in bytes of a file; RecordError when it cannot be read."""
+    digest, size = hashlib.sha256(), 0
+    try:
+        with open_file(path) as file:
+            while chunk := file.read(CHUNK_BYTES):
+                digest.update(chunk)
+                size += len(chunk)
+    except OSError as error:
+        raise refused(path, error, "read") from error
+    return {"sha256": digest.hexdigest(), "bytes": size}
+
+
+def seal(record: RunRecord, **changes: Any) -> None:
+    """Conclude a run: its last changes and the checksums to run.json, and its signed line to the chain.
+
+    Raises:
+        RecordError: run.json or the chain cannot be written; the run then has no verdict.
+
+    """
+    remove_parts(record.folder)
+    names = [name for name in sealed_names(record) if name != SAMPLES or "samples" not in changes]
+    files = {name: fingerprint(record.folder / name) for name in names}
+    manifest = record.manifest() | changes | {"files": files}
+    content = as_json(manifest)
+    row = {name: manifest.get(name) for name in ("serial", "attempt", "state", "verdict")}
+    row |= {"run": record.id, "created": (manifest.get("chain") or {}).get("counter")}
+    # The line is what concludes the run. Before it the new run.json is on disk already, under another name, so that
+    # a process that is killed behind it leaves the next one nothing to decide: it gives the file its name.
+    record.write_bytes(CONCLUDED, content)
+    with writing_to(data_folder(record)) as chain:
+        chain.append(SEALED_ENTRY, sha256=hashlib.sha256(content).hexdigest(), **row)
+    _put_in_place(record)
+
+
+def data_folder(record: RunRecord) -> Path:
+    """Return the data folder that a run lies in."""
+    return record.folder.resolve().parent
+
+
+def finish_seal(record: RunRecord) -> bool:
+    """Finish what a process had begun that was killed while it sealed its run; return whether the run is sealed now.
+
+    Only a run.json that the chain vouches for is put in its place: any other is removed, and decides nothing.
+
+    Raises:
+        RecordError: the disk refuses it; nothing has changed.
+
+    """
+    if not record.has(CONCLUDED):
+        return False
+    data = data_folder(record)
+    for name in (CHAIN, INDEX):
+        if (data / name).exists():
+            read_from_disk(data / name)  # one that cannot be read says nothing; and a line that was written is flushed
+    found = fingerprint(record.folder / CONCLUDED)["sha256"]
+    if found not in _vouched(Chain(data), record.id):
+        record.remove(CONCLUDED)
+        return False
+    _put_in_place(record)
+    return True
+
+
+def _vouched(chain: Chain, run: str) -> list[str]:
+    """Return the hashes of run.json that the folder vouches for: by a signed line, or by one of the index before it."""
+    signed = [entry.fields["sha256"] for entry in _sealed_entries(chain, run) if entry.signed]
+    kept = index_kept(chain.data, chain.before) if chain.there else index_content(chain.data)
+    return signed + [str(line.get("sha256")) for line in index_lines(kept or b"", run)]
+
+
+def _sealed_entries(chain: Chain, run: str) -> list[Entry]:
+    return [entry for entry in chain.entries_of(run) if entry.kind == SEALED_ENTRY]
+
+
+def vouched_for(record: RunRecord) -> str:
+    """Return the name of the file beside a run that vouches for its run.json: chain, index or '' for none."""
+    data = data_folder(record)
+    return next((name for name in (CHAIN, INDEX) if (data / name).is_file()), "")
+
+
+def _put_in_place(record: RunRecord) -> None:
+    """Give the concluded run.json its name; the ring of the run has nothing more to say."""
+    ring = record.manifest().get("ring")
+    try:
+        if ring and Path(ring).name.startswith(FILE_PREFIX):
+            Path(ring).unlink(missing_ok=True)
+        if "samples" in record.read_json(CONCLUDED):
+            record.remove(SAMPLES)  # they are packed: read back, compared and sealed
+        (record.folder / CONCLUDED).replace(record.folder / MANIFEST)
+        sync_folder(record.folder)
+    except OSError as error:
+        raise refused(record.folder / MANIFEST, error) from error
+
+
+def is_sealed(manifest: dict[str, Any]) -> bool:
+    """Whether a run was concluded, so that its verdict may be asked for."""
+    return "files" in manifest or manifest["state"] not in (RECORDING, INTERRUPTED)
+
+
+def alterations(
+    record: RunRecord, *, samples: bool = True, chain: Chain | None = None, trusted: frozenset[str] | None = None
+) -> tuple[str, ...]:
+    """Return what is not as it was when the run was concluded, `<file>: <how>` each; empty when everything is.
+
+    Args:
+        record: the run; nothing is said of one that was not concluded.
+        samples: False compares only the size of the samples, which are most of a run's bytes.
+        chain: that of its data folder, for who looks at many runs; None reads it.
+        trusted: public keys whose signatures count; None for those that this computer knows.
+
+    Raises:
+        RecordError: run.json cannot be read.
+
+    """
+    manifest = record.manifest()
+    if not is_sealed(manifest):
+        # Between its line and its name the sealed run.json waits beside this one.
+        chain = chain or Chain(data_folder(record))
+        put_back = not record.has(CONCLUDED) and any(one.signed for one in _sealed_entries(chain, record.id))
+        return (f"{MANIFEST}: is not the one with which the run was concluded",) if put_back else ()
+    files = manifest.get("files")
+    if not isinstance(files, dict):
+        return (f"{MANIFEST}: the checksums that a concluded run has are missing",)
+    found = _against_chain(record, manifest, chain or Chain(data_folder(record)), trusted)
+    names = dict.fromkeys((*files, *sealed_names(record)))
+    found += [text for name in names if (text := _difference(record, name, files.get(name), samples=samples))]
+    found += _contradictions(record, manifest, files)
+    return tuple(found)
+
+
+def alteration_lines(altered: tuple[str, ...] | list[str]) -> list[str]:
+    """Return what a command says first about an altered record; nothing for one that is as it was."""
+    if not altered:
+        return []
+    head = "RECORD ALTERED since the run was concluded: what follows is no evidence of what was measured"
+    return [head, *(f"record altered: {one}" for one in altered)]
+
+
+def _difference(record: RunRecord, name: str, kept: dict[str, Any] | None, *, samples: bool) -> str:
+    if kept is None:
+        return f"{name}: was not there when the run was concluded"
+    path = record.folder / name
+    try:
+        size = path.stat().st_size
+        now = kept | {"bytes": size} if name in (SAMPLES, PACKED) and not samples else fingerprint(path)
+    except (OSError, RecordError):
+        return f"{name}: is missing or cannot be read"
+    if now["bytes"] != kept.get("bytes"):
+        return f"{name}: has {now['bytes']} bytes, had {kept.get('bytes')} when the run was concluded"
+    if now["sha256"] != kept.get("sha256"):
+        return f"{name}: its SHA-256 is not the one from when the run was concluded"
+    return ""
+
+
+def _against_chain(
+    record: RunRecord, manifest: dict[str, Any], chain: Chain, trusted: frozenset[str] | None
+) -> list[str]:
+    """Return what speaks against a run in the chain beside it, or in the index of a folder from before chains."""
+    run = str(manifest.get("id"))
+    if not chain.there:
+        if chain_seen_in(chain.data) is not None:
+            return [f"{CHAIN}: is missing, and this computer has written one in this folder"]
+        return _against_index(record, manifest, index_content(chain.data)) if (chain.data / INDEX).is_file() else []
+    named = [] if run == record.id else [f"{MANIFEST}: is that of run {run}; the folder was copied or renamed"]
+    entries = _sealed_entries(chain, run)
+    keys = trust_of(chain).keys if trusted is None else trusted
+    before = chain.before if chain.start is not None and chain.start.key in keys else None
+    if not entries and before is not None and "chain" not in manifest:
+        kept = index_kept(chain.data, before)
+        if kept is None:
+            return [*named, f"{INDEX}: is not the one that was there when the chain began"]
+        if kept:
+            return named + _against_index(record, manifest, kept)
+        return named if run in before["unconcluded"] else [*named, f"{CHAIN}: does not name this run"]
+    found = _against_entries(record, manifest, entries, keys)
+    if entries and not (before is not None and run in before["unconcluded"]):
+        found += _against_beginning(chain, run, manifest, entries[0])
+    return named + found
+
+
+def _against_beginning(chain: Chain, run: str, manifest: dict[str, Any], sealed: Entry) -> list[str]:
+    """Return what is wrong between the entry that begins a run and the one that seals it.
+
+    What lies in the folder unsealed is not protected. So a run that nobody began, or that was sealed before and whose
+    line was taken out, has no verdict although it was sealed by the right key.
+    """
+    created = next((one for one in chain.entries_of(run) if one.kind == CREATED and one.signed), None)
+    if created is None:
+        return [f"{CHAIN}: has no entry that begins this run"]
+    place = {"id": chain.id, "counter": created.counter, "previous": created.fields["previous"]}
+    if manifest.get("chain") != place:
+        return [f"{MANIFEST}: does not name the entry of {CHAIN} that begins this run"]
+    if not whole_between(chain, created, sealed):
+        return [f"{CHAIN}: entries between the beginning and the end of this run were removed or changed"]
+    return []
+
+
+def _against_entries(
+    record: RunRecord, manifest: dict[str, Any], entries: list[Entry], trusted: frozenset[str]
+) -> list[str]:
+    if not entries:
+        return [f"{CHAIN}: has no entry that seals this run"]
+    found = [
+        f"{CHAIN}: entry {one.counter} is not signed by the key that it names" for one in entries if not one.signed
+    ]
+    own = (manifest.get("bench") or {}).get("public_key")
+    for key in {entry.key for entry in entries}:
+        if key not in trusted:
+            found.append(f"{CHAIN}: is signed by {key}, which this computer does not know")
+        if own is not None and key != own:
+            found.append(f"{CHAIN}: is signed by {key}, and not by the key of the bench file")
+    if len({entry.fields["sha256"] for entry in entries}) > 1:
+        return [*found, f"{CHAIN}: has {len(entries)} entries that seal this run, which is concluded once"]
+    said = entries[0].fields
+    if said["sha256"] != fingerprint(record.folder / MANIFEST)["sha256"]:
+        found.append(f"{MANIFEST}: its SHA-256 is not the one in {CHAIN}")
+    found += [
+        f"{MANIFEST}: says {name} {manifest.get(name)}, {CHAIN} says {said[name]}"
+        for name in ("verdict", "state", "serial", "attempt")
+        if manifest.get(name) != said[name]
+    ]
+    return found
+
+
+def _against_index(record: RunRecord, manifest: dict[str, Any], content: bytes) -> list[str]:
+    lines = index_lines(content, str(manifest.get("id")))
+    if not lines:
+        return [f"{INDEX}: has no line for this run"]
+    if len({line.get("sha256") for line in lines}) > 1:
+        return [f"{INDEX}: has {len(lines)} lines for this run, which is concluded once"]
+    found = []
+    if lines[0].get("sha256") != fingerprint(record.folder / MANIFEST)["sha256"]:
+        found.append(f"{MANIFEST}: its SHA-256 is not the one in {INDEX}")
+    if lines[0].get("verdict") != manifest.get("verdict"):
+        found.append(f"{MANIFEST}: says {manifest.get('verdict')}, {INDEX} says {lines[0].get('verdict')}")
+    return found
+
+
+def _contradictions(record: RunRecord, manifest: dict[str, Any], files: dict[str, Any]) -> list[str]:
+    """Return where the parts of a record do not say the same: recipe and bench as started, verdict, metrics."""
+    found = [
+        f"{part}.yaml: is not the {part} that the run was started with"
+        for part in ("recipe", "bench")
+        if manifest[part]["sha256"] != files.get(f"{part}.yaml", {}).get("sha256")
+    ]
+    try:
+        result = record.read_json(RESULT)
+        verdict, metrics = result["verdict"], [metric["verdict"] for metric in result["metrics"]]
+        said = {key: result[key] for key in ("run", "serial", "state")}
+    except (RecordError, KeyError, TypeError):
+        return [*found, f"{RESULT}: is not a result"]
+    own = {"run": manifest["id"], "serial": manifest["serial"], "state": manifest["state"]}
+    found += [f"{RESULT}: says {key} {said[key]}, {MANIFEST} says {own[key]}" for key in own if said[key] != own[key]]
+    if verdict != manifest["verdict"]:
+        found.append(f"{RESULT}: says {verdict}, {MANIFEST} says {manifest['verdict']}")
+    implied = next((one for one in WORST_FIRST if one in metrics), "NOT DECIDABLE")
+    if verdict in ("PASS", "FAIL") and verdict != implied:
+        found.append(f"{RESULT}: says {verdict}, its own metrics say {implied}")
+    return found

@@ -1,0 +1,76 @@
+"""Everything of a data folder held against its chain: every line, every signature, every run, every file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from station.errors import RecordError
+from station.records.chain.chain_file import Chain
+from station.records.chain.problems import Problem
+from station.records.chain.walk import Trust, Walk, attempt_problems, end_problems, key_problems, trust_of, walk
+from station.records.data_folder import Store
+from station.records.folder_check import about_run, folder_problems, runs_before
+from station.records.run_record import RunRecord
+from station.records.seal import alterations, is_sealed
+
+NAMED_ONCE = frozenset({"renamed", "copied", "swapped", "not_in_chain"})
+"""Kinds of problem that say already why a folder does not fit its run.json."""
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What was looked at, and what is wrong."""
+
+    chain: Chain
+    walk: Walk
+    trust: Trust
+    runs: int
+    concluded: int
+    problems: list[Problem]
+
+
+def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = True) -> Verified:
+    """Check a data folder completely.
+
+    Args:
+        data: the folder.
+        named: public keys whose signatures count; empty for those that this computer knows.
+        samples: False compares only the size of the samples.
+
+    Raises:
+        RecordError: the chain is there and cannot be read.
+
+    """
+    chain = Chain(data)
+    found = walk(chain)
+    trust = trust_of(chain, named)
+    problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, trust)]
+    problems += attempt_problems(found)
+    runs = Store(data).runs()
+    chain.index()
+    if chain.there:
+        before, old_problems = runs_before(chain)
+        held = {run.id: _named_in(run) for run in runs}
+        known = {*found.created, *found.sealed, *before}
+        problems += [*old_problems, *folder_problems(data, known, held, partial(about_run, found))]
+    told = {problem.run for problem in problems if problem.kind in NAMED_ONCE}
+    concluded = 0
+    for run in runs:
+        try:
+            concluded += is_sealed(run.manifest())
+            altered = alterations(run, samples=samples, chain=chain, trusted=trust.keys)
+        except (RecordError, KeyError, TypeError, AttributeError) as error:
+            problems.append(Problem("damaged", run.id, f"{run.id}: {error}"))
+            continue
+        if run.id not in told:
+            problems += [Problem("altered", run.id, f"{run.id}: {one}") for one in altered]
+    return Verified(chain, found, trust, len(runs), concluded, problems)
+
+
+def _named_in(run: RunRecord) -> str | None:
+    try:
+        return str(run.manifest().get("id"))
+    except RecordError:
+        return None

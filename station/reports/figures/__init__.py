@@ -1,0 +1,1 @@
+"""Pictures of a run: loop, residuals, stiffness, time and timing."""

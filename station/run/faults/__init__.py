@@ -1,0 +1,1 @@
+"""Faults of a scenario that are done to the computer and not to the bench."""

@@ -1,0 +1,122 @@
+"""Leads a person through the way back from a fault: what the bench shows, what to check, and then step by step.
+
+Called at every look of the desk, so it never waits: a question stands until it is answered, and the desk goes on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from enum import Enum, auto
+
+from controller.aftermath import FaultReaction
+from definitions.faults import FAULT_BY_NUMBER, FAULTS
+from definitions.image import Command, DriveState, Image, Orders, Reaction, State
+from definitions.program import Program
+from drivers.servo_drive.emcy import explain_emcy
+from station.records.ring.reader import RingReader
+from station.records.samples.scan_record import unpack
+
+QUESTION = "All checked? The torque is then brought to zero and the lock opened; the shaft turns. [y/N] "
+MOST_TRIES = 3
+ANSWER_WITHIN_S = 3.0
+"""A reset that was accepted leaves the fault within this time: a drive in fault is reset first."""
+
+STEP_WORDS = {
+    State.UNLOAD: "bringing the torque to zero behind the closed lock",
+    State.RELEASE: "torque is near zero: verified, drive off, then the lock opens",
+    State.STOPPED: "the lock is open and the drive is off",
+}
+
+
+class Step(Enum):
+    """Where the way back stands."""
+
+    WAITING = auto()
+    ASKING = auto()
+    ORDERED = auto()
+    LEFT = auto()
+
+
+class Guide:
+    """One way back. `answer` returns what a person typed, None while nothing has come."""
+
+    def __init__(self, program: Program, say: Callable[[str], None], answer: Callable[[], str | None]) -> None:
+        self._program, self._say, self._answer = program, say, answer
+        self._step = Step.WAITING
+        self._tries = 0
+        self._ordered_s = 0.0
+        self._shown: State | None = None
+
+    def attend(self, ring: RingReader) -> None:
+        """Look at the newest record; tell, ask, and give the commands of the person."""
+        _, image, orders = unpack(ring.last())
+        state = State(orders.state)
+        if state in STEP_WORDS and state != self._shown:
+            self._shown = state
+            self._say(f"  {STEP_WORDS[state]} ({orders.controlled_torque_nm:+.1f} N·m)")
+        settled = state == State.FAULT and orders.phase == FaultReaction.SETTLED
+        if not settled:
+            if self._step is Step.ORDERED and state != State.FAULT:
+                self._step = Step.WAITING
+        elif self._step is Step.WAITING:
+            self._ask_or_leave(image, orders, ring)
+        elif self._step is Step.ASKING:
+            self._take_answer(ring)
+        elif self._step is Step.ORDERED and time.monotonic() - self._ordered_s > ANSWER_WITHIN_S:
+            self._say("the bench did not leave the fault: a cause is still present, or a new one has come")
+            self._step = Step.WAITING
+
+    def _ask_or_leave(self, image: Image, orders: Orders, ring: RingReader) -> None:
+        for line in situation(image, orders, self._program):
+            self._say(line)
+        if self._tries >= MOST_TRIES:
+            self._say(f"not released after {MOST_TRIES} tries: the bench stays as it is")
+            self._leave(ring)
+            return
+        self._say(QUESTION)
+        self._step = Step.ASKING
+
+    def _take_answer(self, ring: RingReader) -> None:
+        answer = self._answer()
+        if answer is None:
+            return
+        if answer.strip().lower() not in ("y", "yes"):
+            self._say("left as it is: lock, drive and torque were not touched")
+            self._leave(ring)
+            return
+        self._say("  acknowledged, reset asked for")
+        self._tries += 1
+        self._ordered_s = time.monotonic()
+        self._shown = None
+        self._step = Step.ORDERED
+        ring.send(Command.ACKNOWLEDGE)
+        ring.send(Command.RESET)
+
+    def _leave(self, ring: RingReader) -> None:
+        self._step = Step.LEFT
+        ring.send(Command.STOP)
+
+
+def situation(image: Image, orders: Orders, program: Program) -> list[str]:
+    """Return what the bench shows and what a person checks before anything is acknowledged, one line each."""
+    torque_nm = orders.controlled_torque_nm
+    if program.has_torque_out:
+        torque_nm = image.torque_out_nm - orders.torque_out_tare_nm
+    drive = DriveState(image.drive_state).name.lower().replace("_", " ")
+    lock = f"closed, {image.brake_current_a:.2f} A" if image.brake_on else "open"
+    lines = [
+        f"Torque at the output  {torque_nm:+.1f} N·m (the lock may open below {program.release_torque_nm:.1f} N·m)",
+        f"Lock                  {lock}",
+        f"Servo drive           {drive}",
+        f"Emergency stop        {'released' if image.estop_released else 'PRESSED'}",
+        f"Guard                 {'closed' if image.guard_closed else 'OPEN'}",
+    ]
+    if image.drive_emcy_code:
+        told = explain_emcy(image.drive_emcy_code)
+        lines.append(f"Drive's emergency     0x{image.drive_emcy_code:04X}: {told.cause}; {told.next_action}")
+    first = FAULT_BY_NUMBER[orders.fault]
+    lines += [f"Fault: {first.text}. {first.cause}.", f"  Check: {first.next_action}."]
+    others = [f for f in FAULTS if orders.alarms >> f.number & 1 and f != first and f.reaction >= Reaction.UNLOAD]
+    lines += [f"Also: {fault.text}. Check: {fault.next_action}." for fault in others]
+    return lines

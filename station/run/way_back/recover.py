@@ -1,0 +1,217 @@
+"""Runs whose supervisor process ended: what their scan process still wrote is in the ring, and belongs to the record.
+
+Without its desk the scan process unloads and stops after 2 s, unless it has a new desk by then. Afterwards `conclude`
+brings the rest of the ring to disk and concludes the run: it gets the state that it came to, and its verdict when it
+came to its end. While the scan process is still at work, `resume` is its new desk. Nobody who only looks at runs calls
+any of this, and an error that may pass (a file that is not there or cannot be read now) leaves the run as it was.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from definitions.image import Command
+from station.durable import Appender, refused
+from station.records.ring.reader import RingReader
+from station.records.ring.ring import ScanState, StopCause
+from station.records.ring.to_disk import RecordWriter
+from station.records.run_record import INTERRUPTED, RunRecord, process_birth
+from station.records.run_ring import ring_of
+from station.records.samples.scan_record import RECORD_BYTES
+from station.records.seal import finish_seal, is_sealed
+from station.run.ending import Ending, cause_name, scan_report
+
+DESK_DIED = "the supervisor process ended during the run; the scan process continued without it"
+TAKEN_OVER = "the supervisor process ended during the run; a new one took over, with {} records on disk"
+BOTH_DIED = "supervisor and scan process ended during the run"
+UNCOUNTED = (
+    "the number of records that the scan process wrote is not known: its ring is gone and its report has no count"
+)
+LOOK_EVERY_S = 0.02
+
+Attend = Callable[[RingReader], None]
+
+
+@contextmanager
+def _owned(run: RunRecord, *, again: bool = False) -> Iterator[bool]:
+    """Own a run; yields whether it is ours now, and still to be concluded."""
+    try:
+        yield run.lock.take() and to_be_concluded(run, again=again)
+    finally:
+        run.lock.close()
+
+
+def to_be_concluded(run: RunRecord, *, again: bool = False) -> bool:
+    """Whether a run was deserted before it was concluded; `again`: also one that was left without a verdict.
+
+    Such a one has its samples and no checksums: its recipe could not be read, or its desk failed.
+    """
+    manifest = run.manifest()
+    undecided = manifest["state"] == INTERRUPTED and not is_sealed(manifest)
+    return run.deserted() or (again and undecided)
+
+
+def recover(run: RunRecord, *, again: bool = False) -> int:
+    """Bring the rest of a deserted run's ring to disk and conclude the run; return how many records came.
+
+    Nothing happens while its desk or its scan process is alive. `again` as in `to_be_concluded`.
+
+    Raises:
+        RecordError: something of the run cannot be read or written now. Nothing is decided: it can be tried again.
+
+    """
+    if not to_be_concluded(run, again=again):
+        return 0
+    with _owned(run, again=again) as ours:
+        if not ours or finish_seal(run):
+            return 0
+        path = ring_of(run)
+        if path is None:
+            _conclude(run, Ended(None))
+            return 0
+        ring = RingReader(path)
+        try:
+            if _alive(ring):
+                return 0
+            return _take_all(run, ring, path)
+        finally:
+            ring.close()
+
+
+def resume(run: RunRecord, attend: Attend) -> int:
+    """Be the new desk of a run whose supervisor process ended: take its records until its scan ends, then conclude it.
+
+    `attend` is called about 50 times per second, to show what there is and to pass commands on.
+    """
+    with _owned(run) as ours:
+        path = ring_of(run) if ours and not finish_seal(run) else None
+        if path is None:
+            return 0
+        ring = RingReader(path)
+        try:
+            return _take_all(run, ring, path, attend)
+        finally:
+            ring.close()
+
+
+def _alive(ring: RingReader) -> bool:
+    return bool(ring.pid and process_birth(ring.pid))
+
+
+def _complete_on_disk(run: RunRecord) -> int:
+    """Return how many complete records are on disk; a last one that a killed desk left half written is cut off.
+
+    Raises:
+        RecordError: the samples are not there, or cannot be looked at. That may pass, so it decides nothing.
+
+    """
+    try:
+        size = run.samples.stat().st_size
+        if size % RECORD_BYTES:
+            os.truncate(run.samples, size - size % RECORD_BYTES)
+    except OSError as error:
+        raise refused(run.samples, error, "read") from error
+    return size // RECORD_BYTES
+
+
+def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | None = None) -> int:
+    on_disk = _complete_on_disk(run)
+    file = Appender(run.samples, must_exist=True)
+    # A desk that died between writing and noting it in the ring has written these already: no record twice.
+    # One number, and not a difference of two: the scan may append between two looks, and its record would be skipped.
+    writer = RecordWriter(ring, file, skip=max(on_disk - ring.taken, 0))
+    with ExitStack() as ending:
+        ending.callback(file.close)
+        ending.callback(writer.finish)
+        ring.beat()  # before anything else: the scan waits 2 s for a new desk, then it unloads and stops
+        writer.start()
+        taken_over = attend is not None and _alive(ring)
+        while attend is not None and _alive(ring):
+            time.sleep(LOOK_EVERY_S)
+            ring.beat()
+            attend(ring)
+            if writer.first_trouble and not ring.stopped_because:
+                ring.note_stop(StopCause.DISK)
+                ring.send(Command.STOP)
+    finished = ring.state is ScanState.FINISHED
+    ended = Ended(ring.written, ring.lost, ring.stopped_because, cause_name(ring), finished=finished)
+    if taken_over:
+        # What the desk before measured went with it; its part of the record is bounded by this one's start.
+        disk = writer.times.as_json() | {"from_record": on_disk}
+        ended = replace(ended, desk_died=TAKEN_OVER.format(on_disk), disk=disk)
+    run.update(trouble=ended.because or DESK_DIED)
+    _conclude(run, ended)
+    # The seal has removed it; whoever is killed before that leaves the next one what the ring knows.
+    path.unlink(missing_ok=True)
+    return writer.written
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What the ring says of a scan: records written and lost, why it was stopped, whether it came to its end.
+
+    `written` is None where the ring is gone, as after a power failure.
+    """
+
+    written: int | None
+    lost: int = 0
+    because: str = ""
+    cause: str = ""
+    finished: bool = False
+    desk_died: str = DESK_DIED
+    disk: dict[str, float] = field(default_factory=dict)
+
+
+def _counts(run: RunRecord, ended: Ended, said: dict[str, Any], kept: Ending | None) -> tuple[int, int, str]:
+    """Return how many records ought to be on disk, how many were lost, and what stands against believing it.
+
+    Ring, scan report and desk are asked, and the highest word counts. The file is no witness of its own completeness.
+    """
+    lost = max(ended.lost, int(said.get("lost", 0)), 0 if kept is None else kept.lost)
+    # the report counts the lost ones too
+    counted = [] if ended.written is None else [ended.written]
+    counted += [int(said["written"]) - lost] if "written" in said else []
+    counted += [] if kept is None else [kept.written]
+    return (max(counted), lost, "") if counted else (run.records(), lost, UNCOUNTED)
+
+
+def _conclude(run: RunRecord, ended: Ended) -> None:
+    """Give the run its state, and its verdict when its scan came to its end."""
+    # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
+    from recipes import RecipeError  # noqa: PLC0415
+    from station.bench.request import stored_job  # noqa: PLC0415
+    from station.run.conclusion import conclude  # noqa: PLC0415
+
+    said, kept = scan_report(run), Ending.kept_in(run)
+    finished = ended.finished or said.get("state") == "finished"
+    if ended.written is None:
+        _complete_on_disk(run)
+    written, lost, uncounted = _counts(run, ended, said, kept)
+    kept = kept or Ending(
+        written=written,
+        lost=lost,
+        realtime=said.get("realtime", {"details": {}}),
+        notes=said.get("notes", []),
+        trouble=uncounted if finished else BOTH_DIED,
+        counters=said.get("counters", {}),
+        times=said.get("times", {}),
+        pace=said.get("pace"),
+        stopped_because=ended.because,
+        stopped_by=ended.cause,
+        desk_died=ended.desk_died if finished else "",
+        disk=ended.disk,
+    )
+    kept = replace(kept, written=written, lost=lost)
+    try:
+        job = stored_job(run)
+    except RecipeError as error:
+        kept.keep(run)  # what the ring knew goes with it: whoever concludes the run again needs it
+        run.update(state=INTERRUPTED, ring=None, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
+        return
+    conclude(run, job, kept)

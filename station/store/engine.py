@@ -1,0 +1,140 @@
+"""The database of a store: opened, brought to the tables of this version, and its refusals as one error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event, inspect, text
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.pool import StaticPool
+
+from station.errors import StationError
+from station.store.places import StorePlace
+
+HEAD = "0001"
+"""Version of the tables that this program works with; the newest one below `migrations/versions`."""
+
+VERSIONS = "alembic_version"
+IN_MEMORY = "sqlite://"
+BUSY_S = 3.0
+"""How long another writer, or a server that does not answer, is waited for."""
+
+ONE_AT_A_TIME = 7_362_514_220
+"""Number of the advisory lock by which writers on PostgreSQL take turns."""
+
+
+class StoreError(StationError):
+    """The store cannot be used. No run and no verdict depends on it."""
+
+
+class Database:
+    """One open database."""
+
+    def __init__(self, place: StorePlace) -> None:
+        """Open a database and bring its tables to this version.
+
+        Raises:
+            StoreError: it cannot be opened, or is of a newer version.
+
+        """
+        self.place = place
+        with _told(place):
+            self._engine = _engine(place.url)
+            self._migrate()
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """Yield a connection that sees one state of the store; StoreError where it fails."""
+        with _told(self.place), self._engine.connect() as connection, connection.begin():
+            yield connection
+
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
+        """Yield a connection of the only writer; all that it does is kept at its end, or nothing."""
+        with _told(self.place), self._engine.connect() as plain:
+            connection = plain.execution_options(writes=True)
+            with connection.begin():
+                if connection.dialect.name == "postgresql":
+                    connection.execute(text(f"SET LOCAL lock_timeout = {int(BUSY_S * 1000)}"))
+                    connection.execute(text(f"SELECT pg_advisory_xact_lock({ONE_AT_A_TIME})"))
+                yield connection
+
+    def close(self) -> None:
+        """Close it."""
+        self._engine.dispose()
+
+    def _migrate(self) -> None:
+        with self._engine.connect() as connection:
+            if _version(connection) == HEAD:
+                return
+        with self.writing() as connection:
+            version = _version(connection)
+            if version == HEAD:
+                return
+            _upgrade(connection, self.place, version)
+
+
+def _version(connection: Connection) -> str | None:
+    if not inspect(connection).has_table(VERSIONS):
+        return None
+    return connection.execute(text(f"SELECT version_num FROM {VERSIONS}")).scalar()  # noqa: S608 - a constant
+
+
+def _upgrade(connection: Connection, place: StorePlace, version: str | None) -> None:
+    # Here, because only a store that is new or older than the program needs it.
+    from alembic import command  # noqa: PLC0415
+    from alembic.config import Config  # noqa: PLC0415
+    from alembic.script import ScriptDirectory  # noqa: PLC0415
+
+    config = Config()
+    config.set_main_option("script_location", str(Path(__file__).parent / "migrations").replace("%", "%%"))
+    config.attributes["connection"] = connection
+    known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+    if version is not None and version not in known:
+        raise StoreError(
+            f"{place.shown}: has tables of version {version}; this program knows up to {HEAD}. Use the newer program, "
+            "or name another store"
+        )
+    command.upgrade(config, "head")
+
+
+def _engine(url: str) -> Engine:
+    settings: dict[str, Any]
+    if url == IN_MEMORY:
+        settings = {"poolclass": StaticPool, "connect_args": {"check_same_thread": False}}
+    elif url.startswith("sqlite"):
+        settings = {"connect_args": {"timeout": BUSY_S}}
+    else:
+        settings = {"connect_args": {"connect_timeout": int(BUSY_S)}}
+    engine = create_engine(make_url(url), **settings)
+    if url.startswith("sqlite"):
+        event.listen(engine, "connect", _set_up_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def _set_up_sqlite(connection: Any, _record: object) -> None:
+    # The driver's own transactions leave tables out, and begin late; `_begin_sqlite` begins them instead.
+    connection.isolation_level = None
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA journal_mode = WAL")
+    cursor.execute("PRAGMA synchronous = NORMAL")
+    cursor.close()
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    writes = connection.get_execution_options().get("writes")
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+@contextmanager
+def _told(place: StorePlace) -> Iterator[None]:
+    try:
+        yield
+    except (SQLAlchemyError, OSError) as error:
+        cause = " ".join(str(getattr(error, "orig", None) or error).split())
+        raise StoreError(f"{place.shown}: the store cannot be used: {cause[:300]}") from error

@@ -1,0 +1,158 @@
+"""From the chain to the store: the chain is the outbox, and the store remembers how far it has come.
+
+A run is in the chain before anybody sees its verdict. So whoever is killed between seal and store, or finds the store
+locked, full or gone, loses nothing: the next one that looks brings the store up to the chain. Doing that twice changes
+nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Collection
+from typing import Any
+
+from sqlalchemy import Connection, insert, select
+
+from station.records.chain.chain_file import Chain, folder_id
+from station.records.chain.problems import Problem
+from station.records.chain.walk import Place, Walk, walk
+from station.records.run_record import MANIFEST, RunRecord
+from station.store.engine import Database
+from station.store.projection import put_rows, remove_rows, rows_of
+from station.store.tables import PROJECTIONS, RUNS
+
+BATCH = 100
+"""Runs that are put into the store at a time: they are kept together, and others may write between two batches."""
+
+Told = Callable[[int, int], None]
+
+
+def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, told: Told | None = None) -> int:
+    """Bring the store up to the chain; return how many runs it is still behind.
+
+    Args:
+        database: the store.
+        chain: of the data folder; one that was read just now.
+        most_s: time after which no further batch is begun; None: until all is there.
+        told: is called with the runs that are done and those that there are.
+
+    Raises:
+        StoreError: the store cannot be used; what was put into it stays.
+        RecordError: the chain cannot be read.
+
+    """
+    if not chain.there:
+        return 0
+    with database.reading() as connection:
+        if _up_to_date(connection, chain):
+            return 0
+    chain.index()
+    end = None if most_s is None else time.monotonic() + most_s
+    done = 0
+    while True:
+        with database.writing() as connection:
+            left = _one_batch(connection, chain)
+        done += BATCH
+        if told is not None and left:
+            told(done, done + left)
+        if not left or (end is not None and time.monotonic() > end):
+            return left
+
+
+def put_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
+    """Put single runs into the store anew: their folders have changed, or were there before the chain."""
+    if not runs:
+        return
+    chain.index()
+    names = sorted(runs)
+    for begin in range(0, len(names), BATCH):
+        with database.writing() as connection:
+            folders = [RunRecord(chain.data / name) for name in names[begin : begin + BATCH]]
+            put_rows(
+                connection, chain.id, {run.id: rows_of(run, chain) if run.has(MANIFEST) else {} for run in folders}
+            )
+
+
+def remove_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
+    """Take runs out of the store whose folders are gone, where no chain has anything to say of them."""
+    if runs:
+        with database.writing() as connection:
+            remove_rows(connection, chain.id, list(runs))
+
+
+def rebuild(database: Database, chain: Chain, told: Told | None = None) -> None:
+    """Make the rows of a data folder again, from its chain; the next look puts in what was there before the chain."""
+    with database.writing() as connection:
+        remove_rows(connection, chain.id)
+    catch_up(database, chain, told=told)
+
+
+def stored_walk(connection: Connection, chain: Chain) -> Walk:
+    """Return what was found in the chain up to where the store has it."""
+    row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+    if row is None:
+        return Walk()
+    found = Walk(Place(row["offset"], row["counter"], row["sha256"]))
+    found.problems = [Problem(*one) for one in row["problems"]]
+    found.keys.update(row["keys"])
+    return found
+
+
+def _up_to_date(connection: Connection, chain: Chain) -> bool:
+    row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+    end = chain.content.rfind(b"\n") + 1
+    return row is not None and row["offset"] == end and row["prefix_sha256"] == _hash(chain.content[:end])
+
+
+def _one_batch(connection: Connection, chain: Chain) -> int:
+    """Put the next runs of the chain into the store; return how many are left."""
+    row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+    begin, before = Place(), Walk()
+    if row is not None and _hash(chain.content[: row["offset"]]) == row["prefix_sha256"]:
+        begin, before = Place(row["offset"], row["counter"], row["sha256"]), stored_walk(connection, chain)
+    limit = _end_of_batch(chain, begin.offset)
+    found = walk(chain, begin, limit)
+    stored = _entries_there(connection, chain) if begin.offset == 0 else {}
+    if begin.offset == 0:
+        remove_rows(connection, folder_id(chain.data))  # from before the chain: they are put in again
+        known = set(chain.runs()) | set((chain.before or {}).get("unconcluded", []))
+        remove_rows(connection, chain.id, [run for run, entry in stored.items() if entry and run not in known])
+    runs = [
+        RunRecord(chain.data / run)
+        for run in dict.fromkeys((*found.created, *found.sealed))
+        if run not in found.sealed or stored.get(run) != found.sealed[run][-1].sha256
+    ]
+    put_rows(connection, chain.id, {run.id: rows_of(run, chain) for run in runs})
+    whole = {
+        "chain": chain.id,
+        "offset": found.place.offset,
+        "counter": found.place.counter,
+        "sha256": found.place.sha256,
+        "prefix_sha256": _hash(chain.content[: found.place.offset]),
+        "problems": [list(problem) for problem in (*before.problems, *found.problems)],
+        "keys": dict(before.keys + found.keys),
+    }
+    connection.execute(PROJECTIONS.delete().where(PROJECTIONS.c.chain == chain.id))
+    connection.execute(insert(PROJECTIONS), [whole])
+    return chain.content.count(b'\n{"kind":"sealed"', max(found.place.offset - 1, 0))
+
+
+def _entries_there(connection: Connection, chain: Chain) -> dict[str, Any]:
+    rows = connection.execute(select(RUNS.c.run, RUNS.c.entry_sha256).where(RUNS.c.chain == chain.id))
+    return dict(rows.tuples().all())
+
+
+def _end_of_batch(chain: Chain, offset: int) -> int:
+    """Return where the file's line ends with which a batch ends."""
+    at = offset
+    for _ in range(2 * BATCH):
+        end = chain.content.find(b"\n", at)
+        if end < 0:
+            break
+        at = end + 1
+    return at
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

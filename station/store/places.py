@@ -1,0 +1,99 @@
+"""Where the store of a data folder is: a URL that was named, else a SQLite file beside the runs.
+
+SQLite keeps its writers apart by locks and a file that all of them map into memory: on a network mount neither can be
+relied on, so there the file lies in the service's own place.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from station.errors import StationError
+from station.own_place import own_folder
+
+STORE_URL = "LOSTMOTION_STORE"
+"""Environment variable that names the database; `--store` sets it for one command."""
+
+FILE = "store.sqlite3"
+OWN_STORES = "stores"
+SQLITE, POSTGRESQL = "sqlite:///", "postgresql"
+MOUNTS = Path("/proc/self/mountinfo")
+
+NETWORK = frozenset({
+    "nfs", "nfs4", "cifs", "smb3", "smbfs", "9p", "afs", "ceph", "coda", "glusterfs", "gpfs", "lustre", "ncpfs",
+    "ocfs2",
+    "orangefs", "virtiofs", "fuse.sshfs", "fuse.glusterfs", "fuse.ceph", "fuse.rclone", "fuse.s3fs", "davfs",
+})  # fmt: skip
+"""Types of file system of other computers, as the kernel names them."""
+
+
+@dataclass(frozen=True)
+class StorePlace:
+    """URL of the database, and what is to be said about it ('' where it is where everybody expects it)."""
+
+    url: str
+    note: str = ""
+
+    @property
+    def shown(self) -> str:
+        """The URL without a password."""
+        head, at, tail = self.url.rpartition("@")
+        scheme, _, who = head.partition("://")
+        return f"{scheme}://{who.partition(':')[0]}@{tail}" if at and "://" in head else self.url
+
+
+def store_place(data: Path) -> StorePlace:
+    """Return where the store of a data folder is.
+
+    Raises:
+        StationError: the URL that was named cannot be used.
+
+    """
+    named = os.environ.get(STORE_URL)
+    if named:
+        return StorePlace(_checked(named))
+    kind = network_type(data)
+    if not kind and os.access(data, os.W_OK):
+        return StorePlace(f"{SQLITE}{data.resolve() / FILE}")
+    name = hashlib.sha256(str(data.resolve()).encode()).hexdigest()[:32]
+    own = own_folder(OWN_STORES) / f"{name}.sqlite3"
+    why = f"is on a network mount ({kind})" if kind else "cannot be written"
+    return StorePlace(f"{SQLITE}{own}", f"{data}: {why}, so its store is {own}")
+
+
+def network_type(path: Path, mounts: Path = MOUNTS) -> str:
+    """Return the type of the network mount that a path lies on; '' for a local disk, or where nobody says it."""
+    try:
+        lines = mounts.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    there, best, kind = path.resolve(), -1, ""
+    for line in lines:
+        left, _, right = line.partition(" - ")
+        if not right:
+            continue
+        point = Path(left.split()[4].encode().decode("unicode_escape"))
+        if there.is_relative_to(point) and len(point.parts) >= best:  # of two on one point the later one covers
+            best, kind = len(point.parts), right.split()[0]
+    return kind if kind in NETWORK else ""
+
+
+def _checked(url: str) -> str:
+    if url.startswith(SQLITE):
+        file = Path(url.removeprefix(SQLITE))
+        kind = network_type(file.parent)
+        if kind:
+            raise StationError(
+                f"--store {url}: is on a network mount ({kind}), where SQLite's locks do not hold. Name a file on a "
+                "local disk, or a PostgreSQL database: postgresql://USER@HOST/NAME"
+            )
+        return url
+    scheme, found, rest = url.partition("://")
+    if not found or scheme not in (POSTGRESQL, f"{POSTGRESQL}+psycopg"):
+        raise StationError(
+            f"--store: found {StorePlace(url).shown!r}; allowed are sqlite:///FILE and postgresql://USER@HOST/NAME"
+        )
+    return f"{POSTGRESQL}+psycopg://{rest}"

@@ -1,0 +1,248 @@
+"""From one run's folder to its rows: a function of the folder and of what the chain says of the run."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sqlalchemy import Connection, Table, delete, insert
+from sqlalchemy.dialects.postgresql import insert as postgresql_insert
+from sqlalchemy.dialects.sqlite import insert as sqlite_insert
+
+from station.errors import RecordError
+from station.records.chain.chain_file import Chain
+from station.records.chain.entries import CREATED, SEALED, Entry
+from station.records.run_record import MANIFEST, RESULT, RunRecord
+from station.records.seal import alterations, is_sealed, sealed_names
+from station.reports.headline import objection, virtual_badges
+from station.store import tables
+
+MOST_AT_ONCE = 500
+"""Runs that one statement names: databases have limits."""
+
+Rows = dict[Table, list[dict[str, Any]]]
+
+CALIBRATION = "calibration.json"
+OUTPUT_TORQUE = "output torque"
+MEASURED, CONVERTED = "output torque as measured", "output torque converted from the input's"
+"""Where the output torque of a run comes from, as its stage says."""
+
+NOT_ONES_OWN = (tables.RECIPES, tables.BENCHES, tables.UNITS)
+"""Tables whose rows several runs share."""
+
+
+def rows_of(run: RunRecord, chain: Chain) -> Rows:
+    """Return the rows of a run; of one that is damaged, altered or not concluded, what can be told for sure."""
+    entries = [entry for entry in chain.entries_of(run.id) if entry.signed]
+    created = next((entry for entry in entries if entry.kind == CREATED), None)
+    sealed = next((entry for entry in entries if entry.kind == SEALED), None)
+    name, start = chain.id, chain.start
+    signers = {entry.key for entry in (*entries, *([start] if start else []))}  # whom to trust is asked by who looks
+    try:
+        manifest = run.manifest()
+        concluded = sealed is not None or is_sealed(manifest)
+        altered = alterations(run, samples=False, chain=chain, trusted=frozenset(signers))
+        if sealed is not None and not is_sealed(manifest):
+            altered = altered or (f"{MANIFEST}: is not yet the one with which the run was concluded",)
+        result = run.read_json(RESULT) if concluded and not altered else {}
+        found = _attempt_rows(name, run, manifest, created)
+        if concluded:
+            found |= {tables.RUNS: [_run_row(name, run, manifest, result, sealed, altered)]}
+            found |= {} if altered else _result_rows(name, run, result)
+    except (RecordError, KeyError, TypeError, ValueError, AttributeError) as error:
+        return _damaged_rows(name, run, created, sealed, f"{MANIFEST}: {error}")
+    return found
+
+
+def put_rows(connection: Connection, chain: str, found: Mapping[str, Rows]) -> None:
+    """Put the rows of runs in the place of those that these runs have."""
+    remove_rows(connection, chain, list(found))
+    together: Rows = {}
+    for rows in found.values():
+        for table, content in rows.items():
+            together.setdefault(table, []).extend(content)
+    for table, content in together.items():
+        if table in NOT_ONES_OWN:
+            _put_missing(connection, table, content)
+        elif content:
+            connection.execute(insert(table), content)
+
+
+def remove_rows(connection: Connection, chain: str, runs: Sequence[str] | None = None) -> None:
+    """Remove the rows of runs; None: of a whole chain, with what its runs share."""
+    tables_of = tables.METADATA.sorted_tables if runs is None else tables.OF_A_RUN
+    for table in tables_of:
+        gone = delete(table).where(table.c.chain == chain)
+        if runs is None:
+            connection.execute(gone)
+            continue
+        for begin in range(0, len(runs), MOST_AT_ONCE):
+            connection.execute(gone.where(table.c.run.in_(runs[begin : begin + MOST_AT_ONCE])))
+
+
+def _put_missing(connection: Connection, table: Table, content: list[dict[str, Any]]) -> None:
+    keys = [column.name for column in table.primary_key]
+    rows = {tuple(row[key] for key in keys): row for row in reversed(content)}
+    into = sqlite_insert if connection.dialect.name == "sqlite" else postgresql_insert
+    connection.execute(into(table).on_conflict_do_nothing(), list(rows.values()))
+
+
+def seen(path: str, folder: int | None = None) -> str:
+    """Return size, times and inode of a file, by which a change of it shows; '' where it is not there.
+
+    The time of the last change of the file itself (ctime) is among them: to set it takes setting the computer's clock.
+    folder: open folder that the path begins in.
+    """
+    try:
+        stat = os.stat(path, dir_fd=folder)
+    except OSError:
+        return ""
+    return f"{stat.st_size}:{stat.st_mtime_ns}:{stat.st_ctime_ns}:{stat.st_ino}"
+
+
+def seen_files(run: RunRecord) -> str:
+    """Return the same of every file that the verdict rests on, as one hash."""
+    names = sealed_names(run)
+    text = "\n".join(f"{name}={seen(f'{run.folder}/{name}')}" for name in names)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _attempt_rows(chain: str, run: RunRecord, manifest: dict[str, Any], created: Entry | None) -> Rows:
+    recipe, bench, unit = manifest["recipe"], manifest.get("bench") or {}, manifest.get("unit") or {}
+    attempt = {
+        "chain": chain,
+        "run": run.id,
+        "counter": None if created is None else created.counter,
+        "serial": manifest["serial"] if created is None else created.fields["serial"],
+        "attempt": manifest["attempt"] if created is None else created.fields["attempt"],
+        "recipe_sha256": str(recipe["sha256"]),
+        "bench_sha256": str(bench.get("sha256", "")),
+        "created": manifest["started"] if created is None else created.fields["time"],
+        "key": None if created is None else created.key,
+    }
+    shared: Rows = {
+        tables.RECIPES: [
+            {"chain": chain, "sha256": str(recipe["sha256"]), "name": recipe["name"], "revision": recipe["revision"]}
+        ],
+        tables.UNITS: [
+            {
+                "chain": chain,
+                "serial": attempt["serial"],
+                "model": str(unit.get("model") or ""),
+                "virtual": str(unit.get("virtual") or ""),
+            }
+        ],
+        tables.BENCHES: [
+            {"chain": chain, "sha256": str(bench.get("sha256", "")), "name": str(bench.get("name", ""))}
+            | {name: bench.get(name) for name in ("revision", "embedded", "public_key")}
+        ],
+    }
+    return {tables.ATTEMPTS: [attempt], **shared}
+
+
+def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result have it
+    chain: str,
+    run: RunRecord,
+    manifest: dict[str, Any],
+    result: dict[str, Any],
+    sealed: Entry | None,
+    altered: tuple[str, ...],
+) -> dict[str, Any]:
+    stages = result.get("stages") or ()
+    torque = next((stage for stage in stages if stage.get("stage") == OUTPUT_TORQUE), None)
+    said = manifest if sealed is None else sealed.fields
+    return {
+        "chain": chain,
+        "run": run.id,
+        "counter": None if sealed is None else sealed.counter,
+        "entry_sha256": None if sealed is None else sealed.sha256,
+        "key": None if sealed is None else sealed.key,
+        "sha256": None if sealed is None else sealed.fields["sha256"],
+        "state": str(said["state"]),
+        "verdict": said["verdict"],
+        "serial": said["serial"],
+        "attempt": said["attempt"],
+        "recipe": str(manifest["recipe"]["name"]),
+        "revision": manifest["recipe"]["revision"],
+        "bench": str((result.get("bench") or {}).get("name", "")),
+        "started": manifest["started"],
+        "ended": manifest.get("ended"),
+        "operator": manifest.get("operator"),
+        "scenario": manifest.get("scenario"),
+        "clock": manifest.get("clock"),
+        "virtual": bool(virtual_badges(result)),
+        "torque_source": "" if torque is None else CONVERTED if torque["applied"] else MEASURED,
+        "objection": objection(result),
+        "records": manifest.get("records"),
+        "altered": "\n".join(altered),
+        "seen": seen(f"{run.folder}/{MANIFEST}"),
+        "seen_files": seen_files(run),
+    }
+
+
+def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Entry | None, text: str) -> Rows:
+    """Return what the chain alone says of a run that cannot be read."""
+    found: Rows = {}
+    if created is not None:
+        row = {name: created.fields[name] for name in ("run", "serial", "attempt")}
+        row |= {"chain": chain, "counter": created.counter, "created": created.fields["time"], "key": created.key}
+        row |= {f"{part}_sha256": created.fields[part] for part in ("recipe", "bench")}
+        found[tables.ATTEMPTS] = [row]
+    if sealed is not None:
+        row = {column.name: None for column in tables.RUNS.columns}
+        row |= {name: sealed.fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
+        row |= {"chain": chain, "counter": sealed.counter, "entry_sha256": sealed.sha256, "key": sealed.key}
+        row |= dict.fromkeys(("recipe", "bench", "torque_source", "objection"), "")
+        row |= {"virtual": False, "altered": text, "seen": seen(f"{run.folder}/{MANIFEST}")}
+        found[tables.RUNS] = [row | {"seen_files": seen_files(run)}]
+    return found
+
+
+def _result_rows(chain: str, run: RunRecord, result: dict[str, Any]) -> Rows:
+    own = {"chain": chain, "run": run.id}
+    found: Rows = {
+        tables.METRICS: [
+            own | {"position": position} | row
+            for position, metric in enumerate(result.get("metrics", ()))
+            for row in _metric_rows(metric)
+        ],
+        tables.CHECKS: [
+            own | {name: check.get(name) for name in ("id", "figure", "limit", "unit", "passed", "text")}
+            for check in result.get("gates") or ()
+        ],
+        tables.ALARMS: [
+            own
+            | {"position": position, "first": bool(alarm.get("first"))}
+            | {name: alarm.get(name) for name in ("id", "scan", "t_s", "state", "reaction", "text")}
+            for position, alarm in enumerate(result.get("alarms") or ())
+        ],
+    }
+    if run.has(CALIBRATION):
+        ratio = run.read_json(CALIBRATION)
+        head = own | {name: ratio.get(name) for name in ("id", "model", "made")}
+        figures = ("slope", "offset_nm", "u_slope", "u_offset_nm", "residual_sd_nm", "points")
+        found[tables.CALIBRATIONS] = [
+            head | {"quadrant": quadrant} | {name: line.get(name) for name in figures}
+            for quadrant, line in (ratio.get("quadrants") or {}).items()
+        ]
+    return found
+
+
+def _metric_rows(metric: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return a row for each side of a metric, the one that it goes by among them."""
+    limits, main = metric.get("limits") or {}, str(metric["side"])
+    shared = {name: metric.get(name) for name in ("definition", "unit", "branch", "estimator", "cycles")}
+    shared |= {name: json.dumps(metric.get(name)) for name in ("band", "torque_nm")}
+    shared |= {"metric": metric["id"], "choices": " ".join(metric.get("choices") or ())}
+    shared |= {"limit_min": limits.get("min"), "limit_max": limits.get("max")}
+    shared |= {"coverage_factor": metric.get("coverage_factor")}
+    own = {"value": metric["value"], "uncertainty": metric.get("uncertainty"), "verdict": metric.get("verdict")}
+    rows = [shared | {"side": main, "main": True} | own]
+    for side, found in (metric.get("sides") or {}).items():
+        if side != main:
+            figures = {name: found.get(name) for name in ("value", "uncertainty", "verdict")}
+            rows.append(shared | {"side": side, "main": False} | figures)
+    return rows

@@ -1,0 +1,173 @@
+"""The tables of the store. Every row belongs to one data folder, named by its chain.
+
+All but `projections` can be made again from the run folders; nothing else is kept here.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import JSON, BigInteger, Boolean, Column, Double, Index, Integer, MetaData, Table, Text
+
+METADATA = MetaData()
+
+
+def _of_a_chain(name: str, *columns: Column[Any] | Index) -> Table:
+    # On SQLite the rows lie in the order of their key, so that those of a chain are read in one go.
+    return Table(name, METADATA, Column("chain", Text, primary_key=True), *columns, sqlite_with_rowid=False)
+
+
+def _key(name: str, kind: type[Text | Integer] = Text) -> Column[Any]:
+    return Column(name, kind, primary_key=True, autoincrement=False)
+
+
+PROJECTIONS = _of_a_chain(
+    "projections",
+    Column("offset", BigInteger, nullable=False),
+    Column("counter", Integer, nullable=False),
+    Column("sha256", Text, nullable=False),
+    Column("prefix_sha256", Text, nullable=False),
+    Column("problems", JSON, nullable=False),
+    Column("keys", JSON, nullable=False),
+)
+"""How far each chain is in the store: bytes of its file, last entry, hash of all before, and what was wrong there."""
+
+RECIPES = _of_a_chain(
+    "recipes",
+    _key("sha256"),
+    Column("name", Text, nullable=False),
+    Column("revision", Integer),
+)
+
+BENCHES = _of_a_chain(
+    "benches",
+    _key("sha256"),
+    Column("name", Text, nullable=False),
+    Column("revision", Integer),
+    Column("embedded", Boolean),
+    Column("public_key", Text),
+)
+
+UNITS = _of_a_chain("units", _key("serial"), _key("model"), _key("virtual"))
+"""Units under test; `virtual` is the unit on the virtual bench, '' for a real one."""
+
+ATTEMPTS = _of_a_chain(
+    "attempts",
+    _key("run"),
+    Column("counter", Integer),
+    Column("serial", Text, nullable=False),
+    Column("attempt", Integer, nullable=False),
+    Column("recipe_sha256", Text, nullable=False),
+    Column("bench_sha256", Text, nullable=False),
+    Column("created", Text),
+    Column("key", Text),
+    Index("attempts_serial", "chain", "serial", "attempt"),
+    Index("attempts_recipe", "chain", "recipe_sha256"),
+)
+"""Every run that was begun. A run from before the chain has no counter and no key."""
+
+RUNS = _of_a_chain(
+    "runs",
+    _key("run"),
+    Column("counter", Integer),
+    Column("entry_sha256", Text),
+    Column("key", Text),
+    Column("sha256", Text),
+    Column("state", Text, nullable=False),
+    Column("verdict", Text),
+    Column("serial", Text, nullable=False),
+    Column("attempt", Integer, nullable=False),
+    Column("recipe", Text, nullable=False),
+    Column("revision", Integer),
+    Column("bench", Text, nullable=False),
+    Column("started", Text),
+    Column("ended", Text),
+    Column("operator", Text),
+    Column("scenario", Text),
+    Column("clock", Text),
+    Column("virtual", Boolean, nullable=False),
+    Column("torque_source", Text, nullable=False),
+    Column("objection", Text, nullable=False),
+    Column("records", Integer),
+    Column("altered", Text, nullable=False),
+    Column("seen", Text, nullable=False),
+    Column("seen_files", Text, nullable=False),
+    Index("runs_recipe", "chain", "recipe"),
+    Index("runs_serial", "chain", "serial"),
+)
+"""Every run that was concluded. `altered` has a line for each alteration, and is '' for none.
+
+`seen`, `seen_files`: size, times and inode of the files that were compared.
+"""
+
+METRICS = _of_a_chain(
+    "metrics",
+    _key("run"),
+    _key("position", Integer),
+    _key("side"),
+    Column("main", Boolean, nullable=False),
+    Column("metric", Text, nullable=False),
+    Column("definition", Text),
+    Column("unit", Text),
+    Column("branch", Text),
+    Column("estimator", Text),
+    Column("band", Text),
+    Column("torque_nm", Text),
+    Column("choices", Text, nullable=False),
+    Column("cycles", Integer),
+    Column("value", Double),
+    Column("uncertainty", Double),
+    Column("coverage_factor", Double),
+    Column("limit_min", Double),
+    Column("limit_max", Double),
+    Column("verdict", Text),
+    Index("metrics_metric", "chain", "metric", "run"),
+)
+"""Every side of every metric, with its limits and expanded uncertainty; `main` is the side that the verdict goes by.
+
+`band` and `torque_nm` are JSON as text: a number or two. `choices` is the words of the choices.
+"""
+
+CHECKS = _of_a_chain(
+    "checks",
+    _key("run"),
+    _key("id"),
+    Column("figure", Double),
+    Column("limit", Double),
+    Column("unit", Text),
+    Column("passed", Boolean),
+    Column("text", Text),
+)
+"""Validity checks."""
+
+ALARMS = _of_a_chain(
+    "alarms",
+    _key("run"),
+    _key("position", Integer),
+    Column("id", Text),
+    Column("scan", Integer),
+    Column("t_s", Double),
+    Column("state", Text),
+    Column("reaction", Text),
+    Column("first", Boolean),
+    Column("text", Text),
+)
+
+CALIBRATIONS = _of_a_chain(
+    "calibrations",
+    _key("run"),
+    _key("quadrant"),
+    Column("id", Text),
+    Column("model", Text),
+    Column("made", Text),
+    Column("slope", Double),
+    Column("offset_nm", Double),
+    Column("u_slope", Double),
+    Column("u_offset_nm", Double),
+    Column("residual_sd_nm", Double),
+    Column("points", Integer),
+)
+"""Torque ratios that runs measured, one row for each quadrant."""
+
+OF_A_RUN = (ATTEMPTS, RUNS, METRICS, CHECKS, ALARMS, CALIBRATIONS)
+"""Tables with rows of single runs."""

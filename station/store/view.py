@@ -1,0 +1,294 @@
+"""A data folder as its store shows it: brought up to the chain, and held against the folders as they are now.
+
+What is compared each time: that every run is there, and size, times and inode of its run.json with those of when its
+hashes were last compared; of the newest runs the same of every file. What differs is compared by its hashes, and goes
+into the store anew. `lostmotion verify` compares every byte.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection, select
+
+from station.errors import RecordError
+from station.records.chain.chain_file import Chain
+from station.records.chain.problems import Problem
+from station.records.chain.walk import Trust, end_problems, key_problems, trust_of
+from station.records.folder_check import folder_problems, runs_before
+from station.records.run_record import MANIFEST, RunRecord
+from station.records.seal import is_sealed
+from station.store.engine import IN_MEMORY, Database, StoreError
+from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
+from station.store.places import StorePlace, store_place
+from station.store.projection import seen, seen_files
+from station.store.tables import ATTEMPTS, RECIPES, RUNS
+
+EVERY_FILE_OF = 200
+"""Newest runs of which every file is compared, and not run.json alone."""
+
+LONG = 500
+"""Runs from which on it is said that the store is behind: putting them in takes a second or more."""
+
+
+@dataclass
+class View:
+    """One look at a data folder: its runs that were begun, in order, and what is wrong."""
+
+    data: Path
+    chain: Chain
+    database: Database
+    trust: Trust
+    runs: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    open: list[str] = field(default_factory=list)
+    """Runs that were begun, and not concluded yet."""
+    problems: list[Problem] = field(default_factory=list)
+
+    def trusted(self, key: str | None) -> bool:
+        """Whether a run that this key signed counts; for one from before the chain that of its first entry does."""
+        if key is None and self.chain.start is not None:
+            key = self.chain.start.key
+        return key is None or key in self.trust.keys
+
+
+@contextmanager
+def without_collector() -> Iterator[None]:
+    """Keep Python from looking for cycles among twenty thousand rows, which takes as long as to read them."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
+
+
+@contextmanager
+def look_at(data: Path) -> Iterator[View]:
+    """Yield a view of a data folder; without a store that can be used, of a store in memory, which is said.
+
+    Raises:
+        RecordError: the chain cannot be read.
+
+    """
+    chain = Chain(data)
+    try:
+        database = opened(data)
+        with without_collector():
+            view = _looked(data, chain, database)
+    except StoreError as error:
+        warn(f"{error}. The run folders are read instead, which takes longer")
+        database = Database(StorePlace(IN_MEMORY))
+        view = _looked(data, chain, database)
+    try:
+        yield view
+    finally:
+        database.close()
+
+
+def opened(data: Path) -> Database:
+    """Return the store of a data folder; StoreError where it cannot be used."""
+    place = store_place(data)
+    if place.note:
+        warn(place.note)
+    return Database(place)
+
+
+def warn(text: str) -> None:
+    """Tell a person what is not as it should be, and changes no result."""
+    sys.stderr.write(f"WARNING  {text}\n")
+
+
+def _looked(data: Path, chain: Chain, database: Database) -> View:
+    catch_up(database, chain, told=_tell)
+    folders = _folders(data)
+    with database.reading() as connection:
+        stored = _stored(connection, chain)
+    changed, strays = _compared(chain, stored, folders)
+    gone = [] if chain.there else [run for run in stored if run not in folders]
+    remove_runs(database, chain, gone)
+    put_runs(database, chain, changed)
+    view = View(data, chain, database, trust_of(chain))
+    with database.reading() as connection:
+        stored = _stored(connection, chain) if changed or gone else stored
+        altered = _altered(connection, chain)
+        found = stored_walk(connection, chain)
+    view.missing = [run for run in stored if run not in folders]
+    view.runs = sorted({*folders, *view.missing})
+    view.open = [run for run, row in stored.items() if row.seen is None and run in folders]
+    held: dict[str, str | None] = dict(zip(folders, folders, strict=True))
+    held |= {name: _named_in(data, name) for name in {*changed, *strays, *altered} if name in folders}
+    before, old_problems = runs_before(chain)
+
+    def about(run: str) -> str:
+        row = stored.get(run)
+        return "from before the chain" if row is None else f"attempt {row.attempt} of {row.serial}, {row.verdict}"
+
+    known = {*stored, *before} if chain.there else set(folders)
+    named = folder_problems(data, known, held, about)
+    told = {problem.run for problem in named}
+    view.problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, view.trust)]
+    view.problems += [*old_problems, *named]
+    view.problems += [
+        Problem("altered", run, f"{run}: {text}")
+        for run, texts in altered.items()
+        if run not in told and run in folders
+        for text in texts
+    ]
+    return view
+
+
+def _tell(done: int, there: int) -> None:
+    if there > LONG and (done == BATCH or done % (10 * LONG) == 0):
+        warn(f"the store is behind by {there - done} runs: putting them in")
+
+
+def _folders(data: Path) -> dict[str, str]:
+    """Return every folder with a run.json, and what is seen of that file."""
+    found = {}
+    handle = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        for name in os.listdir(handle):  # noqa: PTH208 - as in `seen`
+            stat = seen(f"{name}/{MANIFEST}", handle)
+            if stat:
+                found[name] = stat
+    finally:
+        os.close(handle)
+    return found
+
+
+class Stored(NamedTuple):
+    """A run as the store has it; `verdict` and what was seen of its files are None where it was not concluded."""
+
+    run: str
+    serial: str
+    attempt: int
+    verdict: str | None
+    seen: str | None
+    seen_files: str | None
+
+
+def _stored(connection: Connection, chain: Chain) -> dict[str, Stored]:
+    """Return every run of the store that was begun, oldest first."""
+    together = (RUNS.c.chain == ATTEMPTS.c.chain) & (RUNS.c.run == ATTEMPTS.c.run)
+    columns = (ATTEMPTS.c.run, ATTEMPTS.c.serial, ATTEMPTS.c.attempt, RUNS.c.verdict, RUNS.c.seen, RUNS.c.seen_files)
+    asked = select(*columns).select_from(ATTEMPTS).outerjoin(RUNS, together).where(ATTEMPTS.c.chain == chain.id)
+    return {row[0]: Stored._make(row) for row in connection.execute(asked.order_by(ATTEMPTS.c.run)).all()}
+
+
+def _compared(chain: Chain, stored: dict[str, Stored], folders: dict[str, str]) -> tuple[list[str], list[str]]:
+    """Return the runs that must go into the store anew, and the folders that are none of its runs.
+
+    Runs from before the chain, which are in no entry of it, are found here.
+    """
+    before = runs_before(chain)[0] if chain.there else set(folders)
+    there = [(run, seen_now, stored[run].seen) for run, seen_now in folders.items() if run in stored]
+    changed = [run for run, seen_now, was in there if was is not None and was != seen_now]
+    for run in sorted(folders)[-EVERY_FILE_OF:]:
+        row = stored.get(run)
+        if row is not None and row.seen == folders[run] and row.seen_files != seen_files(RunRecord(chain.data / run)):
+            changed.append(run)
+    new = [run for run in before if run in folders and _new(chain, run, stored)]
+    strays = [run for run in folders if run not in stored and run not in before]
+    return [*changed, *new], strays
+
+
+def _new(chain: Chain, run: str, stored: dict[str, Stored]) -> bool:
+    """Whether a run from before the chain is not in the store yet, or was open when it came there and is no longer."""
+    if run not in stored:
+        return True
+    if stored[run].seen is not None or chain.there:
+        return False
+    try:
+        return is_sealed(RunRecord(chain.data / run).manifest())
+    except RecordError:
+        return False
+
+
+def _altered(connection: Connection, chain: Chain) -> dict[str, list[str]]:
+    rows = connection.execute(select(RUNS.c.run, RUNS.c.altered).where(RUNS.c.chain == chain.id, RUNS.c.altered != ""))
+    return {run: text.splitlines() for run, text in rows.tuples()}
+
+
+def _named_in(data: Path, name: str) -> str | None:
+    try:
+        return str(RunRecord(data / name).manifest().get("id"))
+    except RecordError:
+        return None
+
+
+def another_recipe(data: Path, name: str, revision: int, sha256: str, *, most_s: float) -> tuple[str, str] | None:
+    """Return the newest run, and its recipe's hash, by a recipe of this name and revision but of other content.
+
+    A store that is behind is brought up for a bounded time.
+
+    Raises:
+        StoreError: the store cannot be used.
+
+    """
+    chain = Chain(data)
+    database = opened(data)
+    try:
+        if not catch_up(database, chain, most_s=most_s):
+            _bring_in_older(database, chain, most_s)
+        with database.reading() as connection:
+            row = connection.execute(
+                select(ATTEMPTS.c.run, RECIPES.c.sha256)
+                .join(RECIPES, (RECIPES.c.chain == ATTEMPTS.c.chain) & (RECIPES.c.sha256 == ATTEMPTS.c.recipe_sha256))
+                .where(
+                    ATTEMPTS.c.chain == chain.id,
+                    RECIPES.c.name == name,
+                    RECIPES.c.revision == revision,
+                    RECIPES.c.sha256 != sha256,
+                )
+                .order_by(ATTEMPTS.c.run.desc())
+                .limit(1)
+            ).first()
+    finally:
+        database.close()
+    return None if row is None else (str(row[0]), str(row[1]))
+
+
+def _bring_in_older(database: Database, chain: Chain, most_s: float) -> None:
+    """Put runs from before the chain into a store that does not have them yet, for a bounded time."""
+    older = runs_before(chain)[0] if chain.there else {path.parent.name for path in chain.data.glob(f"*/{MANIFEST}")}
+    if not older:
+        return
+    end = time.monotonic() + most_s
+    with database.reading() as connection:
+        begun = set(connection.execute(select(ATTEMPTS.c.run).where(ATTEMPTS.c.chain == chain.id)).scalars())
+    new = sorted(older - begun, reverse=True)
+    while new and time.monotonic() < end:
+        put_runs(database, chain, new[:BATCH])
+        new = new[BATCH:]
+
+
+def bring_up(data: Path, most_s: float) -> int:
+    """Bring a store up to its chain, for a bounded time; return how many runs are left.
+
+    Raises:
+        StoreError: the store cannot be used.
+
+    """
+    database = opened(data)
+    try:
+        return catch_up(database, Chain(data), most_s=most_s)
+    finally:
+        database.close()
+
+
+def run_rows(view: View, runs: list[str]) -> dict[str, dict[str, Any]]:
+    """Return the rows of concluded runs, by run."""
+    wanted = set(runs)
+    with view.database.reading() as connection:
+        rows = connection.execute(select(RUNS).where(RUNS.c.chain == view.chain.id)).mappings()
+        return {row["run"]: dict(row) for row in rows if row["run"] in wanted}

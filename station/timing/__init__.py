@@ -1,0 +1,1 @@
+"""How well a computer keeps a scan period: the scan alone, what holds it up, and what to change."""

@@ -1,0 +1,54 @@
+"""Validity checks that ask whether the calibration of a run can convert the torque of its cycles."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from check_support import (
+    CONVERTED,
+    GOOD,
+    GOOD_CONVERTED,
+    GOOD_RUN,
+    OF_CONVERTED,
+    by_stored_lines,
+    calibrated_to,
+    calibrated_without,
+    judged,
+    of,
+)
+
+from analysis.evaluation.verdict import Verdict
+
+
+@pytest.mark.parametrize(("peak_nm", "passes"), [(453.2, True), (444.0, False), (465.0, False)])
+def test_a_calibration_to_another_peak_does_not_convert_these_cycles(peak_nm: float, passes: bool) -> None:  # noqa: FBT001
+    """2 % of the peak move the spring constant by four times its uncertainty, and nothing else shows it."""
+    result = judged(**calibrated_to(peak_nm))
+    found = of(result, "calibrated_turn")
+    assert found.passed is passes
+    assert found.figure == pytest.approx(abs(100.0 * (453.2 / peak_nm - 1.0)), abs=0.2)
+    assert result.verdict is (Verdict.PASS if passes else Verdict.NOT_DECIDABLE)
+    assert [one.id for one in result.checks if one.passed is False] == ([] if passes else ["calibrated_turn"])
+
+
+def test_a_calibration_without_samples_about_zero_does_not_find_it() -> None:
+    """What lies in a gap of 10 N·m moves the width at 3 % by twelve times its uncertainty."""
+    wide, narrow = (judged(**calibrated_without(torque_nm)) for torque_nm in (5.0, 1.0))
+    assert wide.verdict is Verdict.NOT_DECIDABLE
+    assert "no sample between -5" in of(wide, "calibrated_gap").text
+    assert of(narrow, "calibrated_gap").passed is True
+
+
+def test_a_zero_at_the_bound_of_its_search_was_not_found() -> None:
+    off = judged(dataclasses.replace(GOOD, torque_out_nm=GOOD.torque_out_nm + 10.0), CONVERTED)
+    assert of(off, "calibrated_zero").figure > 95.0
+    assert "its search ended at +4." in of(off, "calibrated_zero").text
+    assert of(GOOD_CONVERTED, "calibrated_zero").figure < 30.0
+
+
+@pytest.mark.parametrize("check", OF_CONVERTED)
+def test_where_this_run_converts_nothing_its_calibration_is_not_asked(check: str) -> None:
+    for result in (GOOD_RUN, by_stored_lines(GOOD)):
+        assert of(result, check).passed is None
+        assert "not converted by a calibration in this run" in of(result, check).text

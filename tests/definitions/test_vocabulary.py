@@ -1,0 +1,47 @@
+"""The tables of words are whole: ids, titles and symbols are each one row's own, and every default is allowed."""
+
+from __future__ import annotations
+
+import pytest
+
+from definitions.checks import CHECKS
+from definitions.metrics import BRANCHES, FITS, GRADED, GRADES, METRICS, SIDED
+
+
+@pytest.mark.parametrize("table", [METRICS, CHECKS])
+def test_ids_and_titles_are_each_one_rows_own(table) -> None:
+    rows = list(table.values())
+    assert [row.id for row in rows] == list(table)
+    assert len({row.title for row in rows}) == len(rows)
+    assert all(row.unit for row in rows)
+
+
+def test_symbols_are_each_one_metrics_own() -> None:
+    assert len({row.symbol for row in METRICS.values()}) == len(METRICS)
+
+
+@pytest.mark.parametrize("row", METRICS.values(), ids=list(METRICS))
+def test_what_can_be_chosen_for_a_metric_exists(row) -> None:
+    assert set(row.branches) <= {*BRANCHES, "width"}
+    assert set(row.sides) <= {"both", *SIDED}
+    assert set(row.fits) <= set(FITS)
+    assert set(row.free) <= {name for name in ("band", "torque") if getattr(row, name) is not None}
+    assert all(row.reach >= (at or 0.0) for at in (row.band, row.torque))
+    assert row.usual.least < row.usual.most
+
+
+def test_a_grade_is_read_off_a_metric_that_exists() -> None:
+    assert set(GRADED.values()) <= set(METRICS)
+    grade = METRICS["grade"]
+    assert grade.variants == tuple(GRADED)
+    assert (grade.usual.floor, grade.usual.ceiling) == (GRADES[0].grade, GRADES[-1].grade)
+
+
+@pytest.mark.parametrize("row", CHECKS.values(), ids=list(CHECKS))
+def test_the_limit_of_a_check_is_one_that_may_be_set(row) -> None:
+    if row.settable:
+        assert row.settable.least <= row.limit <= row.settable.most
+    if row.below:
+        other = CHECKS[row.below]
+        assert row.limit < other.limit
+        assert (row.kind, row.settable) == (other.kind, other.settable)

@@ -1,0 +1,87 @@
+"""What the registers of a Modbus device mean: orders of bytes and words, bits, scales, and what does not fit."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import pytest
+from drivers_support import raw_profile
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.modbus.device import RegisterReader, RegisterWriter
+from drivers.profile import ModbusProfile
+
+
+def profile(fields: list[dict[str, Any]], count: int, **options: str) -> ModbusProfile:
+    return ModbusProfile.model_validate(
+        {
+            "profile": {"name": "test", "kind": "modbus"},
+            "identity": {"table": "input", "address": 100, "type": "u16", "value": 0x1234},
+            "read": {"table": "input", "address": 0, "count": count, "fields": fields},
+            "write": {
+                "table": "holding",
+                "address": 0,
+                "fields": [
+                    {"name": "a", "offset": 0, "type": "i32", "scale": 0.5},
+                    {"name": "b", "offset": 2, "type": "u16"},
+                ],
+            },
+            **options,
+        }
+    )
+
+
+def sent(*registers: int) -> bytes:
+    return struct.pack(f">{len(registers)}H", *registers)
+
+
+ORDERS_OF_BYTES = [("big", "big"), ("big", "little"), ("little", "big"), ("little", "little")]
+
+
+@pytest.mark.parametrize(("byte_order", "word_order"), ORDERS_OF_BYTES)
+@given(st.integers(-(2**31), 2**31 - 1), st.floats(width=32, allow_nan=False, allow_infinity=False))
+def test_every_order_of_bytes_and_words(byte_order: str, word_order: str, whole: int, real: float) -> None:
+    fields = [
+        {"name": "real", "offset": 2, "type": "f32"},
+        {"name": "whole", "offset": 0, "type": "i32", "scale": 0.25},
+    ]
+    reader = RegisterReader(profile(fields, 4, byte_order=byte_order, word_order=word_order))
+    registers = b""
+    for data in (struct.pack(">i", whole), struct.pack(">f", real)):
+        words = [data[:2], data[2:]]
+        words = words[::-1] if word_order == "little" else words
+        registers += b"".join(word if byte_order == "big" else word[::-1] for word in words)
+    assert reader.values(registers) == [real, whole * 0.25]
+
+
+@pytest.mark.parametrize(("byte_order", "word_order"), ORDERS_OF_BYTES)
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 0xFFFF))
+def test_what_is_written_reads_back(byte_order: str, word_order: str, whole: int, word: int) -> None:
+    fields = [{"name": "a", "offset": 0, "type": "i32", "scale": 0.5}, {"name": "b", "offset": 2, "type": "u16"}]
+    model = profile(fields, 3, byte_order=byte_order, word_order=word_order)
+    orders = {"a": whole * 0.5, "b": word}
+    assert RegisterReader(model).values(sent(*RegisterWriter(model).registers(orders))) == [whole * 0.5, word]
+
+
+def test_bits_gaps_and_scales() -> None:
+    reader = RegisterReader(ModbusProfile.model_validate(raw_profile("virtual-remote-io")))
+    names = ("identity", "estop_released", "guard_closed", "housing_temp_c", "ambient_temp_c", "life_counter")
+    assert reader.names == names
+    assert reader.values(sent(0x4C49, 0b10, 0xFFFF, 251, 7)) == [0x4C49, 0, 1, -0.1, pytest.approx(25.1), 7]
+
+
+@pytest.mark.parametrize("bits", [0x7FC00000, 0x7F800000, 0xFF800000])
+def test_a_value_that_is_no_number_is_not_a_value(bits: int) -> None:
+    reader = RegisterReader(profile([{"name": "real", "offset": 0, "type": "f32"}], 2))
+    assert reader.values(sent(bits >> 16, bits & 0xFFFF)) is None
+
+
+def test_an_order_that_does_not_fit_is_counted() -> None:
+    writer = RegisterWriter(ModbusProfile.model_validate(raw_profile("virtual-brake")))
+    assert writer.registers({"brake_on": 1, "brake_current_a": 2.5}) == [1, 2500]
+    assert writer.clamped == 0
+    assert writer.registers({"brake_on": 1, "brake_current_a": 70.0}) == [1, 0xFFFF]
+    assert writer.registers({"brake_on": 1, "brake_current_a": -1.0}) == [1, 0]
+    assert writer.clamped == 2

@@ -1,0 +1,200 @@
+"""The drive inside the scan, against frames put on a virtual bus by the test."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+import pytest
+from can_drive_support import CSV, EMCY, ENABLED, FAULT, HEARTBEAT, TPDO1, TPDO2, DriveOnBus, emergency, orders
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from definitions.image import AGE_NEVER, DriveCommand, NmtState, Orders
+from drivers.servo_drive.drive import SILENT_AFTER_SCANS, VELOCITY_SCANS_AFTER_CSV
+
+
+@pytest.fixture
+def bench() -> Iterator[DriveOnBus]:
+    one = DriveOnBus()
+    yield one
+    one.close()
+
+
+def test_one_scan_on_the_wire(bench: DriveOnBus) -> None:
+    bench.drive.send(orders(torque=3.0), 0)  # 1.5 N·m at the motor of 5 N·m rated: 300 per mille
+    assert bench.sent() == [(0x205, bytes.fromhex("0f000a2c01")), (0x080, b""), (0x77E, b"\x05")]
+    bench.drive.send(orders(torque=-3.0), 1)
+    assert bench.sent() == [(0x205, bytes.fromhex("0f000ad4fe")), (0x080, b"")]
+
+
+def test_heartbeat_every_n_scans_also_after_skipped_ones(bench: DriveOnBus) -> None:
+    beats = []
+    for scan in (*range(45), 100, 101):
+        bench.drive.send(orders(), scan)
+        beats += [scan] if (0x77E, b"\x05") in bench.sent() else []
+    assert beats == [0, 20, 40, 100]
+
+
+def test_velocity_is_sent_in_its_mode_and_zeroed_after_it(bench: DriveOnBus) -> None:
+    bench.drive.send(orders(speed=1.0), 0)
+    assert 0x305 not in dict(bench.sent())
+    bench.drive.send(orders(mode=CSV, speed=0.5), 1)
+    frames = dict(bench.sent())
+    assert frames[0x305] == struct.pack("<i", 166886)  # behind a gear of 2 the motor turns at 1 rad/s
+    assert frames[0x205][2] == CSV
+    zeroed = []
+    for scan in range(2, 20):
+        bench.drive.send(orders(speed=0.5), scan)
+        zeroed.append(dict(bench.sent()).get(0x305))
+    assert zeroed == [bytes(4)] * VELOCITY_SCANS_AFTER_CSV + [None] * (18 - VELOCITY_SCANS_AFTER_CSV)
+
+
+@pytest.mark.parametrize(
+    ("torque", "counts"),
+    [(1e6, 0x7FFF), (-1e6, -0x8000), (float("inf"), 0x7FFF), (float("-inf"), -0x8000), (float("nan"), 0)],
+)
+def test_a_set_point_that_does_not_fit_is_flagged(bench: DriveOnBus, torque: float, counts: int) -> None:
+    bench.drive.send(orders(torque=torque), 0)
+    assert struct.unpack("<h", dict(bench.sent())[0x205][3:])[0] == counts
+    assert bench.drive.setpoint_is_clamped
+    assert bench.drive.setpoints_clamped == 1
+    bench.drive.send(orders(torque=1.0), 1)
+    assert not bench.drive.setpoint_is_clamped
+    assert bench.drive.setpoints_clamped == 1
+
+
+def test_process_data(bench: DriveOnBus) -> None:
+    bench.put(TPDO1, struct.pack("<HbhB", ENABLED, 10, -300, 0x05))
+    bench.put(TPDO2, struct.pack("<ii", -524288, 166886))
+    bench.drive.poll(7)
+    names = ("statusword", "mode_display", "actual_torque", "actual_position", "actual_velocity")
+    assert [bench.drive.value(name) for name in names] == [ENABLED, 10, -300, -524288, 166886]
+    assert bench.drive.value("error_register") == 5
+    assert bench.drive.age_scans(7) == 0
+    assert bench.drive.age_scans(12) == 5
+
+
+def test_age_is_that_of_the_oldest_pdo(bench: DriveOnBus) -> None:
+    assert bench.drive.age_scans(0) == AGE_NEVER
+    bench.answer()
+    bench.drive.poll(1)
+    bench.put(TPDO1, struct.pack("<HbhB", ENABLED, 10, 0, 0))
+    bench.drive.poll(4)
+    assert bench.drive.age_scans(4) == 3
+    assert bench.drive.age_scans(10**6) == AGE_NEVER
+
+
+def test_a_pdo_of_wrong_length_keeps_the_old_value_ageing(bench: DriveOnBus) -> None:
+    bench.answer(torque=5)
+    bench.drive.poll(1)
+    bench.put(TPDO1, bytes(5))
+    bench.put(TPDO2, bytes(8))
+    bench.drive.poll(2)
+    assert bench.drive.value("actual_torque") == 5
+    assert bench.drive.age_scans(2) == 1
+    assert bench.drive.frames_malformed == 1
+
+
+def test_heartbeat_and_its_age(bench: DriveOnBus) -> None:
+    assert bench.drive.nmt_state == NmtState.NEVER_HEARD
+    assert bench.drive.heartbeat_age_scans(0) == AGE_NEVER
+    bench.put(HEARTBEAT, b"\x05")
+    bench.drive.poll(3)
+    assert bench.drive.nmt_state == NmtState.OPERATIONAL
+    assert bench.drive.heartbeat_age_scans(8) == 5
+    bench.put(HEARTBEAT, b"\x00")
+    bench.drive.poll(9)
+    assert bench.drive.nmt_state == NmtState.BOOT_UP
+
+
+def test_emergency_and_its_reset(bench: DriveOnBus) -> None:
+    bench.put(EMCY, emergency(0x8130, 0x11))
+    bench.drive.poll(1)
+    assert bench.drive.emcy_code == 0x8130
+    bench.drive.poll(2)
+    assert bench.drive.emcy_code == 0x8130
+    bench.put(EMCY, emergency(0, 0))
+    bench.drive.poll(3)
+    assert bench.drive.emcy_code == 0
+    assert [(e.scan, e.code, e.vendor) for e in bench.drive.emergencies] == [(1, 0x8130, b"abcde"), (3, 0, b"abcde")]
+
+
+def test_an_emergency_withdrawn_in_the_same_scan_is_seen_once(bench: DriveOnBus) -> None:
+    bench.put(EMCY, emergency(0x8611))
+    bench.put(EMCY, emergency(0))
+    bench.drive.poll(1)
+    assert bench.drive.emcy_code == 0x8611
+    bench.drive.poll(2)
+    assert bench.drive.emcy_code == 0
+
+
+def test_a_drive_that_never_says_reset(bench: DriveOnBus) -> None:
+    bench.put(EMCY, emergency(0x7121))
+    bench.answer(FAULT)
+    bench.drive.poll(1)
+    bench.answer(0x0250)
+    bench.drive.poll(2)
+    assert bench.drive.emcy_code == 0x7121, "only our reset withdraws it"
+    bench.drive.send(orders(command=DriveCommand.FAULT_RESET), 2)
+    bench.answer(FAULT)
+    bench.drive.poll(3)
+    assert bench.drive.emcy_code == 0x7121
+    bench.answer(0x0250)
+    bench.drive.poll(4)
+    assert bench.drive.emcy_code == 0
+
+
+def test_frames_of_others_are_counted_only(bench: DriveOnBus) -> None:
+    bench.put(0x186, bytes(6))
+    bench.put(TPDO1, bytes(6), is_extended_id=True)
+    bench.put(HEARTBEAT, b"", is_remote_frame=True)
+    bench.put(TPDO1, bytes(1), is_error_frame=True)
+    bench.drive.poll(1)
+    assert bench.drive.frames_foreign == 4
+    assert bench.drive.age_scans(1) == AGE_NEVER
+    assert bench.drive.nmt_state == NmtState.NEVER_HEARD
+
+
+FRAMES = st.tuples(
+    st.sampled_from([TPDO1, TPDO2, HEARTBEAT, EMCY, 0x080, 0x000, 0x585]) | st.integers(0, 0x7FF),
+    st.binary(max_size=8),
+    st.sampled_from([{}, {"is_remote_frame": True}, {"is_error_frame": True}, {"is_extended_id": True}]),
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(FRAMES, max_size=20), st.integers(-1000, 1000), st.integers(-1000, 1000), st.floats(), st.floats())
+def test_no_frame_and_no_order_raises(
+    frames: list[tuple[int, bytes, dict[str, bool]]], command: int, mode: int, torque: float, speed: float
+) -> None:
+    bench = DriveOnBus("can-drive-any")
+    try:
+        for scan, (cob_id, data, kind) in enumerate(frames):
+            bench.put(cob_id, b"" if kind.get("is_remote_frame") else data, **kind)
+            bench.drive.poll(scan)
+        bench.drive.send(orders(command, mode, torque, speed), len(frames))
+        assert 0 <= bench.drive.value("statusword") <= 0xFFFF
+        assert [cob_id for cob_id, _ in bench.sent()][-1] in {0x080, 0x77E}
+    finally:
+        bench.close()
+
+
+def test_a_drive_that_is_to_be_off_and_does_not_say_so_gets_no_set_points(bench: DriveOnBus) -> None:
+    off = orders(DriveCommand.DISABLE_VOLTAGE)
+
+    def setpoints(ordered: Orders, scan: int) -> bool:
+        bench.drive.poll(scan)
+        bench.drive.send(ordered, scan)
+        sent = [cob_id for cob_id, _ in bench.sent()]
+        assert 0x080 in sent, "SYNC goes on, for a drive that can still hear it"
+        return 0x205 in sent
+
+    assert setpoints(off, 0), "nothing has come yet: the drive may only be waiting for its first SYNC"
+    bench.answer()
+    assert setpoints(off, 1)
+    assert setpoints(off, SILENT_AFTER_SCANS)
+    assert not setpoints(off, 1 + SILENT_AFTER_SCANS)
+    assert setpoints(orders(), 2 + SILENT_AFTER_SCANS), "who still wants torque goes on asking"
+    bench.answer(statusword=0x0250)
+    assert setpoints(off, 3 + SILENT_AFTER_SCANS), "it is heard again"

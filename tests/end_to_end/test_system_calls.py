@@ -1,0 +1,60 @@
+"""What one scan costs in system calls: counted by strace on the running scan, not at objects of ours."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from lostmotion_command import ROOT
+
+pytestmark = [
+    pytest.mark.wires,
+    pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed: system calls are not counted"),
+]
+SLEEP = re.compile(r"^clock_nanosleep\(")
+MOST = 7
+"""Sleep, one look at CAN and one send, and four for Modbus: a reply and a request each of two devices."""
+
+PERIOD_US = 10_000
+"""Brake and remote I/O are asked as often: a scan has as much to do as it ever has."""
+
+OF_MODBUS = ("read(", "write(")
+
+
+def cycles(trace: Path) -> list[list[str]]:
+    """The system calls from one sleep to the next; a sleep that a signal cut in two counts once."""
+    found: list[list[str]] = []
+    for line in trace.read_text(encoding="utf-8", errors="replace").splitlines():
+        if SLEEP.match(line) and not (found and len(found[-1]) == 1):
+            found.append([])
+        if found and not line.startswith("---"):
+            found[-1].append(line)
+    return found
+
+
+def test_a_scan_makes_seven_system_calls_at_most(tmp_path):
+    command = [sys.executable, "-m", "station", "timing", "--seconds", "3", "--period-us", str(PERIOD_US)]
+    subprocess.run(
+        [str(shutil.which("strace")), "-ff", "-qq", "-o", str(tmp_path / "trace"), *command],
+        cwd=ROOT,
+        capture_output=True,
+        check=False,
+        timeout=120,
+    )
+    sends = re.compile(r'sendto\(\d+, "< send 205')
+    (scan,) = [path for path in tmp_path.glob("trace.*") if sends.search(path.read_text(errors="replace"))]
+    # a scan that is late does not sleep: two of them are no single cycle
+    counted = [cycle for cycle in cycles(scan) if sum("sendto" in call for call in cycle) == 1][100:-10]
+    assert len(counted) > 100
+    worst = max(counted, key=len)
+    assert len(worst) <= MOST, "\n".join(worst)
+    for cycle in counted:
+        of_the_bus = [call for call in cycle if not call.startswith(OF_MODBUS)]
+        (sent,) = [call for call in of_the_bus if "sendto" in call]
+        assert sends.match(sent), "SYNC goes out with the set-points"
+        assert sum("recvfrom" in call for call in of_the_bus) == 1, "one look at the bus"
+        assert len(of_the_bus) == 3, of_the_bus

@@ -1,0 +1,212 @@
+"""Cuts the power of everything at a moment: desk, scan and virtual bench by SIGKILL, and looks at what is found after.
+
+`python tests/proofs/drills/power_cuts.py [CUTS] [SEED]` does it often, in one folder, so that its journal grows
+over the cuts. After every other cut the ring in shared memory is gone too, as it is after a real power failure. What
+SIGKILL cannot show is what the kernel had not yet written: that is at most the second between two syncs of the desk.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[3])]
+
+from kills import LASTS_S  # noqa: E402 - after the path of a script run by hand
+from patient import patient_bench, short_recipe  # noqa: E402
+from run_samples import read_back, records_of  # noqa: E402
+from warm_desk import COMMAND, ROOT  # noqa: E402
+
+START_S = 4.0
+"""About how long it takes from the command to the first record."""
+
+SETTLE_S = 0.5
+
+
+Answer = tuple[int, Any]
+"""Exit code and object of a command."""
+
+
+def lostmotion(*args: str) -> Answer:
+    """Run a command with --json; return its exit code and object."""
+    done = subprocess.run([*COMMAND, *args, "--json"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr, done.stderr
+    return done.returncode, json.loads(done.stdout) if done.stdout else {}
+
+
+def _family(desk: int) -> dict[str, int]:
+    """Process ids of a desk and of the processes that it started, by module."""
+    found = {"desk": desk}
+    for path in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError, IndexError):
+            if int(path.joinpath("stat").read_text().rpartition(")")[2].split()[1]) != desk:
+                continue
+            words = path.joinpath("cmdline").read_bytes().decode().split("\0")
+            found[next(word for word in words if word.startswith("station."))] = int(path.name)
+    return found
+
+
+def _alive_at(folder: Path) -> list[str]:
+    """Command lines of processes that still work on a run."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            text = path.read_bytes().decode(errors="replace").replace("\0", " ")
+            if str(folder) in text and "station." in text:
+                found.append(text)
+    return found
+
+
+class Drill:
+    """One folder of runs whose power is cut again and again."""
+
+    def __init__(self, data: Path, ask: Callable[..., Answer] = lostmotion) -> None:
+        self.data = data
+        self.ask = ask
+        self.runs = data / "runs"
+        self.known: dict[str, tuple[str, int]] = {}
+        self.words = (str(short_recipe(data)), "--bench", str(patient_bench(data)))
+
+    def cut(self, after_s: float, *, ring_too: bool, loaded: bool) -> tuple[str, list[str]]:
+        """Start a run, cut the power so long after the command, restart; what was found, and what must not be.
+
+        `loaded`: so long after the first record instead.
+        """
+        desk = subprocess.Popen(
+            [*COMMAND, "run", *self.words, "--serial", "PC", "--json", "--data", str(self.runs)],
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        if loaded:
+            self._wait_for_record(desk)
+        with suppress(subprocess.TimeoutExpired):
+            desk.wait(after_s)
+        pids = list(_family(desk.pid).values())
+        random.shuffle(pids)
+        for pid in pids:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        desk.wait()
+        time.sleep(SETTLE_S)
+        folders = [path.parent for path in self.runs.glob("*/run.json") if path.parent.name not in self.known]
+        if not folders:
+            return "cut before the run had a folder", self._journal()
+        (folder,) = folders
+        return self._look(folder, ring_too=ring_too)
+
+    def _wait_for_record(self, desk: subprocess.Popen[bytes]) -> None:
+        while desk.poll() is None:
+            time.sleep(0.02)
+            new = [path for path in self.runs.glob("*/samples.bin") if path.parent.name not in self.known]
+            if new and new[0].stat().st_size:
+                return
+
+    def _look(self, folder: Path, *, ring_too: bool) -> tuple[str, list[str]]:
+        manifest = json.loads((folder / "run.json").read_bytes())
+        ring = Path(manifest["ring"]) if manifest.get("ring") else None
+        if ring is not None and ring_too:
+            ring.unlink(missing_ok=True)
+        wrong = [f"still alive: {text}" for text in _alive_at(folder)]
+        ended = manifest["state"] != "recording"
+        wrong += self._journal()
+        before, seen = (folder / "run.json").read_bytes(), self.ask("show", str(folder))[1]
+        if (folder / "run.json").read_bytes() != before:
+            wrong.append("looking at the run has decided it")
+        if not ended and seen.get("state") != "not concluded":
+            wrong.append(f"before it is concluded it is shown as {seen.get('state')}")
+        self.ask("conclude", str(folder))
+        code, shown = self.ask("show", str(folder))
+        _, resumed = self.ask("resume", str(folder))
+        state = json.loads((folder / "run.json").read_bytes())["state"]
+        records = read_back(folder) if any(folder.glob("samples.[bp]*")) else None
+        count = 0 if records is None else records.records
+        wrong += [] if records is None else records.problems
+        if not ended:
+            wrong += [] if state == "interrupted" else [f"state {state}"] if state != "stopped" else []
+        if shown.get("verdict") == "PASS" and not ended:
+            wrong.append("a run that was cut off passed")
+        if resumed.get("state") != state or code not in (0, 2):
+            wrong.append(f"show {code}, resume says {resumed.get('state')}, manifest says {state}")
+        said = "no record"
+        if count and not ended:
+            said, more = self._torque(folder, shown)
+            wrong += more
+            replay_code, replay = self.ask("replay", str(folder))
+            if replay_code or replay["identical_scans"] != count:
+                wrong.append(f"replay: {replay}")
+        wrong += [f"started by itself: {text}" for text in _alive_at(folder)]
+        if ring is not None and ring.exists():
+            wrong.append(f"{ring} was left behind")
+        self.known[folder.name] = (state, count)
+        return f"{state}, {count} records, {said}", wrong
+
+    def _torque(self, folder: Path, shown: dict[str, object]) -> tuple[str, list[str]]:
+        """How the unit was left, as shown, and whether that is what the last record says."""
+        left = shown.get("left")
+        last = records_of(folder)[-1]
+        torque_nm = round(float(last["image"]["torque_out_nm"] - last["orders"]["torque_out_tare_nm"]), 2)
+        if not isinstance(left, dict):
+            return "", ["nothing is said of how the unit was left"]
+        wrong = (
+            [] if left["torque_nm"] == torque_nm else [f"left with {left['torque_nm']}, last record {torque_nm} N·m"]
+        )
+        wrong += ["a torn-off record is told as what is now"] if left["drive_known"] else []
+        lock = "closed" if last["image"]["brake_on"] or last["image"]["brake_current_a"] > 0.05 else "open"
+        wrong += [] if left["lock"] == lock else [f"lock {left['lock']}, last record {lock}"]
+        return str(left["text"]), wrong
+
+    def _journal(self) -> list[str]:
+        """Every run that was there before is listed as it was."""
+        if not self.runs.exists():
+            return []
+        code, rows = self.ask("list", "--data", str(self.runs))
+        if code:
+            return [f"list: {code}"]
+        listed = {row["run"]: row for row in rows}
+        wrong = [f"{name} is not listed any more" for name in self.known if name not in listed]
+        for name, (state, count) in self.known.items():
+            if name in listed and listed[name]["state"] != state:
+                wrong.append(f"{name}: was {state}, is {listed[name]['state']}")
+            folder = self.runs / name
+            if any(folder.glob("samples.[bp]*")) and read_back(folder).records != count:
+                wrong.append(f"{name}: its records have changed")
+        return wrong
+
+
+def main() -> int:
+    """Cut at random moments and count what went wrong."""
+    cuts = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else random.SystemRandom().randrange(10**6)
+    chance = random.Random(seed)  # noqa: S311 - moments, not secrets
+    sys.stdout.write(f"{cuts} power cuts, seed {seed}\n")
+    bad = 0
+    with tempfile.TemporaryDirectory(prefix="lostmotion-power-") as folder:
+        drill = Drill(Path(folder))
+        for number in range(cuts):
+            loaded = number % 4 != 3
+            after_s = chance.uniform(0.0, LASTS_S["run"]) if loaded else chance.uniform(0.3, START_S)
+            found, wrong = drill.cut(after_s, ring_too=number % 2 == 1, loaded=loaded)
+            bad += bool(wrong)
+            since = "its first record" if loaded else "the command"
+            sys.stdout.write(f"{number + 1:4} {after_s:6.3f} s after {since}: {'; '.join(wrong) or found}\n")
+            sys.stdout.flush()
+        states = [state for state, _ in drill.known.values()]
+    counts = ", ".join(f"{state} {states.count(state)}" for state in sorted(set(states)))
+    sys.stdout.write(f"{cuts} cuts, runs: {counts}; {bad} with problems\n")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,142 @@
+"""What is tried from every new place: each dangerous condition, devices that misbehave for ever, wrong ways back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bench_model import READY
+from safety_rules import AGREEMENT_STATES, CONDITIONS, ESTABLISHED, RULES, BrokenRuleError, require
+from small_bench import Choice, Shown
+from stepper import LONGEST_RUN, Node, Stepper
+
+from controller.aftermath import FaultReaction
+from controller.conditions import Measured
+from controller.debounce import debounce_scans
+from controller.interlocks import Watch
+from controller.states import Sequence
+from definitions.faults import FAULT_BY_ID
+from definitions.image import Reaction, State
+from definitions.program import Program
+
+S = State
+AGREEMENT_NM = 3.5
+SETTLED_AFTER = 12
+WAYS_BACK: tuple[tuple[str, ...], ...] = (
+    # commands by what the bench shows: 0 in order, 1 torque stays in the unit, 3 emergency stop, 4 brake link lost
+    ("0.RESET",),
+    ("1.RESET",),
+    ("0.ACKNOWLEDGE", "0.RESET"),
+    ("1.ACKNOWLEDGE", "1.RESET"),
+    ("3.ACKNOWLEDGE", "3.RESET"),
+    ("4.ACKNOWLEDGE", "4.RESET"),
+    ("1.ACKNOWLEDGE", "4.NONE", "0.RESET"),
+)
+STUBBORN = (
+    "0.NONE",
+    "1.NONE",
+    "2.NONE",
+    "drive lags",
+    "mode lags",
+    "brake lags",
+    "no homing",
+    "samples late",
+    "left: samples late",
+)
+
+
+class Probes:
+    """What is tried from a node, off the walk, and how often; `BrokenRuleError` where a rule does not hold."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.steps = 0
+        self.count = 0
+        self.states: dict[str, set[State]] = {}
+        """Where each condition was put on."""
+        self._stepper = stepper
+        self._stubborn = [choice for choice in stepper.choices if choice.name in STUBBORN]
+        self._shown = {name: shown_on(stepper.program, condition.shown) for name, condition in CONDITIONS.items()}
+
+    def ways_back(self, node: Node) -> None:
+        """A fault with torque left in the unit, and operators who do not do what they should."""
+        for way in WAYS_BACK:
+            at = self._stepper.step(node, self._stepper.by_name["drive drops, torque stays"])[0]
+            for _ in range(SETTLED_AFTER):
+                at = self._stepper.step(at, self._stepper.by_name["1.NONE"])[0]
+            for name in way:
+                at = self._stepper.step(at, self._stepper.by_name[name])[0]
+            for _ in range(SETTLED_AFTER):
+                at = self._stepper.step(at, self._stepper.by_name[way[-1].replace("RESET", "NONE")])[0]
+            self.steps += 2 * SETTLED_AFTER + len(way) + 1
+
+    def persist(self, node: Node) -> None:
+        """Let one device misbehave in the same way for ever: the run, or the reaction to its fault, still ends."""
+        for choice in self._stubborn:
+            at, seen = node, set()
+            for _ in range(LONGEST_RUN):
+                self.steps += 1
+                at = self._stepper.follow(at, self._stepper.happening(at.bench, choice))
+                key = self._stepper.key(at)
+                state = at.bench.orders.state
+                settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a way back waits for a person
+                if state in (S.IDLE, S.COMPLETE, S.STOPPED) or (state == S.FAULT and settled):
+                    break
+                require(11, f"{choice.name} for ever, in {State(state).name}", holds=key not in seen)
+                seen.add(key)
+
+    def conditions(self, node: Node, state: State) -> None:
+        """Put on every condition that must be seen here, and look for its reaction in time."""
+        for name, condition in CONDITIONS.items():
+            established = node.bench.orders.phase in ESTABLISHED.get(state, ())
+            if state not in condition.states and not (established and state in condition.established_in):
+                continue
+            if node.monitor.way_back and not condition.on_the_way_back:
+                continue
+            self.count += 1
+            self.states.setdefault(name, set()).add(state)
+            self._probe_one(node, name)
+
+    def _probe_one(self, node: Node, name: str) -> None:
+        condition, nominal = CONDITIONS[name], Choice(name, shown=self._shown[name])
+        began = State(node.bench.orders.state)
+        strongest, asked_for = Reaction.NONE, (*condition.states, *condition.established_in)
+        for _ in range(condition.within_scans):
+            node, _, orders = self._stepper.step(node, nominal)
+            if orders.state in (S.FAULT, *asked_for):
+                strongest = max(strongest, Reaction(orders.reaction))
+            if orders.state not in asked_for:
+                break  # the run has gone on to where the condition means nothing
+        stays = orders.state in asked_for or orders.state == S.FAULT
+        holds = strongest >= condition.reaction or not stays
+        require(10, f"{name} in {began.name}: reaction {strongest.name} in {condition.within_scans} scans", holds=holds)
+
+
+def shown_on(program: Program, shown: dict[str, float]) -> Shown:
+    """How a condition shows on the side that a program loads; `CONDITIONS` is written for a loaded input."""
+    other = {} if program.loading_input else {"angle_in_rad": "angle_out_rad", "angle_out_rad": "angle_in_rad"}
+    return tuple((other.get(name, name), value) for name, value in shown.items())
+
+
+def check_trips() -> None:
+    for state in State:
+        if state == S.FAULT:
+            continue
+        sequence = Sequence()
+        sequence.state = state
+        try:
+            sequence.fire("trip")
+        except Exception as error:
+            raise BrokenRuleError(RULES[12], f"{state.name}: {error}") from error
+        require(12, f"{state.name} -> {sequence.state.name}", holds=sequence.state == S.FAULT)
+
+
+def check_agreement(program: Program) -> None:
+    """The one interlock that a small ramp is too short for: the two torque channels contradict each other."""
+    program = replace(program, limits=replace(program.limits, torque_agreement_nm=AGREEMENT_NM))
+    for state in AGREEMENT_STATES:
+        watch, measured = Watch(program), Measured()
+        measured.agreement_live, measured.torque_out_nm = True, 2.0 * program.limits.torque_agreement_nm
+        measured.torque_out_nm = min(measured.torque_out_nm, program.limits.torque_out_trip_nm)
+        for _ in range(debounce_scans(FAULT_BY_ID["torque_channels_disagree"], program)):
+            watch.look(READY, measured, state)
+        strongest = watch.look(READY, measured, state)
+        require(10, f"torque_channels_disagree in {state.name}: {strongest}", holds=strongest >= Reaction.QUICK_STOP)

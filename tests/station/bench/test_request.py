@@ -1,0 +1,72 @@
+"""What was checked is what is run and what is recorded: every file is read once."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import recipes.text.yaml_source
+from recipes import RecipeError, load_recipe
+from station.bench.request import load_job
+from station.records.program_file import plain_program, program_differences
+from station.scan.scan_process import refuse_another
+
+ROOT = Path(__file__).parents[3]
+RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(RECIPE.read_bytes())
+    return path
+
+
+def test_a_recipe_edited_between_two_reads_cannot_be_half_old_half_new(
+    recipe: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The editor saves while the file is being read: whatever is read afterwards is another recipe."""
+    honest = recipes.text.yaml_source.read_bytes
+    reads: list[str] = []
+
+    def edited_after(path: str | Path) -> bytes:
+        content = honest(path)
+        reads.append(str(path))
+        if Path(path) == recipe:
+            recipe.write_text(recipe.read_text().replace("peak_torque: 110 %", "peak_torque: 90 %"))
+        return content
+
+    for module in ("recipes.text.yaml_source", "station.bench.request"):
+        monkeypatch.setattr(f"{module}.read_bytes", edited_after)
+    job = load_job(str(recipe), "virtual")
+    _ = job.program
+    assert len(reads) == len(set(reads))
+    assert job.recipe_source.content == RECIPE.read_bytes()
+    assert job.recipe.sequence == load_recipe(RECIPE).sequence
+
+
+def test_profiles_are_checked_before_anything_starts(tmp_path: Path) -> None:
+    job = load_job(str(RECIPE), "virtual")
+    bench = tmp_path / "bench.yaml"
+    bench.write_bytes(job.bench_source.content)
+    name = job.bench.drive.profile
+    (tmp_path / f"{name}.yaml").write_bytes(job.profile_sources[name].content + b"unknown_option: 1\n")
+    with pytest.raises(RecipeError, match="unknown_option"):
+        load_job(str(RECIPE), str(bench))
+
+
+def test_the_scan_refuses_a_program_that_was_not_checked(tmp_path: Path, recipe: Path) -> None:
+    job = load_job(str(recipe), None)
+    recorded = tmp_path / "program.json"
+    recorded.write_text(json.dumps(plain_program(job.program)))
+    refuse_another(job.program, recorded)
+    recipe.write_text(recipe.read_text().replace("peak_torque: 110 %", "peak_torque: 105 %"))
+    other = load_job(str(recipe), None).program
+    assert program_differences(json.loads(recorded.read_bytes()), other)
+    with pytest.raises(RecipeError, match="not the one that was checked"):
+        refuse_another(other, recorded)
+    recorded.unlink()
+    with pytest.raises(RecipeError, match="cannot be read"):
+        refuse_another(job.program, recorded)

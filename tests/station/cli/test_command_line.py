@@ -1,0 +1,253 @@
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+from lostmotion_command import ROOT, here
+from shipped_copies import simple_acceptance
+
+from station.cli import app
+
+RECIPE = "recipes/rv-40e-121-inverse.yaml"
+
+
+def command(*args: str, encoding: str = "utf-8") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "station", *args],
+        cwd=ROOT,
+        encoding=encoding,
+        capture_output=True,
+        check=False,
+        env=os.environ | {"PYTHONIOENCODING": encoding},
+    )
+
+
+def test_help_answers_at_once() -> None:
+    took = []
+    for _ in range(3):
+        before = _processor_s()
+        assert command("--help").returncode == 0
+        took.append(_processor_s() - before)
+    # Of the processor and not of the clock: a busy machine is not what is tested.
+    assert min(took) < 0.4
+
+
+def _processor_s() -> float:
+    """Processor time of all child processes that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+@pytest.mark.parametrize("name", ["run", "check", "analyze", "show", "list", "virtual-bench", "recover"])
+def test_every_command_has_help(name: str) -> None:
+    done = here(name, "--help")
+    assert done.exit_code == 0
+    assert name in done.out
+
+
+BAD = (
+    (("run", "nothing.yaml"), "nothing.yaml"),
+    (("run", RECIPE, "--serial", ""), "--serial"),
+    (("run", RECIPE, "--unit", "P2"), "P1"),
+    (("run", RECIPE, "--unit", "P1:x"), "seed"),
+    (("run", RECIPE, "--bench", "nothing"), "virtual"),
+    (("run", RECIPE, "--scenario", "nothing.yaml"), "nothing.yaml"),
+    (("run", RECIPE, "--data", "/proc/runs"), "/proc/runs"),
+    (("run", RECIPE, "--bench", "example-socketcan", "--unit", "P1"), "virtual bench"),
+    (("run", RECIPE, "--bench", "example-socketcan"), "--serial is missing: scan the unit's label"),
+    (("check", "nothing.yaml"), "nothing.yaml"),
+    (("analyze", "nothing.csv", "--recipe", RECIPE), "nothing.csv"),
+    (("analyze", "nothing.tdms", "--recipe", RECIPE), "nothing.tdms: there is no such file"),
+    (("blank", "nothing.tdms", "--recipe", RECIPE), "nothing.tdms: there is no such file"),
+    (("model", "nothing.tdms"), "nothing.tdms: there is no such file"),
+    (("analyze", "tests/data/loop_published_curve.csv"), "--recipe"),
+    (("show", "nothing"), "holds no runs"),
+    (("virtual-bench", "--can", "here"), "HOST:PORT"),
+    (("virtual-bench", "--modbus", "127.0.0.1:99999"), "HOST:PORT"),
+    (("virtual-bench", "--unit", "P2"), "P1"),
+)
+
+
+@pytest.mark.parametrize(("args", "named"), BAD)
+def test_bad_input_is_named_without_a_traceback(args: tuple[str, ...], named: str, tmp_path: Path) -> None:
+    data = ["--data", str(tmp_path)] if args[0] in ("run", "show") and "--data" not in args else []
+    done = here(*args, *data)
+    assert done.exit_code == 2
+    assert named in done.err
+    assert "Traceback" not in done.err
+    assert done.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_crash_is_no_verdict(tmp_path: Path) -> None:
+    crash = (
+        "import sys, station.cli as cli, station.cli.runs.list_runs as runs\n"
+        "def broken(*_, **__): raise ZeroDivisionError('by\\nnought')\n"
+        "runs.list_runs = broken\n"
+        "sys.argv = ['lostmotion', 'list']\n"
+        "cli.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", crash],
+        cwd=ROOT,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 70
+    assert done.stderr.count("\n") == 1
+    assert "ZeroDivisionError: by nought" in done.stderr
+    (told,) = tmp_path.iterdir()
+    assert str(told) in done.stderr
+    assert "Traceback" in told.read_text()
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_goes_away_is_no_pass(unbuffered: str, tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-m", "station", "check", RECIPE, "--json"],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        check=False,
+    )
+    os.close(writer)
+    assert done.returncode == 141
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("damage", ["{}", '{"serial": "S", "state": "complete"}', "null"])
+@pytest.mark.parametrize("asked", [("list",), ("show", "last"), ("show", "S"), ("analyze", "last")])
+def test_a_damaged_run_is_told_not_thrown(asked: tuple[str, ...], damage: str, tmp_path: Path) -> None:
+    folder = tmp_path / "20990101T000000.000Z-S"
+    folder.mkdir()
+    (folder / "run.json").write_text(damage)
+    done = here(*asked, "--data", str(tmp_path))
+    assert done.exit_code == (0 if asked == ("list",) else 2)
+    assert "damaged" in done.out + done.err
+
+
+def test_check_tells_duration_and_peak_torque() -> None:
+    found = here("check", RECIPE, "--json").json
+    assert found["peak_torque_nm"] == pytest.approx(453.2)
+    assert 120 < found["duration_s"] < 220
+    assert found["load_profile"][0] == {"t_s": 0.0, "torque_nm": 0.0}
+    assert max(point["torque_nm"] for point in found["load_profile"]) == pytest.approx(453.2)
+    steps = found["steps"]
+    assert [row["step"] for row in steps][:4] == ["home", "lock", "calibrate", "first rise"]
+    assert [row["step"] for row in steps][-2:] == ["unload", "release"]
+    assert all(a["start_s"] + a["duration_s"] == pytest.approx(b["start_s"], abs=0.01) for a, b in pairwise(steps))
+    assert steps[-1]["start_s"] + steps[-1]["duration_s"] == pytest.approx(found["duration_s"], abs=0.01)
+    shown = here("check", RECIPE).out
+    assert "≥ 108 N·m/arcmin" in shown
+    assert "limits moved by w = 0.8225 U" in shown
+    assert "453.2 N·m (110% of rated)" in shown
+    assert "┤" in shown
+
+
+def test_all_problems_of_a_recipe_come_at_once(tmp_path: Path) -> None:
+    text = (ROOT / RECIPE).read_text().replace("loading: input", "loading: inputt", 1).replace("count: 3", "count: 0")
+    recipe = tmp_path / "bad.yaml"
+    recipe.write_text(text)
+    done = here("check", str(recipe))
+    assert done.exit_code == 2
+    assert len(done.err.strip().splitlines()) == 2
+    assert all(line.startswith(f"{recipe}:") for line in done.err.strip().splitlines())
+
+
+def test_a_loop_measured_elsewhere_is_analysed(tmp_path: Path) -> None:
+    trace, simple = "tests/data/loop_published_curve.csv", simple_acceptance(tmp_path, "rv-40e-121-inverse")
+    done = here("analyze", trace, "--recipe", simple, "--json")
+    metrics = {metric["id"]: metric for metric in done.json["metrics"]}
+    assert metrics["backlash_width_3pct"]["value"] == pytest.approx(0.94, abs=2e-4)
+    assert metrics["backlash_width_zero"]["value"] == pytest.approx(0.9408, abs=2e-4)
+    assert metrics["lost_motion"]["value"] == pytest.approx(0.9591, abs=2e-4)
+    assert done.exit_code == 1  # its negative side is soft
+    guarded = here("analyze", trace, "--recipe", RECIPE, "--json")
+    assert (guarded.exit_code, guarded.json["verdict"]) == (3, "NOT DECIDABLE"), "nobody knows its sensors"
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_terminals_without_our_signs_get_plain_ones(encoding: str) -> None:
+    done = command("check", RECIPE, encoding=encoding)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "453.2 N.m" in done.stdout.replace("·", ".")
+    assert "?" not in done.stdout
+    refused = command("check", "nothing·′.yaml", encoding=encoding)
+    assert refused.returncode == 2
+    assert "Traceback" not in refused.stderr
+
+
+def test_version_and_short_help() -> None:
+    assert command("--version").stdout.startswith("lostmotion ")
+    assert command("-h").stdout == command("--help").stdout
+    assert command("run", "-h").returncode == 0
+
+
+def test_bad_input_is_one_json_object_for_programs(tmp_path: Path) -> None:
+    text = (ROOT / RECIPE).read_text().replace("loading: input", "loading: inputt", 1)
+    recipe = tmp_path / "bad.yaml"
+    recipe.write_text(text)
+    for args in (("check", str(recipe)), ("run", str(recipe), "--data", str(tmp_path / "runs"))):
+        done = here(*args, "--json")
+        assert done.exit_code == 2
+        (error,) = done.json["errors"]
+        assert set(error) == {"file", "line", "column", "option", "found", "allowed", "hint"}
+        assert (error["file"], error["option"], error["found"]) == (str(recipe), "loading", "'inputt'")
+        assert error["line"] > 1
+        assert str(recipe) in done.err
+
+
+@pytest.mark.parametrize(
+    ("args", "found"),
+    [
+        (("analyze", "nothing.csv", "--recipe", RECIPE), "nothing.csv: there is no such file"),
+        (("run", RECIPE, "--serial", ""), "''"),
+        (("check",), "Missing argument"),
+        (("run", RECIPE, "--nonsense"), "No such option"),
+        (("replay", "nothing", "--data", "tests/data"), "holds no runs"),
+        (("show", "nothing", "--data", "tests/data"), "holds no runs"),
+        (("resume", "nothing", "--data", "tests/data"), "holds no runs"),
+        (("list", "--data", "/nowhere"), "there is no such folder"),
+    ],
+)
+def test_refusals_without_a_place_are_json_too(args: tuple[str, ...], found: str) -> None:
+    done = here(*args, "--json")
+    assert done.exit_code == 2
+    assert found in done.json["errors"][0]["found"]
+    assert done.err
+
+
+def commands_with_json(group: Any, *before: str) -> Iterator[tuple[str, ...]]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands_with_json(command, *before, name)
+        elif any("--json" in option.opts for option in command.params):
+            yield (*before, name)
+
+
+@pytest.mark.parametrize("words", list(commands_with_json(typer.main.get_command(app))), ids=" ".join)
+def test_every_command_with_json_refuses_in_json(words: tuple[str, ...]) -> None:
+    done = here(*words, "--nonsense", "--json")
+    assert done.exit_code == 2
+    (error,) = done.json["errors"]
+    assert "--nonsense" in error["found"]
+
+
+@pytest.mark.parametrize("args", [("check", "nothing.yaml"), ("show", "nothing")])
+def test_a_process_of_its_own_says_the_same(args: tuple[str, ...], tmp_path: Path) -> None:
+    words = (*args, *(("--data", str(tmp_path)) if args[0] == "show" else ()))
+    done, same = command(*words), here(*words)
+    assert (done.returncode, done.stdout, done.stderr) == (same.exit_code, same.out, same.err)

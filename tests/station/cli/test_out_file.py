@@ -1,0 +1,107 @@
+"""No command writes over a record, whatever it is told with --out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+from lostmotion_command import here
+
+from station.cli import app
+from station.cli.out_file import writing
+from station.errors import StationError
+
+WRITERS = {
+    "export": ("export", "RUN"),
+    "report": ("report", "RUN"),
+    "model": ("model", "RUN", "--kind", "cubic"),
+    "play-model": ("play-model", "RUN/result.json", "RUN/result.json"),
+    "frequency": ("study", "frequency", "RUN", "--band", "5:120"),
+}
+"""Every command with --out."""
+
+PAGES = {
+    "matrix": (("faults", "matrix"), ("--html", "--page")),
+    "exits": (("faults", "exits"), ("--page",)),
+}
+"""Every command that writes a page at its end, and its options."""
+
+FOLDERS = ("report",)
+"""Those whose --out is a folder: a file is written into it."""
+
+
+@pytest.fixture
+def run(golden_run, tmp_path: Path) -> Path:
+    return golden_run.copy(tmp_path / "runs")
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def with_option(group: Any, *names: str) -> Iterator[str]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from with_option(command, *names)
+        elif any(option in one.opts for one in command.params for option in names):
+            yield name
+
+
+def test_every_command_that_writes_a_file_is_here() -> None:
+    whole = typer.main.get_command(app)
+    assert set(with_option(whole, "--out")) == set(WRITERS)
+    assert set(with_option(whole, "--page", "--html")) == set(PAGES)
+
+
+@pytest.mark.parametrize(("words", "options"), PAGES.values(), ids=PAGES)
+def test_a_page_that_cannot_be_written_is_refused_before_minutes_of_work(
+    run: Path, words: tuple[str, ...], options: tuple[str, ...]
+) -> None:
+    before = content(run.parent)
+    places = {
+        run / "result.json": f"lies in the folder of run {run.name}",
+        run.parent / "no" / "x": "there is no folder",
+    }
+    for option in options:
+        for place, told in places.items():
+            refused = here(*words, option, str(place))
+            assert (refused.exit_code, refused.out) == (2, "")
+            assert f"{option} {place}: {told}" in refused.err
+    assert content(run.parent) == before
+
+
+@pytest.mark.parametrize("place", ["result.json", "profiles/new.json", "profiles"])
+@pytest.mark.parametrize("command", WRITERS)
+def test_a_record_is_not_written_over(golden_run, run: Path, tmp_path: Path, command: str, place: str) -> None:
+    other = golden_run.copy(tmp_path / "other")
+    before = content(tmp_path)
+    words = [word.replace("RUN", str(run)) for word in WRITERS[command]]
+    # into another run's folder as well as into its own, and through a path that does not look like one
+    for out in (other / place, run / place, run / ".." / run.name / place):
+        refused = here(*words, "--out", str(out), "--json")
+        assert refused.exit_code == 2
+        assert f"lies in the folder of run {run.name}, which stays as it is. Choose another" in refused.err
+    assert content(tmp_path) == before
+
+
+@pytest.mark.parametrize("command", sorted(set(WRITERS) - set(FOLDERS)))
+def test_the_chain_of_the_runs_is_not_written_over(run: Path, command: str) -> None:
+    before = content(run.parent)
+    words = [word.replace("RUN", str(run)) for word in WRITERS[command]]
+    refused = here(*words, "--out", str(run.parent / "chain.jsonl"))
+    assert (refused.exit_code, "chain.jsonl" in refused.err) == (2, True)
+    assert content(run.parent) == before
+
+
+def test_a_report_may_be_written_into_the_folder_of_its_own_run(run: Path) -> None:
+    assert here("report", str(run), "--out", str(run)).exit_code == 0
+    assert (run / "report.html").is_file()
+
+
+def test_a_place_that_takes_no_file_is_told() -> None:
+    told = r"^out\.csv: cannot be written: Permission denied\. Choose another --out$"
+    with pytest.raises(StationError, match=told), writing(Path("out.csv")):
+        raise PermissionError(13, "Permission denied")

@@ -1,0 +1,83 @@
+"""Folders from before there were chains: their runs keep their verdicts, and what is done to them is named."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from chain_folders import another_computer, folder
+from station_samples import MANIFEST
+from stored_runs import metric, store_run
+
+from station.cli.runs.show import row
+from station.records.chain.chain_file import CHAIN
+from station.records.chain.keys import FOLDER_KEYS
+from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.records.seal import seal
+from station.records.verify import verify_folder
+
+
+def old_folder(data: Path) -> list[RunRecord]:
+    """Turn a folder into one of the time before chains: an index, and no word of a chain in any run.json."""
+    runs = Store(data).runs()
+    for run in runs:
+        manifest = {key: value for key, value in run.manifest().items() if key != "chain"}
+        run.write_json("run.json", manifest)
+        content = (run.folder / "run.json").read_bytes()
+        line = {"run": run.id, "sha256": hashlib.sha256(content).hexdigest(), "verdict": manifest["verdict"]}
+        with (data / "index.jsonl").open("a") as index:
+            index.write(json.dumps(line | {"time": "then"}) + "\n")
+    (data / CHAIN).unlink()
+    (data / FOLDER_KEYS).unlink()
+    return runs
+
+
+@pytest.fixture
+def old(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    old_folder(data)
+    another_computer(monkeypatch, tmp_path)
+    return data
+
+
+def test_runs_from_before_the_chain_keep_their_verdicts(old: Path) -> None:
+    before = [row(run)["verdict"] for run in Store(old).runs()]
+    assert before == ["FAIL", "PASS", "PASS", "PASS"]
+    assert verify_folder(old).problems == []
+    new = store_run(old, "A", [metric(0.4)])
+    assert new.manifest()["attempt"] == 3
+    assert [row(run)["verdict"] for run in Store(old).runs()] == [*before, "PASS"]
+    assert verify_folder(old).problems == []
+
+
+@pytest.mark.parametrize(
+    ("deed", "kind"),
+    [
+        (lambda data: shutil.rmtree(folder(data, 0)), "missing"),
+        (lambda data: (data / "index.jsonl").write_bytes(b""), "old_index"),
+        (lambda data: (data / "index.jsonl").unlink(), "old_index"),
+        (lambda data: RunRecord(folder(data, 0)).update(verdict="PASS"), "altered"),
+    ],
+)
+def test_what_is_done_to_runs_from_before_the_chain_is_named(
+    old: Path, deed: Callable[[Path], object], kind: str
+) -> None:
+    store_run(old, "D", [metric(0.4)])
+    deed(old)
+    assert kind in {problem.kind for problem in verify_folder(old).problems}
+
+
+def test_an_open_run_from_before_the_chain_can_be_concluded(old: Path) -> None:
+    run = Store(old).runs()[0]
+    manifest = {key: value for key, value in run.manifest().items() if key != "files"}
+    run.write_json("run.json", manifest | {"state": "interrupted", "verdict": None})
+    (old / "index.jsonl").write_text("".join((old / "index.jsonl").read_text().splitlines(keepends=True)[1:]))
+    Store(old).create("D", MANIFEST, {})
+    assert verify_folder(old).problems == []
+    seal(run, state="complete", verdict="FAIL")
+    assert verify_folder(old).problems == []
+    assert run.manifest()["verdict"] == "FAIL"

@@ -1,0 +1,107 @@
+"""A chain that grows: attempts, what was removed before, processes that are killed or that write at once."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from chain_folders import folder, lines, write
+from station_samples import MANIFEST
+from stored_runs import metric, store_run
+
+from station.errors import RecordError
+from station.records.chain.chain_file import CREATED_MANIFEST, Chain
+from station.records.chain.entries import entry_of
+from station.records.chain.walk import walk
+from station.records.data_folder import Store
+from station.records.verify import verify_folder
+
+
+def test_a_run_is_an_attempt_although_it_was_deleted(data: Path) -> None:
+    for run in Store(data).of_serial("A"):
+        shutil.rmtree(run.folder)
+    again = store_run(data, "A", [metric(0.4)])
+    assert again.manifest()["attempt"] == 3
+    missing = [problem.text for problem in verify_folder(data).problems if problem.kind == "missing"]
+    assert len(missing) == 2
+    assert "attempt 1 of A, FAIL" in missing[0]
+
+
+def test_what_was_cut_off_stays_named_when_the_next_run_follows(data: Path) -> None:
+    shutil.rmtree(folder(data, -1))
+    write(data, lines(data)[:-2])
+    store = Store(data)
+    store.create("D", MANIFEST, {})
+    assert "entries 8 to 9" in store.warnings[0]
+    assert [problem.kind for problem in verify_folder(data).problems] == ["lost_entries"]
+    assert [entry.counter for entry in map(entry_of, (line[:-1] for line in lines(data))) if entry][-2:] == [10, 11]
+
+
+def test_a_chain_that_follows_a_removed_one_says_so(data: Path) -> None:
+    shutil.rmtree(data)
+    store = Store(data)
+    store.create("A", MANIFEST, {})
+    assert "9 entries" in store.warnings[0]
+    assert "replaced" in {problem.kind for problem in verify_folder(data).problems}
+
+
+@pytest.mark.usefixtures("place")
+def test_a_lock_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    data.mkdir()
+    (tmp_path / "precious").write_text("x")
+    (data / ".lock").symlink_to(tmp_path / "precious")
+    with pytest.raises(RecordError):
+        Store(data).create("A", MANIFEST, {})
+
+
+def killed(*_: Any) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize("step", range(1, 30))
+def test_a_run_whose_process_is_killed_while_it_is_created_is_there_or_not(data: Path, step: int) -> None:
+    """At each call that changes the disk; the next run finds it whole, and counts it when the chain does."""
+    pid = os.fork()
+    if pid == 0:
+        left = step
+        for name in ("mkdir", "fsync", "replace", "write"):
+            honest = getattr(os, name)
+
+            def call(*args: Any, honest: Callable[..., Any] = honest, **kwargs: Any) -> Any:
+                nonlocal left
+                left -= 1
+                return killed() if left == 0 else honest(*args, **kwargs)
+
+            setattr(os, name, call)
+        Store(data).create("A", MANIFEST, {})
+        os._exit(0)
+    os.waitpid(pid, 0)
+    assert {problem.kind for problem in verify_folder(data).problems} == set()
+    counted = len([entry for entry in walk(Chain(data)).created.values() if entry.fields["serial"] == "A"])
+    again = Store(data).create("A", MANIFEST, {})
+    assert again.manifest()["attempt"] == counted + 1
+    assert {problem.kind for problem in verify_folder(data).problems} == set()
+    assert not list(data.glob(f"*/{CREATED_MANIFEST}")) or counted == 2
+
+
+@pytest.mark.usefixtures("place")
+def test_runs_of_several_processes_at_once_make_one_chain(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    pids = []
+    for number in range(4):
+        pid = os.fork()
+        if pid == 0:
+            for _ in range(4):
+                store_run(data, f"S{number % 2}", [metric(0.4)])
+            os._exit(0)
+        pids.append(pid)
+    assert {os.waitpid(pid, 0)[1] for pid in pids} == {0}
+    found = verify_folder(data)
+    assert found.problems == []
+    assert sorted(run.manifest()["attempt"] for run in Store(data).of_serial("S0")) == list(range(1, 9))

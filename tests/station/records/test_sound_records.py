@@ -1,0 +1,64 @@
+"""What is decoded of a record: only what is sound, and a number that this version does not know by what it is."""
+
+from __future__ import annotations
+
+import pytest
+from station_samples import IMAGE, ORDERS
+
+from definitions.image import Image, Orders, State
+from station.records.left_state import left_state
+from station.records.samples.check import check_bytes, sound_table
+from station.records.samples.event_log import events_of
+from station.records.samples.scan_record import RECORD_BYTES, pack
+
+PROGRAM = {"period_s": 0.001, "has_torque_out": True, "release_torque_nm": 8.0, "segments": []}
+QUIET = ORDERS._replace(state=int(State.RAMP_POS), fault=0, alarms=0)
+UNKNOWN_STATE, UNKNOWN_FAULT, UNKNOWN_COMMAND = 130, 62, 77
+
+
+def records(*orders: Orders, sequences: list[int] | None = None, image: Image | None = None) -> bytes:
+    image = IMAGE._replace(command=0) if image is None else image
+    numbers = sequences or list(range(len(orders)))
+    return b"".join(pack((sequence, sequence, 0, 0), image, one) for sequence, one in zip(numbers, orders, strict=True))
+
+
+@pytest.mark.parametrize("broken", [0, 1, 2])
+def test_a_record_that_fails_its_crc_is_not_decoded(broken: int) -> None:
+    content = bytearray(records(QUIET, QUIET, QUIET))
+    content[broken * RECORD_BYTES + 100] ^= 130
+    table = sound_table(bytes(content))
+    assert list(table["sequence"]) == [number for number in range(3) if number != broken]
+    events_of(table, 1_000_000, [])
+    assert left_state(table, PROGRAM) is not None
+
+
+@pytest.mark.parametrize(
+    ("sequences", "kept"),
+    [([0, 1, 2], [0, 1, 2]), ([0, 1, 5], [0, 1, 5]), ([0, 2, 1], [0, 2]), ([0, 1, 1], [0, 1]), ([3, 0, 1], [3])],
+    ids=["gapless", "lost records", "out of order", "twice", "from the start again"],
+)
+def test_what_stands_behind_a_sequence_that_goes_back_is_not_decoded(sequences: list[int], kept: list[int]) -> None:
+    content = records(QUIET, QUIET, QUIET, sequences=sequences)
+    assert list(sound_table(content)["sequence"]) == kept
+
+
+def test_a_file_of_half_a_record_or_none_has_nothing_to_decode() -> None:
+    whole = records(QUIET)
+    for content in (b"", whole[:-1], b"x"):
+        assert len(sound_table(content)) == 0
+    assert len(sound_table(whole + b"x")) == 1
+
+
+def test_numbers_that_this_version_does_not_know_are_named() -> None:
+    strange = QUIET._replace(state=UNKNOWN_STATE, fault=UNKNOWN_FAULT, alarms=1 << UNKNOWN_FAULT, reaction=4)
+    content = records(QUIET, strange, image=IMAGE._replace(command=UNKNOWN_COMMAND, drive_state=200))
+    assert check_bytes(content).problems == ()
+    table = sound_table(content)
+    events = events_of(table, 1_000_000, [])
+    (alarm,) = (event for event in events if event["kind"] == "alarm")
+    assert (alarm["id"], alarm["reaction"], alarm["first"]) == ("unknown_fault_62", "quick_stop", True)
+    assert [event["to"] for event in events if event["kind"] == "transition"][-1] == "unknown state 130"
+    assert {event["text"] for event in events if event["kind"] == "command"} == {"unknown command 77"}
+    left = left_state(table, PROGRAM)
+    assert left is not None
+    assert left["drive"] == "off"

@@ -1,0 +1,177 @@
+"""Below the metrics: gates, notes, the kind of U; the list on narrow terminals; help that answers at once."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lostmotion_command import here
+from rich.console import Console
+
+from definitions.checks import CHECKS
+from station.reports.content import checks_line
+from station.reports.headline import remaining_reasons
+from station.reports.html_page import rule_text
+from station.reports.result_notes import MOST_NOTES, check_lines, note_lines, summary_lines
+from station.reports.result_view import titled_name
+from station.run.run_list import print_runs
+
+ROOT = Path(__file__).parents[3]
+GATES = [
+    {"id": "drift", "figure": 0.31, "limit": 0.1, "unit": "%", "passed": False, "text": "too much"},
+    {"id": "lag", "figure": 0.0, "limit": 0.1, "unit": "%", "passed": True, "text": "fine"},
+    {"id": "clipping", "figure": None, "limit": 1.0, "unit": "%", "passed": None, "text": "no sensor"},
+]
+
+
+def test_each_failed_check_is_one_line_with_title_figure_limit_and_id() -> None:
+    (line,) = check_lines({"gates": GATES})
+    assert all(part in line for part in (CHECKS["drift"].title, "0.31 %", "0.1 %", "drift"))
+    assert check_lines({}) == []
+    unknown = check_lines({"gates": [GATES[0] | {"id": "of_an_older_version"}]})
+    assert unknown == ["0.31 %, limit 0.1 %  of_an_older_version"]
+
+
+def test_checks_are_counts() -> None:
+    assert checks_line(GATES) == "1 check failed, 1 check passed, 1 not applicable"
+    assert checks_line([GATES[1]] * 29 + [GATES[2]] * 6) == "29 checks passed, 6 not applicable"
+    assert checks_line([]) == ""
+    metrics = [{"uncertainty": None, "id": "windup"}]
+    assert checks_line(GATES) in summary_lines({"metrics": metrics, "gates": GATES})
+    assert summary_lines({"metrics": [], "gates": GATES}) == []
+
+
+def test_a_metric_on_screen_has_its_title_with_its_id_below() -> None:
+    row = {"id": "windup", "title": "Wind-up", "branch": "mean", "side": "both"}
+    assert titled_name(row).plain == "Wind-up\nwindup"
+    assert titled_name({**row, "title": ""}).plain == "windup"
+
+
+def test_reasons_are_shown_by_title_with_the_id_behind() -> None:
+    metric = {"id": "windup", "title": "Wind-up", "sides": {}}
+    reasons = ["windup, side -: 9 arcmin", "measurement invalid: drift: 2 %", "measurement invalid: lost", "gone: 1"]
+    result = {"state": "complete", "metrics": [metric], "reasons": reasons}
+    title = CHECKS["drift"].title
+    assert remaining_reasons(result) == [
+        "Wind-up, side − [windup]: 9 arcmin",
+        f"Measurement invalid. {title} [drift]: 2 %",
+        *reasons[2:],
+    ]
+
+
+def test_notes_that_matter_are_warnings_and_corrections() -> None:
+    stages = [
+        {"stage": "drift", "text": "drift taken out", "applied": True},
+        {"stage": "binning", "text": "binned", "applied": True},
+        {"stage": "fixture", "text": "nothing to subtract", "applied": False},
+    ]
+    notes = ["recipe x is not the one of run y", "drift taken out", "binned", "nothing to subtract"]
+    assert note_lines({"notes": notes, "stages": stages}) == ["recipe x is not the one of run y", "drift taken out"]
+    assert note_lines({"notes": notes}) == ["recipe x is not the one of run y"]
+    many = {"notes": [f"recipe {number}" for number in range(9)]}
+    assert len(note_lines(many)) == MOST_NOTES + 1
+    assert note_lines({}) == []
+
+
+def rows() -> list[dict[str, Any]]:
+    one: dict[str, Any] = {"run": "20260102T030405.678Z-SN-0000001", "serial": "SN-0000001", "attempt": 1}
+    one |= {"recipe": "rv-40e-121-inverse", "revision": 1, "state": "complete", "verdict": "NOT DECIDABLE"}
+    one |= {"records": 154142, "scanning": None}
+    damaged = one | {"run": "x", "serial": None, "recipe": None, "state": "damaged", "verdict": None, "attempt": None}
+    return [one, one | {"state": "altered", "verdict": None}, damaged]
+
+
+@pytest.mark.parametrize(("width", "fits"), [(130, True), (80, True), (50, True), (80, False)])
+def test_no_run_id_is_cut_off_and_no_line_is_too_long(width: int, fits: bool) -> None:  # noqa: FBT001
+    stream = io.StringIO()
+    print_runs(Console(file=stream, width=width), rows(), fits=fits)
+    text = stream.getvalue()
+    assert text.count("20260102T030405.678Z-SN-0000001") == 2
+    for word in ("NOT DECIDABLE", "altered", "damaged", "rv-40e-121-inverse r1"):
+        assert word in text
+    if fits:
+        assert max(len(line.rstrip()) for line in text.splitlines()) <= width
+    assert ("scans" in text) == (width == 130 or not fits)
+
+
+def test_the_help_loads_nothing_heavy() -> None:
+    heavy = "numpy scipy matplotlib pydantic pyarrow reportlab rich.table analysis recipes canopen"
+    code = f"import sys, station.cli; print([name for name in {heavy.split()!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, text=True, capture_output=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_bad_input_of_a_statistic_is_json_for_a_program(tmp_path: Path) -> None:
+    path = tmp_path / "v.csv"
+    path.write_text("value\n1\nx\n3\n")
+    done = here("capability", str(path), "--max", "9", "--json")
+    assert done.exit_code == 2
+    assert "row 2, column value: found 'x'" in done.err
+    assert "row 2, column value" in done.json["errors"][0]["found"]
+
+
+def test_wider_validity_limits_stand_above_the_other_notes() -> None:
+    gates = [
+        {"id": "drift", "figure": 0.1, "limit": 100.0, "unit": "%", "passed": True, "text": "drift"},
+        {"id": "repeat", "figure": 0.1, "limit": 2.0, "unit": "%", "passed": True, "text": "repeat"},
+        {"id": "points_per_bin", "figure": 9.0, "limit": 1.0, "unit": "samples", "passed": True, "text": "points"},
+    ]
+    first, *_ = note_lines({"gates": gates, "stages": [{"name": "a", "text": "b"}], "notes": ["other"]})
+    assert first == (
+        "validity limits wider than usual in the recipe (usual ones in brackets): drift 100 % (1 %), "
+        "points_per_bin 1 samples (3 samples)"
+    )
+    assert note_lines({"gates": gates[1:2]}) == []
+
+
+@pytest.mark.parametrize("rule", ["simple", "guard_band"])
+def test_what_simple_acceptance_decides_within_its_uncertainty_is_said(rule: str) -> None:
+    def side(value: float, uncertainty: float | None) -> dict[str, Any]:
+        return {"value": value, "uncertainty": uncertainty, "verdict": "PASS"}
+
+    metric: dict[str, Any] = {"id": "backlash_width_3pct", "branch": "both", "torque_nm": None}
+    metric |= {"limits": {"min": None, "max": 1.0}, "sides": {"+": side(0.97, 0.16), "-": side(0.97, 0.02)}}
+    free = metric | {"id": "windup", "limits": {"min": None, "max": None}, "sides": {"both": side(9.0, 0.1)}}
+    unknown = metric | {"id": "lost_motion", "sides": {"both": side(0.99, None)}}
+    result = {"decision": {"rule": rule, "guard_factor": 0.0}, "metrics": [metric, free, unknown]}
+    said = (
+        "decided within the uncertainty of the limit (rule simple ignores U): "
+        "backlash_width_3pct side + 0.97 ± 0.16 (limit ≤ 1)"
+    )
+    assert note_lines(result) == ([said] if rule == "simple" else [])
+    assert (said[1:] in rule_text(result)) == (rule == "simple")
+
+
+def sided(name: str, *sides: str, limit: float | None = 108.0, **changes: Any) -> dict[str, Any]:
+    """A metric of a result whose sides are those; the first one is its headline."""
+    row = {"value": 115.0, "uncertainty": 0.5, "verdict": "PASS"}
+    found: dict[str, Any] = {"id": name, "branch": "mean", "torque_nm": None, "choices": [], "side": sides[0]}
+    found |= {"limits": {"min": limit, "max": None}, "sides": dict.fromkeys(sides, row)}
+    return found | changes
+
+
+@pytest.mark.parametrize(
+    ("metrics", "said"),
+    [
+        ([sided("spring_constant", "-"), sided("k1", "+", branch="load")], "spring_constant side −, k1 load side +"),
+        ([sided("spring_constant", "+", "-")], ""),
+        ([sided("windup", "both")], ""),
+        ([sided("gear_clearance", "both", "+", "-")], ""),
+        ([sided("spring_constant", "-", limit=None)], ""),
+        ([sided("torque_ratio_offset", "-", limit=0.0)], "torque_ratio_offset side −"),
+        ([sided("spring_constant", "-"), sided("spring_constant", "+")], ""),
+        ([sided("spring_constant", "-"), sided("spring_constant", "+", limit=None)], "spring_constant side −"),
+        ([sided("k1", "-", branch="load"), sided("k1", "+", branch="unload")], "k1 load side −, k1 unload side +"),
+        ([{key: value for key, value in sided("k1", "-").items() if key not in ("sides", "choices")}], ""),
+        ([{key: value for key, value in sided("k1", "-").items() if key != "limits"}], ""),
+    ],
+)
+def test_what_was_judged_on_one_side_of_two_is_said(metrics: list[dict[str, Any]], said: str) -> None:
+    """The other side of such a metric may be weak, and the verdict is a PASS: a reader must see what it did not see."""
+    result = {"decision": {"rule": "guard_band", "guard_factor": 1.0}, "metrics": metrics}
+    assert note_lines(result) == ([f"judged on one side only: {said}"] if said else [])
+    assert (f"one side only: {said}." in rule_text(result)) == bool(said)

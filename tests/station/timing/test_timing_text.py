@@ -1,0 +1,54 @@
+"""What `lostmotion timing` says of figures that a good machine never shows."""
+
+from __future__ import annotations
+
+import pytest
+
+from station.cli.bench.timing import explain, histogram
+from station.records.scan_times import ScanTimes
+
+
+def report(missed: int, work_us: float = 160.0, late_us: float = 40.0, cause: str = "waking") -> dict:
+    gap = {"scan": 9, "missed": missed, "before": {"scan": 8, "cause": cause}}
+    late = {"p50": 12.0, "p99": late_us, "p999": 2 * late_us, "max": 900.0}
+    work = {"p50": work_us, "p99": work_us, "p999": work_us, "max": work_us}
+    head = {"period_ns": 1_000_000, "periods": 1000, "embedded": True, "gaps": [gap] if missed else []}
+    return head | {"missed": missed, "lateness_us": late, "work_us": work}
+
+
+def test_a_calm_machine() -> None:
+    told = " ".join(explain(report(0)))
+    assert "160 µs of 1000 µs (16%)" in told
+    assert "No period was missed in 1000" in told
+    assert "stands in the way" not in told
+
+
+def test_missed_periods_name_their_share_and_cause() -> None:
+    told = " ".join(explain(report(3, cause="write")))
+    assert "3 of 1000 periods were missed (0.300%" in told
+    assert "sending to the bus took long" in told
+    assert "same processor" in told
+
+
+def test_too_much_work_and_late_waking_are_said() -> None:
+    told = " ".join(explain(report(0, work_us=700.0, late_us=400.0)))
+    assert "longer period" in told
+    assert "sometimes too long for this period" in told
+
+
+@pytest.mark.parametrize(
+    ("scans", "told"),
+    [((2353, 4753, 9153, 11453, 11653), True), ((2353, 4790, 9120, 11403, 11670), False), ((2353, 4753), False)],
+)
+def test_gaps_that_keep_a_rhythm_are_the_hosts(scans: tuple[int, ...], *, told: bool) -> None:
+    found = report(3)
+    found["gaps"] = [{"scan": n + 2, "missed": 1, "before": {"scan": n, "cause": "waking"}} for n in scans]
+    assert ("repeat every 100 ms" in " ".join(explain(found))) == told
+
+
+def test_histogram_rows_hold_every_scan() -> None:
+    times = ScanTimes()
+    for number in range(500):
+        times.add(number, 0, number * 7000, (0, 1, 2, 3, 4))
+    rows = histogram(times.to_dict()["histograms_us"]["lateness"])
+    assert sum(int(row.split("µs")[1].split()[0]) for row in rows) == 500

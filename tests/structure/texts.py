@@ -1,0 +1,114 @@
+"""Every text of the product that a person sees, with its place, found in the code without running it.
+
+A text is a message of an error that is raised, a sentence of the command line's help, a row of a table of the
+vocabulary, or a line of screen and report. Parts that only the run knows stand as `…`. For readers: fifty of them drawn
+at random show what a stranger understands, `python tests/structure/texts.py SEED`.
+"""
+
+from __future__ import annotations
+
+import ast
+import random
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("definitions", "recipes", "controller", "drivers", "virtual_bench", "analysis", "station", "faultlab")
+DRAWN = 50
+LEFT_OPEN = "…"
+LEAST_WORDS = {"error": 1, "help": 1, "table": 3, "line": 4}
+"""Shorter texts of tables and lines are names, units and keys."""
+
+TABLES = {"Fault", "Check", "Metric", "Bad", "Grade", "Fit"}
+"""Rows of the vocabulary: every argument with words is read by people."""
+
+COMMAND_LINE = ("Option", "Argument", "Typer")
+LINES = {"print", "append", "add_row", "Text", "assemble", "paragraph", "section", "heading", "say", "echo", "note"}
+"""Calls that put words on screen or into a report."""
+
+WHERE_LINES = ("station/cli/", "station/reports/", "station/run/", "station/results/", "faultlab/")
+
+
+class Seen(NamedTuple):
+    """A text with its kind (error, help, table, line) and its place `file:line`."""
+
+    kind: str
+    place: str
+    text: str
+
+
+def texts() -> list[Seen]:
+    """Return all texts, each once, ordered by file and line."""
+    found: dict[str, Seen] = {}
+    for room in ROOMS:
+        for path in sorted((ROOT / room).rglob("*.py")):
+            name = path.relative_to(ROOT).as_posix()
+            for kind, line, text in _in_file(name, ast.parse(path.read_text("utf-8"))):
+                found.setdefault(text, Seen(kind, f"{name}:{line}", text))
+    return list(found.values())
+
+
+def drawn(seed: int) -> list[Seen]:
+    """Return fifty texts drawn by a seed, in the order of their places."""
+    return sorted(random.Random(seed).sample(texts(), DRAWN), key=lambda one: one.place)  # noqa: S311 - a draw for readers
+
+
+def _in_file(name: str, tree: ast.Module) -> Iterator[tuple[str, int, str]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            yield from _said("error", node.exc, node.exc.args)
+        elif isinstance(node, ast.FunctionDef) and any(_is_command(one) for one in node.decorator_list):
+            told = ast.get_docstring(node)
+            if told:
+                yield "help", node.lineno, told
+        elif isinstance(node, ast.Call):
+            yield from _of_call(name, node)
+        elif isinstance(node, ast.Return | ast.Yield) and node.value is not None:
+            yield from _said("line", node.value, [node.value])
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            rows = node.value.values if isinstance(node.value, ast.Dict) else [node.value]
+            yield from _said("line", node.value, rows)
+
+
+def _of_call(name: str, call: ast.Call) -> Iterator[tuple[str, int, str]]:
+    called = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    if called in COMMAND_LINE:
+        yield from _said("help", call, [one.value for one in call.keywords if one.arg in {"help", "epilog"}])
+    elif name.startswith("definitions/") and called in TABLES:
+        yield from _said("table", call, [*call.args, *(one.value for one in call.keywords)])
+    elif name.startswith(WHERE_LINES) and called in LINES:
+        yield from _said("line", call, call.args)
+
+
+def _is_command(decorator: ast.expr) -> bool:
+    target = decorator.func if isinstance(decorator, ast.Call) else decorator
+    return isinstance(target, ast.Attribute) and target.attr in {"command", "callback"}
+
+
+def _said(kind: str, at: ast.expr, parts: Sequence[ast.expr]) -> Iterator[tuple[str, int, str]]:
+    for part in parts:
+        text = _words(part)
+        if text and len(text.split()) >= LEAST_WORDS[kind] and any(map(str.isalpha, text)):
+            yield kind, getattr(part, "lineno", at.lineno), text
+
+
+def _words(node: ast.expr) -> str:
+    """Return the text of a literal, an f-string, or a sum of both; nothing for anything else."""
+    if isinstance(node, ast.Constant):
+        return node.value if isinstance(node.value, str) else ""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_words(part) or LEFT_OPEN for part in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        sides = [_words(side) for side in (node.left, node.right)]
+        return "".join(side or LEFT_OPEN for side in sides) if any(sides) else ""
+    return ""
+
+
+if __name__ == "__main__":
+    everything = texts()
+    sys.stdout.write(f"{len(everything)} texts\n")
+    for number, one in enumerate(drawn(int(sys.argv[1])), start=1):
+        sys.stdout.write(f"{number:2}. {one.kind:5} {one.place}\n    {one.text}\n")

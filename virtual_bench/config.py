@@ -1,0 +1,297 @@
+"""What the virtual bench is told: plain frozen data, filled from a bench file and from device profiles.
+
+Quantities are SI with the unit in the name. Device profiles come as the mappings that their YAML files hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+Side = Literal["input", "output"]
+
+
+@dataclass(frozen=True)
+class TorqueSensor:
+    """A torque transducer with its amplifier channel."""
+
+    full_scale_nm: float
+    accuracy_fraction: float = 0.001  # zero and gain errors are drawn inside it
+    noise_fraction: float = 0.0002  # rms, of full scale
+    lag_s: float = 0.001
+
+
+@dataclass(frozen=True)
+class AngleSensor:
+    """A rotary encoder with its counter channel."""
+
+    resolution_bits: int
+    noise_rad: float = 0.0
+    lag_s: float = 0.001
+
+
+@dataclass(frozen=True)
+class BrakeConfig:
+    """The powder brake that locks a shaft: T = k_b I, first order, with the hysteresis of its powder."""
+
+    torque_constant_nm_per_a: float
+    max_current_a: float
+    time_constant_s: float
+    hysteresis_fraction: float = 0.02
+
+
+@dataclass(frozen=True)
+class PdoObject:
+    """One object in a process data object."""
+
+    index: int
+    subindex: int
+    type: str  # u8, i8, u16, i16, u32, i32
+    name: str
+
+
+@dataclass(frozen=True)
+class Pdo:
+    """One process data object of the drive's profile."""
+
+    number: int
+    transmission_type: int
+    objects: tuple[PdoObject, ...]
+
+
+@dataclass(frozen=True)
+class DriveProfile:
+    """Identity, scaling and default PDO mapping of the drive."""
+
+    vendor_id: int
+    product_code: int
+    position_counts_per_motor_rev: float
+    velocity_counts_per_rad_s: float
+    receive_pdos: tuple[Pdo, ...]
+    transmit_pdos: tuple[Pdo, ...]
+
+    @classmethod
+    def from_mapping(cls, document: Mapping[str, Any]) -> DriveProfile:
+        """Read a drive profile as its YAML file holds it; a missing key raises `KeyError`."""
+        return cls(
+            vendor_id=int(document["profile"]["vendor_id"]),
+            product_code=int(document["profile"]["product_code"]),
+            position_counts_per_motor_rev=float(document["scaling"]["position_counts_per_motor_rev"]),
+            velocity_counts_per_rad_s=float(document["scaling"]["velocity_counts_per_rad_s"]),
+            receive_pdos=tuple(_pdo(row) for row in document["receive_pdos"]),
+            transmit_pdos=tuple(_pdo(row) for row in document["transmit_pdos"]),
+        )
+
+
+def _pdo(row: Mapping[str, Any]) -> Pdo:
+    objects = tuple(
+        PdoObject(int(entry["index"]), int(entry["subindex"]), str(entry["type"]), str(entry["name"]))
+        for entry in row["objects"]
+    )
+    return Pdo(int(row["number"]), int(row["transmission_type"]), objects)
+
+
+@dataclass(frozen=True)
+class Register:
+    """One value in a register block: word offset, binary type, physical unit per count, or one bit of a word."""
+
+    name: str
+    offset: int
+    type: str  # u16, i16, u32, i32
+    scale: float = 1.0
+    bit: int | None = None
+
+
+@dataclass(frozen=True)
+class RegisterMap:
+    """Registers of one Modbus device."""
+
+    name: str
+    identity: int
+    read_table: str
+    read_address: int
+    read_count: int
+    read: tuple[Register, ...]
+    write_table: str | None = None
+    write_address: int = 0
+    write: tuple[Register, ...] = ()
+
+    @classmethod
+    def from_mapping(cls, document: Mapping[str, Any]) -> RegisterMap:
+        """Read a Modbus profile as its YAML file holds it; a missing key raises `KeyError`."""
+        read, write = document["read"], document.get("write")
+        return cls(
+            name=str(document["profile"]["name"]),
+            identity=int(document["identity"]["value"]),
+            read_table=str(read["table"]),
+            read_address=int(read["address"]),
+            read_count=int(read["count"]),
+            read=tuple(_register(row) for row in read["fields"]),
+            write_table=None if write is None else str(write["table"]),
+            write_address=0 if write is None else int(write["address"]),
+            write=() if write is None else tuple(_register(row) for row in write["fields"]),
+        )
+
+
+def _register(row: Mapping[str, Any]) -> Register:
+    bit = row.get("bit")
+    return Register(
+        name=str(row["name"]),
+        offset=int(row["offset"]),
+        type=str(row["type"]),
+        scale=float(row.get("scale", 1.0)),
+        bit=None if bit is None else int(bit),
+    )
+
+
+@dataclass(frozen=True)
+class Protections:
+    """What a controller writes into the drive before it arms it; motor side.
+
+    Over wires the drive starts with its own defaults and gets these over SDO. In process they are given here.
+    """
+
+    max_torque_nm: float  # 0x6072
+    max_speed_rad_s: float  # 0x6080
+    torque_slope_nm_s: float  # 0x6087
+    controller_heartbeat_timeout_s: float = 0.1  # 0x1016
+    setpoint_timeout_s: float = 0.05  # 0x1400:5
+    drive_heartbeat_s: float = 0.02  # 0x1017
+    abort_connection_option: int = 2  # 0x6007
+    quick_stop_option: int = 2  # 0x605A
+    fault_reaction_option: int = 2  # 0x605E
+
+
+@dataclass(frozen=True)
+class DriveConfig:
+    """The servo drive and its motor."""
+
+    node_id: int
+    controller_node_id: int
+    gear_ratio: float  # motor turns per turn of the driven shaft
+    rated_torque_nm: float  # 0x6076
+    profile: DriveProfile
+    protections: Protections
+    controller_heartbeat_s: float = 0.02
+    motor_inertia_kgm2: float = 1.5e-4
+    torque_bandwidth_hz: float = 300.0
+    velocity_bandwidth_rad_s: float = 250.0
+
+    @property
+    def torque_unit_nm(self) -> float:
+        """Motor torque of one count: 0.1 % of the rated torque."""
+        return self.rated_torque_nm / 1000.0
+
+
+@dataclass(frozen=True)
+class SlowPoll:
+    """How often a Modbus device is asked; in process the ages follow from it."""
+
+    every_s: float
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """What a recipe says of its model: of this a unit is made that is in no table (`catalogue_units`)."""
+
+    model: str
+    ratio: float
+    rated_torque_nm: float
+    stiffness_nm_per_arcmin: float
+    loading_slope: float  # output torque over input torque, loading
+    loading_offset_nm: float
+    most: Mapping[str, float] = field(default_factory=dict)  # upper limits by metric, backlash and the like [arcmin]
+    least: Mapping[str, float] = field(default_factory=dict)  # lower limits by metric, stiffness [N·m/arcmin]
+
+
+@dataclass(frozen=True)
+class BenchConfig:
+    """A virtual bench with a unit on it."""
+
+    unit: str  # NAME[:SEED]
+    loading: Side  # the shaft that the servo drives; the other is locked
+    drive: DriveConfig
+    brake: BrakeConfig
+    torque_in: TorqueSensor | None
+    torque_out: TorqueSensor | None
+    angle_in: AngleSensor
+    angle_out: AngleSensor | None
+    fixture_stiffness_nm_per_arcmin: float = 10_000.0  # of the lock, at the locked shaft
+    noise_seed: int = 1  # what differs between two runs
+    sensor_seed: int = 1  # zero and gain errors and encoder positions: they belong to the bench, run after run
+    catalogue: Catalogue | None = None  # for a unit that is made of it
+    ambient_temp_c: float = 22.0
+    amplifier_poll: SlowPoll = field(default_factory=lambda: SlowPoll(0.001))
+    brake_poll: SlowPoll = field(default_factory=lambda: SlowPoll(0.01))
+    remote_io_poll: SlowPoll = field(default_factory=lambda: SlowPoll(0.01))
+
+
+@dataclass(frozen=True)
+class Socketcand:
+    """Serve CAN as socketcand does; port 0 takes a free one."""
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    channel: str = "vcan0"
+
+
+@dataclass(frozen=True)
+class CanBus:
+    """Sit on a bus that python-can opens (socketcan, slcan, ...)."""
+
+    interface: str
+    channel: str
+    bitrate: int = 1_000_000
+
+
+@dataclass(frozen=True)
+class SlcanPort:
+    """Be an slcan adapter on a serial port, which gets another name where `link` is one."""
+
+    link: str = ""
+    channel: str = "slcan"
+    bitrate: int = 1_000_000
+
+
+@dataclass(frozen=True)
+class ModbusPort:
+    """One Modbus device of the virtual bench: on TCP (port 0 takes a free one), or with `rtu` on a serial port.
+
+    Devices whose serial ports have the same name share a line; without a name each has its own.
+    """
+
+    registers: RegisterMap
+    unit_id: int
+    host: str = "127.0.0.1"
+    port: int = 0
+    rtu: bool = False
+    serial_port: str = ""
+
+
+@dataclass(frozen=True)
+class PaceServer:
+    """Let a scan lead; port 0 takes a free one. `from_rest`: nothing moves before the first scan, however late it is.
+
+    A bench that was started for one run is at rest until that run begins, so that the run is the same every time.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    from_rest: bool = False
+
+
+@dataclass(frozen=True)
+class ServerConfig:
+    """The virtual bench as a process of its own."""
+
+    bench: BenchConfig
+    amplifier: ModbusPort
+    brake: ModbusPort
+    remote_io: ModbusPort
+    can: Socketcand | CanBus | SlcanPort = field(default_factory=Socketcand)
+    scenario: Path | None = None
+    end_with_parent: bool = False  # ends when its standard input is closed
+    pace: PaceServer | None = None  # None: by the wall clock, whatever a scan does
+    truth: Path | None = None  # where the torque in the reducer over time is written at the end

@@ -1,0 +1,1 @@
+"""What answers on the wires: servo drive by CANopen, amplifier, brake and remote I/O by Modbus, and their gateways."""

@@ -1,0 +1,1 @@
+"""What can be made wrong with the virtual bench, and when."""

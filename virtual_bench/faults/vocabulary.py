@@ -1,0 +1,179 @@
+"""The vocabulary of faults: what the virtual bench can do wrong, one row per target and verb.
+
+A scenario names a row, gives its value where it has one, and says when it starts. `acts_on` is what a controller finds
+changed: a fault counts as seen only once that has happened.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+INF = float("inf")
+DEVICES = ("amplifier", "brake", "remote_io")
+TORQUES = ("torque_in", "torque_out")
+ANGLES = ("angle_in", "angle_out")
+FRAMES = {
+    "can.sync": "SYNC",
+    "can.setpoint": "set-points (receive PDO 1)",
+    "can.controller.heartbeat": "heartbeat of the controller",
+    "can.drive.heartbeat": "heartbeat of the drive",
+    "can.drive.tpdo1": "status of the drive (transmit PDO 1)",
+    "can.drive.tpdo2": "position of the drive (transmit PDO 2)",
+    "can.drive.emcy": "emergency messages of the drive",
+    "can.drive.sdo": "SDO answers of the drive",
+}
+"""Frames that can be lost, by the name of their target."""
+
+CYCLIC = tuple(target for target in FRAMES if target not in ("can.drive.emcy", "can.drive.sdo"))
+
+REGISTERS = (
+    "amplifier.torque_out_nm",
+    "amplifier.sample_counter",
+    "brake.brake_current_a",
+    "brake.life_counter",
+    "remote_io.life_counter",
+)
+"""Registers that can be frozen alone."""
+
+
+class Verb(NamedTuple):
+    """Row of the vocabulary: meaning of the value ('' when it takes none), its range, and what is found changed."""
+
+    value: str
+    low: float
+    high: float
+    acts_on: str
+
+
+def _plain(acts_on: str) -> Verb:
+    return Verb("", 0.0, 0.0, acts_on)
+
+
+def _frames() -> dict[tuple[str, str], Verb]:
+    rows = {}
+    for target, name in FRAMES.items():
+        rows[target, "off"] = _plain(f"no {name}")
+    for target in CYCLIC:
+        rows[target, "drop"] = Verb("share of the frames that is lost, 0 to 1", 0.0, 1.0, "frames are missing")
+    for target in ("can.drive.tpdo1", "can.setpoint"):
+        rows[target, "drop_next"] = Verb("number of frames that are lost", 1, 1_000_000, "frames are missing")
+    target = "can.drive.tpdo1"
+    rows[target, "delay"] = Verb("ms by which frames are late", 0.0, 10_000.0, "frames are late")
+    rows[target, "jitter"] = Verb(
+        "ms by which frames are late at most", 0.0, 10_000.0, "frames are late, each by chance"
+    )
+    rows[target, "duplicate"] = _plain("every frame comes twice")
+    rows[target, "reorder"] = _plain("every second frame comes before the one that was sent first")
+    rows[target, "truncate"] = Verb("bytes that are missing at the end, 1 to 8", 1, 8, "frames are too short")
+    rows[target, "corrupt"] = _plain("frames carry garbage with a sound check sum")
+    rows[target, "stuck"] = _plain("frames repeat old data")
+    return rows
+
+
+def _devices() -> dict[tuple[str, str], Verb]:
+    rows = {}
+    for device in DEVICES:
+        target = f"modbus.{device}"
+        rows[target, "off"] = _plain("connections are closed and refused")
+        rows[target, "reset"] = _plain("connections are closed once")
+        rows[target, "exception"] = _plain("every answer is an exception")
+        rows[target, "silence"] = _plain("requests stay without answer")
+        rows[target, "slow"] = Verb("ms by which answers are late", 0.0, 10_000.0, "answers come late")
+        rows[target, "freeze"] = _plain("the registers keep their values")
+        rows[target, "truncate"] = _plain("answers lack their last register")
+        rows[target, "wrong_id"] = _plain("answers carry another transaction's number")
+        rows[target, "wrong_unit"] = _plain("answers come from another unit")
+    target = "modbus.amplifier"
+    rows[target, "jitter"] = Verb("ms by which answers are late at most", 0.0, 10_000.0, "answers are late, by chance")
+    rows[target, "split"] = _plain("answers come in two pieces")
+    rows[target, "garbage"] = _plain("registers hold chance, but for the identity")
+    rows[target, "swap"] = _plain("the words of 32-bit values are swapped")
+    for register in REGISTERS:
+        rows[f"modbus.{register}", "freeze"] = _plain("the register keeps its value, the others live")
+    return rows
+
+
+def _sensors() -> dict[tuple[str, str], Verb]:
+    rows = {}
+    for channel in TORQUES + ANGLES:
+        unit = "N·m" if channel in TORQUES else "rad"
+        target = f"sensor.{channel}"
+        rows[target, "stuck"] = _plain("the signal stands still")
+        rows[target, "offset"] = Verb(f"{unit} added to the signal", -INF, INF, "the signal is shifted")
+        rows[target, "scale"] = Verb("factor on the signal", -1000.0, 1000.0, "the signal is too large or small")
+        rows[target, "drift"] = Verb(f"{unit}/s by which the signal drifts", -INF, INF, "the signal wanders")
+        rows[target, "spike"] = Verb(f"{unit} added to one sample", -INF, INF, "one sample is wrong")
+        rows[target, "noise"] = Verb(f"{unit} rms added to the signal", 0.0, INF, "the signal is noisy")
+        rows[target, "lag"] = Verb("s, time constant of a lag", 1e-6, 1000.0, "the signal comes late")
+        rows[target, "flip"] = _plain("the signal has the wrong sign")
+        rows[target, "nan"] = _plain("not a number; over wires the lowest count")
+        if channel in TORQUES:
+            rows[target, "saturate"] = _plain("the channel reports saturation")
+    return rows
+
+
+FAULTS: dict[tuple[str, str], Verb] = {
+    **_frames(),
+    ("can.drive.node", "reset"): _plain("the drive boots and stays pre-operational"),
+    ("can.drive.sdo", "lie"): Verb(
+        "index of an object, 0x1000 to 0xFFFF", 0x1000, 0xFFFF, "the drive accepts writes to it and keeps the old value"
+    ),
+    ("can.drive.sdo", "abort"): Verb("SDO abort code", 1, 0xFFFFFFFF, "the drive aborts every write"),
+    ("can.bus", "off"): _plain("bus-off: no frame passes in either direction"),
+    ("can.bus", "cut"): _plain("the adapter is gone: its connection is closed"),
+    ("can.bus", "errors"): Verb("error frames before each frame, 1 to 20", 1, 20, "error frames arrive"),
+    ("can.bus", "babble"): Verb("foreign frames with each SYNC, 1 to 50", 1, 50, "frames of nobody we know arrive"),
+    ("drive.statusword", "stuck"): _plain("the status word keeps its value"),
+    ("drive.controlword", "ignore"): _plain("transitions are refused: control words change nothing"),
+    ("drive.setpoint", "ignore"): _plain("set-points are ignored, and bit 12 of the status word says so"),
+    ("drive.setpoint", "scale"): Verb(
+        "factor on the set-point", -1000.0, 1000.0, "the drive scales set-points wrongly"
+    ),
+    ("drive.mode", "stuck"): _plain("the mode display keeps its value"),
+    ("drive.mode", "refuse"): _plain("the mode display shows 0"),
+    ("drive.internal_limit", "raise"): _plain("bit 11 of the status word is set"),
+    ("drive.torque", "scale"): Verb("factor on the actual torque", -1000.0, 1000.0, "the actual torque is wrong"),
+    ("drive.state", "drop"): _plain("safe torque off without the emergency stop's contact"),
+    ("drive.emcy", "raise"): Verb("error code, 1 to 0xFFFF", 1, 0xFFFF, "an emergency message and the state fault"),
+    ("drive.emcy", "storm"): Verb("error code, 1 to 0xFFFF", 1, 0xFFFF, "emergency messages without end"),
+    **_devices(),
+    **_sensors(),
+    ("lock", "slip"): Verb("share of the brake's torque that is left, 0 to 1", 0.0, 1.0, "the lock holds less"),
+    ("brake.current", "fade"): Verb("share of the current that is left, 0 to 1", 0.0, 1.0, "the current is lower"),
+    ("coupling", "break"): _plain("no torque goes through the reducer any more"),
+    ("unit", "crack"): Verb("share of the stiffness that is left, positive torque", 0.0, 1.0, "the unit is softer"),
+    ("unit", "jam"): Verb("factor on the input friction, at least 1", 1.0, 1000.0, "the unit turns heavily"),
+    ("io.estop", "trip"): _plain("contact open, safe torque off"),
+    ("io.guard", "open"): _plain("contact open"),
+    ("io.housing_temp", "offset"): Verb("K added to the housing's temperature", -INF, INF, "the housing is warmer"),
+    ("clock", "step"): Verb("s by which the bench's wall clock jumps", -1e9, 1e9, "time stamps of frames jump"),
+    ("scan.overrun", "miss"): Verb("whole periods that are missed at once", 1, 1_000_000, "periods are missing"),
+    ("process.scan", "stop"): Verb("ms for which the scan process stands still", 1.0, 60_000.0, "periods are missing"),
+    ("process.scan", "kill"): _plain("SIGKILL of the scan process: no set-points, no heartbeat, no record"),
+    ("process.desk", "kill"): _plain("SIGKILL of the desk: nobody takes the records, nobody gives a sign"),
+    ("machine.disk", "full"): _plain("the desk can write no byte to any file"),
+    ("machine.clock", "step"): Verb("s by which the desk's wall clock jumps", -1e9, 1e9, "times of day jump"),
+}
+
+NOT_BY_WALL_CLOCK = frozenset({("scan.overrun", "miss")})
+"""By the wall clock the period belongs to the controller's process, which the virtual bench cannot hold up."""
+
+ONCE = frozenset({("process.scan", "stop"), ("process.scan", "kill"), ("process.desk", "kill")})
+"""Done once and not taken back: `for_ms` says nothing of them."""
+
+BY_STATION = ONCE | {("machine.disk", "full"), ("machine.clock", "step")}
+"""Over wires done by the station to its own processes, for no bench can."""
+
+ONLY_OVER_WIRES = (
+    BY_STATION
+    | {("can.drive.sdo", verb) for verb in ("off", "lie", "abort")}
+    | {("can.bus", "errors"), ("can.bus", "babble"), ("clock", "step")}
+    | {("modbus.amplifier", verb) for verb in ("jitter", "split", "garbage", "swap")}
+    | {(f"modbus.{register}", "freeze") for register in REGISTERS}
+)
+"""Needs bytes, a set-up, or a process of its own: what virtual time has none of."""
+
+
+def on_the_wire(target: str, verb: str) -> bool:
+    """Tell whether a fault acts on the wire alone, so that a gateway can bring it to a bench on a cable."""
+    return target.split(".", 1)[0] in ("can", "modbus") and (target, verb) != ("can.drive.node", "reset")

@@ -1,0 +1,152 @@
+"""The numbers of the plant: constants of one bench with one unit in it, and its elastic table."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from virtual_bench.config import BenchConfig
+from virtual_bench.physics.plant_kernel import ARCMIN_RAD, FloatArray, P
+from virtual_bench.physics.units import Unit
+
+TABLE_HALF_ARCMIN = 30.0
+TABLE_STEP_ARCMIN = 0.0025
+LOCKED_DRAG_OUTPUT_NMS_RAD = 1.0
+LOCKED_FRICTION_OUTPUT_NM = 0.5  # bearings of the open lock
+LOCK_INERTIA_OUTPUT_KGM2 = 0.1
+LOCK_INERTIA_INPUT_KGM2 = 2.5e-4
+LOCKED_DRAG_INPUT_NMS_RAD = 1e-3
+GEARBOX_FRICTION_NM = 1.0  # of the servo's gearbox, where it has one, at the loaded shaft
+GEARBOX_BRISTLE_ARCMIN = 0.005
+BRISTLE_DAMPING_RATIO = 0.06
+GEARBOX_VISCOUS_NMS_RAD = 1.0
+MIN_LAG_S = 1e-6
+
+
+def elastic_windup_arcmin(unit: Unit, torque_nm: FloatArray) -> FloatArray:
+    """Return the elastic wind-up over torque: linear part, soft contact at low torque, gap."""
+    magnitude = np.abs(torque_nm)
+    stiffness = np.where(torque_nm >= 0.0, unit.stiffness_positive_nm_per_arcmin, unit.stiffness_negative_nm_per_arcmin)
+    soft = unit.soft_arcmin * np.sign(torque_nm) * -np.expm1(-magnitude / unit.soft_torque_nm)
+    gap = unit.gap_arcmin / 2.0 * np.tanh(torque_nm / unit.gap_torque_nm)
+    windup: FloatArray = torque_nm / stiffness + soft + gap
+    return windup
+
+
+def elastic_table(unit: Unit) -> FloatArray:
+    """Return the elastic torque on an even grid of wind-up: the inverse of `elastic_windup_arcmin`."""
+    cells = round(2 * TABLE_HALF_ARCMIN / TABLE_STEP_ARCMIN)
+    grid = np.linspace(-TABLE_HALF_ARCMIN, TABLE_HALF_ARCMIN, cells + 1)
+    stiffest = max(unit.stiffness_positive_nm_per_arcmin, unit.stiffness_negative_nm_per_arcmin)
+    low, high = np.full_like(grid, -stiffest * 40.0), np.full_like(grid, stiffest * 40.0)
+    for _ in range(60):  # bisection: the curve has corners that Newton's method would jump over
+        middle = (low + high) / 2.0
+        above = elastic_windup_arcmin(unit, middle) > grid
+        high = np.where(above, middle, high)
+        low = np.where(above, low, middle)
+    table: FloatArray = (low + high) / 2.0
+    return table
+
+
+def parameters(unit: Unit, config: BenchConfig) -> FloatArray:
+    """Put the constants of unit and bench at their places."""
+    drive, brake = config.drive, config.brake
+    gear = drive.gear_ratio
+    drives_input = config.loading == "input"
+    driven_ratio, locked_ratio = (unit.ratio, 1.0) if drives_input else (1.0, unit.ratio)
+    unit_inertia = unit.input_inertia_kgm2 if drives_input else unit.output_inertia_kgm2
+    inertia = drive.motor_inertia_kgm2 * gear**2 + unit_inertia
+    values = {
+        P.DRIVEN_RATIO: driven_ratio,
+        P.LOCKED_RATIO: locked_ratio,
+        P.DRIVEN_INERTIA_KGM2: inertia,
+        P.UNIT_INERTIA_KGM2: unit_inertia,
+        P.FIXTURE_NM_ARCMIN: config.fixture_stiffness_nm_per_arcmin * locked_ratio**2,
+        P.DAHL_STIFFNESS_NM_ARCMIN: unit.hysteresis_stiffness_nm_per_arcmin,
+        P.DAHL_FORCE_NM: unit.hysteresis_nm,
+        P.FRICTION_BEHIND_SENSOR: 1.0 if drives_input else 0.0,
+        P.DRIFT_ARCMIN: unit.drift_arcmin,
+        P.DRIFT_TIME_S: unit.drift_time_s,
+        P.BRAKE_NM_PER_A: brake.torque_constant_nm_per_a,
+        P.BRAKE_TIME_S: max(brake.time_constant_s, MIN_LAG_S),
+        P.BRAKE_HYSTERESIS: brake.hysteresis_fraction,
+        P.BRAKE_HOLDS: unit.lock_holds,
+        P.GEAR_RATIO: gear,
+        P.TORQUE_LOOP_RAD_S: 2.0 * pi * drive.torque_bandwidth_hz,
+        P.TABLE_START_ARCMIN: -TABLE_HALF_ARCMIN,
+        P.TABLE_STEP_ARCMIN: TABLE_STEP_ARCMIN,
+        P.TORQUE_UNIT_NM: drive.torque_unit_nm,
+        P.COUNTS_PER_RAD: drive.profile.position_counts_per_motor_rev / (2.0 * pi),
+        P.COUNTS_S_PER_RAD_S: drive.profile.velocity_counts_per_rad_s,
+    }
+    values |= _friction(unit) if drives_input else _gearbox_friction(inertia)
+    values |= _lock(unit, drives_input=drives_input)
+    values |= _velocity_loop(inertia / gear**2, drive.velocity_bandwidth_rad_s)
+    torque_lags = tuple(
+        MIN_LAG_S if s is None else max(s.lag_s, MIN_LAG_S) for s in (config.torque_in, config.torque_out)
+    )
+    angle_lags = tuple(MIN_LAG_S if s is None else max(s.lag_s, MIN_LAG_S) for s in (config.angle_in, config.angle_out))
+    driven, locked = (0, 1) if drives_input else (1, 0)
+    values |= {
+        P.LAG_TORQUE_DRIVEN_S: torque_lags[driven],
+        P.LAG_TORQUE_LOCKED_S: torque_lags[locked],
+        P.LAG_ANGLE_DRIVEN_S: angle_lags[driven],
+        P.LAG_ANGLE_LOCKED_S: angle_lags[locked],
+    }
+    return np.array([values[name] for name in P])
+
+
+def _friction(unit: Unit) -> dict[P, float]:
+    """Return the friction of a driven input shaft: the reducer's own."""
+    return {
+        P.BRISTLE_STIFFNESS_NM_RAD: unit.bristle_stiffness_nm_rad,
+        P.BRISTLE_DAMPING_NMS_RAD: unit.bristle_damping_nms_rad,
+        P.VISCOUS_NMS_RAD: unit.viscous_nms_rad,
+        P.FRICTION_LOADING_NM: unit.friction_loading_nm,
+        P.FRICTION_UNLOADING_NM: unit.friction_unloading_nm,
+        P.FRICTION_LOADING_PER_NM: unit.friction_loading_fraction,
+        P.FRICTION_UNLOADING_PER_NM: unit.friction_unloading_fraction,
+    }
+
+
+def _gearbox_friction(inertia_kgm2: float) -> dict[P, float]:
+    """Return the friction of a driven output shaft: that of the servo's gearbox, before the torque sensor."""
+    stiffness = GEARBOX_FRICTION_NM / (GEARBOX_BRISTLE_ARCMIN * ARCMIN_RAD)
+    return {
+        P.BRISTLE_STIFFNESS_NM_RAD: stiffness,
+        P.BRISTLE_DAMPING_NMS_RAD: 2.0 * BRISTLE_DAMPING_RATIO * (stiffness * inertia_kgm2) ** 0.5,
+        P.VISCOUS_NMS_RAD: GEARBOX_VISCOUS_NMS_RAD,
+        P.FRICTION_LOADING_NM: GEARBOX_FRICTION_NM,
+        P.FRICTION_UNLOADING_NM: GEARBOX_FRICTION_NM,
+        P.FRICTION_LOADING_PER_NM: 0.0,
+        P.FRICTION_UNLOADING_PER_NM: 0.0,
+    }
+
+
+def _lock(unit: Unit, *, drives_input: bool) -> dict[P, float]:
+    """Return what the locked shaft is when its brake is open: an inertia, some drag and some friction."""
+    if drives_input:
+        return {
+            P.LOCKED_INERTIA_KGM2: LOCK_INERTIA_OUTPUT_KGM2 + unit.output_inertia_kgm2,
+            P.LOCKED_DRAG_NMS_RAD: LOCKED_DRAG_OUTPUT_NMS_RAD,
+            P.LOCKED_FRICTION_NM: LOCKED_FRICTION_OUTPUT_NM,
+        }
+    return {
+        P.LOCKED_INERTIA_KGM2: LOCK_INERTIA_INPUT_KGM2 + unit.input_inertia_kgm2,
+        P.LOCKED_DRAG_NMS_RAD: LOCKED_DRAG_INPUT_NMS_RAD,
+        P.LOCKED_FRICTION_NM: unit.friction_loading_nm,
+    }
+
+
+def _velocity_loop(motor_inertia_kgm2: float, bandwidth_rad_s: float) -> dict[P, float]:
+    """Return gains that put the velocity loop's three poles at the bandwidth on a free shaft.
+
+    The second integral is there because a reducer that winds up is a ramp of torque: without it the speed would stay
+    below its set-point by the ratio of the reducer's stiffness to the first integral's gain.
+    """
+    return {
+        P.VELOCITY_P_NMS_RAD: 3.0 * motor_inertia_kgm2 * bandwidth_rad_s,
+        P.VELOCITY_I_NM_RAD: 3.0 * motor_inertia_kgm2 * bandwidth_rad_s**2,
+        P.VELOCITY_II_NM_RADS: motor_inertia_kgm2 * bandwidth_rad_s**3,
+    }

@@ -1,0 +1,366 @@
+"""The virtual bench as a process: CAN and Modbus servers around one plant.
+
+Prints one JSON line with its ports when everything is compiled and listening, then JSON lines about what the drive and
+the injected faults do on standard error, until SIGTERM or SIGINT. By the wall clock the plant is advanced to the
+present on every frame, request and tick, so nobody ever sees an old value. While a scan leads (`pace_port`), frames and
+requests wait until that scan has ended; then they are taken in their order, CAN first, and exactly one period passes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from definitions.image import State
+from drivers.pace import PACE_DEVICES, FromBench, ToBench
+from virtual_bench.bench_time import BenchTime
+from virtual_bench.config import CanBus, ModbusPort, ServerConfig, SlcanPort, Socketcand
+from virtual_bench.devices.drive_node import DriveNode
+from virtual_bench.devices.modbus_rtu import RtuLine
+from virtual_bench.devices.modbus_servers import Device, ModbusServer
+from virtual_bench.devices.process_lines import NOT_SEEN, LogLine, ParentInput, log_line, print_ready, tell_acted
+from virtual_bench.drive.cia402_tables import HEARTBEAT_LOST
+from virtual_bench.errors import VirtualBenchError
+from virtual_bench.faults.frame_faults import FrameFaults
+from virtual_bench.faults.modbus_faults import ModbusFaults
+from virtual_bench.faults.scenario import Scenario
+from virtual_bench.faults.schedule import Acted
+from virtual_bench.pace_port import PacePort
+from virtual_bench.physics.plant import Plant, warm_up
+from virtual_bench.wires.python_can_port import PythonCanPort
+from virtual_bench.wires.slcan_server import SlcanServer
+from virtual_bench.wires.socketcand_server import SocketcandServer
+
+TICK_S = 0.002
+POWER_ON_NS = 100_000_000  # a bench that waits for its first scan has been on for a while
+DEVICE_CYCLE_NS = 1_000_000  # of the remote I/O, which counts its cycles
+
+
+class VirtualBench:
+    """Plant, drive node and Modbus devices on one clock, wired to the servers by `run`."""
+
+    def __init__(self, config: ServerConfig, scenario: Scenario | None, log: LogLine) -> None:
+        bench = config.bench
+        self.log = log
+        self.plant = Plant(bench)
+        self.time = BenchTime(self._let_pass, self._excuse)
+        self._at_rest = config.pace is not None and config.pace.from_rest
+        if self._at_rest:
+            self.plant.advance(POWER_ON_NS)
+        self.pace = None if config.pace is None else PacePort(self, log)
+        self._period_ns = 0
+        self._begun_ns: int | None = None
+        self._frames_waiting: list[tuple[int, bytes]] = []
+        self._frames_come = 0
+        self._frames_sent_before = 0
+        self._given_up: tuple[int, ...] = (0,) * (1 + len(PACE_DEVICES))
+        self._brake_on = 0
+        self._frames: FrameFaults | None = None  # from when the drive is there: it says boot-up while it is made
+        self.unit = bench.unit
+        self._keep_truth = config.truth is not None
+        self._truth: list[tuple[int, float]] = []
+        self.can: SocketcandServer | SlcanServer | PythonCanPort
+        if isinstance(config.can, Socketcand):
+            self.can = SocketcandServer(config.can.channel, self._frame, log)
+        elif isinstance(config.can, SlcanPort):
+            self.can = SlcanServer(config.can.link, config.can.bitrate, self._frame, log)
+        else:
+            self.can = PythonCanPort(config.can, self._frame, log)
+        self.drive = DriveNode(
+            self.plant, bench.drive, self._send, self.time, scenario=scenario, report=self._tell_acted
+        )
+        self._frames = self.drive.faults.frames
+        ports = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
+        self.modbus_faults = ModbusFaults(self.drive.faults, {name: port.registers for name, port in ports.items()})
+        self.servers = {
+            "amplifier": self._serve("amplifier", Device(config.amplifier, self._read_amplifier)),
+            "brake": self._serve("brake", Device(config.brake, self._read_brake, self._write_brake)),
+            "remote_io": self._serve("remote_io", Device(config.remote_io, self._read_remote_io)),
+        }
+        self.serial_lines: dict[str, RtuLine] = {}
+
+    def advance(self) -> None:
+        """Bring the plant to the present, unless a scan leads."""
+        stood_ns = self.time.advance()
+        if stood_ns:
+            self.log("process_stopped", f"the process stood still for {stood_ns / 1e9:.2f} s")
+
+    def _let_pass(self, duration_ns: int) -> None:
+        if not self._at_rest:
+            self.plant.advance(duration_ns)
+
+    def _excuse(self, standstill_ns: int) -> None:
+        self.drive.axis.machine.excuse_silence(standstill_ns)
+
+    def clock_ns(self) -> int:
+        """Return the time of the clock on which scan n is due n + 1 periods after the start."""
+        if self._begun_ns is None:
+            return 0 if self._at_rest else time.monotonic_ns()
+        return self.time.now_ns - self._begun_ns + self._period_ns
+
+    def tick(self) -> None:
+        """Bring the bench to the present and do what time alone makes due; while a scan leads, look after it."""
+        if self.pace is not None:
+            self.pace.look()
+        if not self.time.led:
+            self.advance()
+            self._do_due()
+
+    def _do_due(self) -> None:
+        """Do what time alone makes due: supervision, ramps, faults, what is late."""
+        before = set(self.drive.faults.wires.cut)
+        self.drive.tick()
+        self.time.do_due()
+        if self._keep_truth and not self._at_rest:
+            self._truth.append((self.clock_ns(), self.plant.reducer_torque_nm))
+        for name, server in self.servers.items():
+            if name in self.drive.faults.wires.cut - before or self.modbus_faults.takes_reset(name):
+                server.cut()
+                self.drive.faults.seen(f"modbus.{name}")
+        self._disturb_bus()
+        for event in self.drive.axis.machine.events:
+            self.log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
+            if event.code == HEARTBEAT_LOST and event.kind == "controller_lost":
+                self.log("controller_vanished", "the controller has vanished: the drive acts on its own")
+        self.drive.axis.machine.events.clear()
+
+    def _disturb_bus(self) -> None:
+        """Do what faults do to the CAN port itself."""
+        faults = self.drive.faults
+        if not faults.active:
+            return
+        if faults.frames.port_is_cut():
+            self.can.cut()
+        step_s = faults.value("clock", "step")
+        if step_s is not None and isinstance(self.can, SocketcandServer):
+            self.can.clock_offset_s = step_s
+            faults.seen("clock")
+
+    def _serve(self, name: str, device: Device) -> ModbusServer:
+        server = ModbusServer(name, device, self.time, self.modbus_faults)
+        if self.pace is not None:
+            server.arrived = self.pace.arrived
+        return server
+
+    # --- led by a scan: see `pace_port`
+
+    def begin(self, period_ns: int) -> None:
+        """Begin to wait for a scan."""
+        self._at_rest = False
+        self._period_ns, self._begun_ns = period_ns, self.time.now_ns
+        self._frames_come, self._frames_sent_before = 0, self.can.frames_sent
+        self._given_up = (0,) * len(self._given_up)
+        for server in self.servers.values():
+            server.requests = server.bytes_sent = 0
+        self.time.lead()
+        self.drive.begin_heartbeats()
+        self.can.flush()
+
+    def wait_again(self) -> None:
+        """Wait for a scan that had been given up, and is there again."""
+        self.time.lead()
+
+    def _come(self) -> tuple[int, ...]:
+        return (self._frames_come, *(self.servers[name].requests for name in PACE_DEVICES))
+
+    def missing(self, message: ToBench) -> bool:
+        """Tell whether something that was sent before a message is not there yet and may still come."""
+        reachable = (self.can.connected, *(self.servers[name].reachable for name in PACE_DEVICES))
+        rows = zip(message[3:], self._come(), self._given_up, reachable, strict=True)
+        return any(sent > come + given_up and there for sent, come, given_up, there in rows)
+
+    def give_up(self, message: ToBench) -> None:
+        """Do without what is missing, now and later."""
+        rows = zip(message[3:], self._come(), self._given_up, strict=True)
+        self._given_up = tuple(max(sent - come, given_up) for sent, come, given_up in rows)
+
+    def let_scan_pass(self, message: ToBench) -> FromBench:
+        """Take what has come, let the period pass and those that faults make the scan miss, and return the answer."""
+        self._take_waiting()
+        faults = self.drive.faults
+        faults.tell(State(message.state).name.lower(), message.number)
+        missed = faults.take_missed()
+        for _ in range(1 + missed):
+            self.time.let_pass(self._period_ns)
+            self._do_due()
+        self.can.flush()
+        amplifier, brake, remote_io = (self.servers[name].bytes_sent for name in PACE_DEVICES)
+        frames = self.can.frames_sent - self._frames_sent_before
+        return FromBench(message.number, missed, frames, amplifier, brake, remote_io, b"")
+
+    def go_on(self) -> None:
+        """Go on by the wall clock."""
+        self.time.release()
+        self._take_waiting()
+
+    def _take_waiting(self) -> None:
+        waiting, self._frames_waiting = self._frames_waiting, []
+        for cob_id, data in waiting:
+            self.drive.receive(cob_id, data)
+        for name in PACE_DEVICES:
+            self.servers[name].answer_waiting()
+
+    def tell(self, state: str, scan: int, entered: int) -> None:
+        """Take from the desk where the controller is; a scan that leads says it itself, and sooner."""
+        if not self.time.led:
+            self.drive.faults.tell(state, scan, entered)
+
+    def _tell_acted(self, acted: Acted) -> None:
+        tell_acted(self.log, acted, self.clock_ns)
+
+    def _send(self, cob_id: int, data: bytes) -> None:
+        if self._frames is not None and isinstance(self.can, SocketcandServer):
+            for _ in range(self._frames.error_frames()):
+                self.can.send_error()
+        self.can.send(cob_id, data)
+
+    def _frame(self, cob_id: int, data: bytes) -> None:
+        self._frames_come += 1
+        if self.time.led and self.pace is not None:
+            self._frames_waiting.append((cob_id, data))
+            self.pace.arrived()
+            return
+        self.advance()
+        self.drive.receive(cob_id, data)
+
+    def _read_amplifier(self) -> dict[str, float]:
+        sample = self.plant.sample()
+        return {
+            "torque_in_nm": sample.torque_in_nm,
+            "torque_out_nm": sample.torque_out_nm,
+            "angle_in_rad": sample.angle_in_rad,
+            "angle_out_rad": sample.angle_out_rad,
+            "sample_counter": sample.counter,
+            "sample_time_us": sample.time_us,
+            "sample_status": sample.status,
+        }
+
+    def _read_brake(self) -> dict[str, float]:
+        return {
+            "brake_on": self._brake_on,
+            "brake_current_a": self.plant.brake_current_a,
+            "life_counter": self._life_counter(),
+        }
+
+    def _write_brake(self, values: dict[str, float]) -> None:
+        self._brake_on = 1 if values["brake_on"] else 0
+        self.plant.set_brake_current(values["brake_current_a"] if self._brake_on else 0.0)
+
+    def _read_remote_io(self) -> dict[str, float]:
+        wires = self.drive.faults.wires
+        return {
+            "estop_released": wires.estop_released,
+            "guard_closed": wires.guard_closed,
+            "housing_temp_c": self.plant.housing_temp_c + wires.housing_offset_k,
+            "ambient_temp_c": self.plant.ambient_temp_c,
+            "life_counter": self._life_counter(),
+        }
+
+    def _life_counter(self) -> int:
+        return self.plant.now_ns // DEVICE_CYCLE_NS & 0xFFFF
+
+    def write_truth(self, path: Path) -> None:
+        """Write the torque in the reducer, one line per tick."""
+        lines = [f"{time_ns},{torque_nm:.6g}\n" for time_ns, torque_nm in self._truth]
+        path.write_text("clock_ns,reducer_torque_nm\n" + "".join(lines), encoding="ascii")
+
+
+async def run(
+    config: ServerConfig,
+    scenario: Scenario | None = None,
+    *,
+    announce: Callable[[dict[str, Any]], None] | None = None,
+    stop: asyncio.Event | None = None,
+    log: LogLine = log_line,
+) -> None:
+    """Serve the bench until `stop` is set, a signal comes, or (`end_with_parent`) standard input closes.
+
+    `announce` gets the ready message; without it the message goes to standard output as one JSON line. Raises
+    `VirtualBenchError` when the unit is unknown or a port cannot be had.
+    """
+    warm_up(config.bench)
+    bench = VirtualBench(config, scenario, log)
+    stop = stop or asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        with contextlib.suppress(ValueError, RuntimeError):  # only the main thread may
+            loop.add_signal_handler(number, stop.set)
+    try:
+        ready = await _start(bench, config)
+        if config.end_with_parent:
+            loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.tell, log).read)
+        gc.collect()
+        gc.freeze()
+        bench.advance()
+        (announce or print_ready)(ready)
+        while not stop.is_set():
+            bench.tick()
+            await asyncio.sleep(TICK_S)
+    finally:
+        for text in bench.drive.faults.why_unseen():
+            log(NOT_SEEN, text)
+        log("stopping", "virtual bench stops")
+        if config.truth is not None:
+            bench.write_truth(config.truth)
+        for server in bench.servers.values():
+            await server.stop()
+        for line in bench.serial_lines.values():
+            await line.stop()
+        if bench.pace is not None:
+            await bench.pace.stop()
+        await bench.can.stop()
+
+
+async def _start(bench: VirtualBench, config: ServerConfig) -> dict[str, Any]:
+    """Open all ports and return the ready message."""
+    ready: dict[str, Any] = {"ready": True, "unit": config.bench.unit}
+    devices = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
+    try:
+        ready["can"] = await _start_can(bench, config)
+        for name, where in devices.items():
+            if not where.rtu:
+                port = await bench.servers[name].start(where.host, where.port)
+                ready[name] = {"host": where.host, "port": port, "unit_id": where.unit_id}
+        for link, names in _serial_lines(devices).items():
+            line = RtuLine(
+                [bench.servers[name] for name in names], devices[names[0]].serial_port, bench.log, bench.time
+            )
+            bench.serial_lines[link] = line
+            path = await line.start()
+            ready |= {name: {"serial_port": path, "unit_id": devices[name].unit_id} for name in names}
+        if bench.pace is not None and config.pace is not None:
+            ready["pace"] = {
+                "host": config.pace.host,
+                "port": await bench.pace.start(config.pace.host, config.pace.port),
+            }
+    except OSError as error:
+        raise VirtualBenchError(f"virtual bench: {error}. Choose another port, or 0 for a free one.") from error
+    return ready
+
+
+async def _start_can(bench: VirtualBench, config: ServerConfig) -> dict[str, Any]:
+    if isinstance(bench.can, SocketcandServer) and isinstance(config.can, Socketcand):
+        port = await bench.can.start(config.can.host, config.can.port)
+        where = {"interface": "socketcand", "host": config.can.host, "port": port}
+    elif isinstance(bench.can, SlcanServer):
+        return {"interface": "slcan", "channel": await bench.can.start()}
+    elif isinstance(bench.can, PythonCanPort) and isinstance(config.can, CanBus):
+        await bench.can.start()
+        where = {"interface": config.can.interface}
+    return where | {"channel": config.can.channel}
+
+
+def _serial_lines(devices: dict[str, ModbusPort]) -> dict[str, list[str]]:
+    """Return the devices of each serial line, by the port's name; without a name a device has a line of its own."""
+    lines: dict[str, list[str]] = {}
+    for name, where in devices.items():
+        if where.rtu:
+            lines.setdefault(where.serial_port or name, []).append(name)
+    return lines

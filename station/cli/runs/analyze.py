@@ -9,14 +9,14 @@ from typing import Any
 
 from recipes import OWN, Selection
 from station.bench.request import trace_file
+from station.cli.measure.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
 from station.cli.runs.monte_carlo_table import check_draws, show_monte_carlo
-from station.cli.measure.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.cli.runs.show import stored_result
 from station.errors import StationError
+from station.records.data_folder import Store
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RunRecord
 from station.records.seal import alterations
-from station.records.data_folder import Store
 from station.reports.result_view import result_console, show_result
 from station.run.conclusion import NOT_DECIDABLE
 

@@ -62,17 +62,27 @@ def analyze(
     trace: TraceArgument,
     recipe: Annotated[
         str | None,
-        typer.Option("--recipe", metavar="RECIPE", help="Recipe for the evaluation. Default for a stored run: its own recipe."),
+        typer.Option(
+            "--recipe", metavar="RECIPE", help="Recipe for the evaluation. Default for a stored run: its own recipe."
+        ),
     ] = None,
     bench: Annotated[
         str | None,
-        typer.Option("--bench", metavar="FILE", help="Bench on which the trace was recorded, for its fixture and calibrations."),
+        typer.Option(
+            "--bench", metavar="FILE", help="Bench on which the trace was recorded, for its fixture and calibrations."
+        ),
     ] = None,
     preset: PresetOption = None,
     metric: ChosenMetricOption = None,
     monte_carlo: Annotated[
         int,
-        typer.Option("--monte-carlo", metavar="N", min=0, max=100_000, help="Number of Monte Carlo draws for the uncertainty, 50 or more."),
+        typer.Option(
+            "--monte-carlo",
+            metavar="N",
+            min=0,
+            max=100_000,
+            help="Number of Monte Carlo draws for the uncertainty, 50 or more.",
+        ),
     ] = 0,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
@@ -118,7 +128,9 @@ def replay(
     recipe: Annotated[
         str | None,
         typer.Option(
-            "--recipe", metavar="OTHER", help="What if: replay and evaluate the run with another recipe, up to the first difference."
+            "--recipe",
+            metavar="OTHER",
+            help="What if: replay and evaluate the run with another recipe, up to the first difference.",
         ),
     ] = None,
     data: DataOption = DEFAULT_DATA,

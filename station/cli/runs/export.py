@@ -11,12 +11,12 @@ from typing import Any
 from station.cli.out_file import refuse_records, writing
 from station.cli.runs.show import stored_result
 from station.errors import RecordError, StationError
-from station.records.samples.check import check_bytes
-from station.records.run_record import RunRecord
-from station.records.samples.samples import samples_bytes
-from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.records.samples.check import check_bytes
+from station.records.samples.samples import samples_bytes
 from station.records.samples.table import table_of
+from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.results.export import FORMATS, Column, columns_of, sidecar
 from station.results.export_origin import for_analysis
 

@@ -47,7 +47,9 @@ def show_monte_carlo(console: Console, metrics: list[dict[str, Any]]) -> None:
     console.print(MEANS.format(draws=drawn[0]["monte_carlo"]["draws"]), style="dim", highlight=False)
     left = [metric_name(row) for row in rows if not row["monte_carlo"]]
     if left:
-        console.print(f"Without Monte Carlo, because they have no uncertainty budget: {', '.join(left)}", highlight=False)
+        console.print(
+            f"Without Monte Carlo, because they have no uncertainty budget: {', '.join(left)}", highlight=False
+        )
     console.print()
 
 

@@ -17,12 +17,12 @@ from station.bench.request import Job, stored_job
 from station.cli.measure.run import EXIT_CODES
 from station.cli.runs.what_if import Question, what_if_lines
 from station.errors import StationError
+from station.records.data_folder import Store
 from station.records.program_file import PROGRAM, program_differences
 from station.records.run_record import RunRecord
 from station.records.samples.samples import samples_bytes
-from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
-from station.records.data_folder import Store
 from station.records.samples.table import table_of
+from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.results.replay import Replayed, not_compared, replay
 from station.run.conclusion import NOT_DECIDABLE, finite
 

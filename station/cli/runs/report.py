@@ -17,8 +17,8 @@ from station.cli.out_file import refuse_records, writing
 from station.cli.runs.show import stored_result
 from station.durable import write_durable
 from station.errors import RecordError, StationError
-from station.records.run_record import NOT_CONCLUDED, RunRecord
 from station.records.data_folder import Store
+from station.records.run_record import NOT_CONCLUDED, RunRecord
 from station.reports.illustrate import HTML, PDF, Shown, illustrate
 from station.results.run_analysis import complete_run
 

@@ -14,13 +14,13 @@ from rich.errors import ConsoleError
 from rich.panel import Panel
 from rich.text import Text
 
-from station.records.chain.chain_file import CHAIN, Chain
 from station.errors import RecordError
+from station.records.chain.chain_file import CHAIN, Chain
+from station.records.data_folder import Store
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RESULT, RunRecord
 from station.records.run_ring import records_waiting
 from station.records.samples.samples import check_samples
 from station.records.seal import EXIT_ALTERED, alterations, is_sealed, vouched_for
-from station.records.data_folder import Store
 from station.reports.result_view import result_console, show_result
 
 SHAPELESS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, ConsoleError)
@@ -117,7 +117,8 @@ def _without_result(run: RunRecord, manifest: dict[str, Any], state: str) -> dic
         RECORDING: f"still running (pid {pid})" if pid else "the run is still going on",
         INTERRUPTED: "the run was interrupted before it was evaluated; its samples are kept. "
         f"'lostmotion conclude {run.id}' tries again",
-        NOT_CONCLUDED: f"still running (pid {pid}) without its supervisor process. Take it over: 'lostmotion resume {run.id}'"
+        NOT_CONCLUDED: f"still running (pid {pid}) without its supervisor process. "
+        f"Take it over: 'lostmotion resume {run.id}'"
         if pid
         else f"not concluded: the supervisor process ended before the evaluation; {on_disk} scans on disk{rest}. "
         f"Run 'lostmotion conclude {run.id}'",

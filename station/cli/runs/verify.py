@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from recipes import find_bench, load_bench
-from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
-from station.records.chain.problems import PROBLEMS
 from station.cli.measure.recover import FOLDER as RECOVERIES
 from station.errors import StationError
 from station.own_place import own_place
+from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
+from station.records.chain.problems import PROBLEMS
 from station.records.verify import Verified, verify_folder
 
 EXIT_PROBLEMS = 1

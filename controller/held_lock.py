@@ -7,13 +7,14 @@ way to zero and for nothing else.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from controller.context import RUNNING, Context, Outcome
 from definitions.image import Image
 
 
-class Left(NamedTuple):
+@dataclass(frozen=True)
+class Left:
     """How a bench was left: number of the fault that goes on, and the zeroes of the torque sensors [N·m]."""
 
     fault: int

@@ -58,8 +58,7 @@ class Release:
 
     def _proven_low(self, image: Image) -> bool:
         """Low in enough fresh samples in a row; the count starts anew for the next proof."""
-        fresh = image.sample_age_scans <= self._context.program.limits.sample_late_scans
-        self._low = self._low + 1 if fresh and self._context.torque_is_low() else 0
+        self._low = self._low + 1 if self._context.torque_is_low(image) else 0
         if self._low < self.PROVE_SCANS:
             return False
         self._low = 0
@@ -118,11 +117,8 @@ class FaultReaction:
             if context.drive_mode != DriveMode.CYCLIC_SYNC_TORQUE:
                 context.drive_mode = DriveMode.CYCLIC_SYNC_TORQUE
                 context.take_over_torque(image)
-            context.control_from_input = not context.program.has_torque_out
-            measured = context.measured
-            here_nm = context.program.control.slope * measured.torque_in_nm
-            measured.controlled_nm = here_nm if context.control_from_input else measured.torque_out_nm
-            self._torque.begin(measured.controlled_nm, context.drive_torque_nm)
+            controlled_nm = context.control_from(the_input=not context.program.has_torque_out)
+            self._torque.begin(controlled_nm, context.drive_torque_nm)
             self._unloading.begin()
         elif reaction == Reaction.POWER_OFF:
             context.phase = self.POWERLESS
@@ -154,7 +150,7 @@ class FaultReaction:
 
     def _unload(self, image: Image) -> None:
         context, program = self._context, self._context.program
-        done = image.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE and self._unloading.follow()
+        done = image.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE and self._unloading.follow(image)
         if done or self._waited > program.unload_limit_scans or image.drive_state != DriveState.OPERATION_ENABLED:
             context.phase = self.POWERLESS
             context.disable_drive()

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from controller.conditions import Measured
+from controller.sample import is_fresh, tared_nm
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, Image
 from definitions.program import Program
 
@@ -115,8 +116,7 @@ class Context:
         if self.lock_found:
             self.keep_lock(image)
         measured, program = self.measured, self.program
-        measured.torque_in_nm = torque_in_nm = image.torque_in_nm - self.torque_in_tare_nm
-        measured.torque_out_nm = torque_out_nm = image.torque_out_nm - self.torque_out_tare_nm
+        measured.torque_in_nm, measured.torque_out_nm = torque_in_nm, torque_out_nm = tared_nm(image, self)
         measured.controlled_nm = program.control.slope * torque_in_nm if self.control_from_input else torque_out_nm
         if program.loading_input:  # as `travel_rad` and `locked_angle_rad`, which take a call each
             travel_rad = image.angle_in_rad - self.angle_in_zero_rad
@@ -128,23 +128,18 @@ class Context:
         measured.drive_apart_rad = image.drive_angle_rad - self.drive_angle_zero_rad - travel_rad
         measured.speed_rad_s = speed_rad_s = image.drive_velocity_rad_s
         elapsed, age_scans = 1 + image.missed_periods, image.sample_age_scans
-        self._age_of_request(age_scans, elapsed)
+        # How long ago the sample may have been asked for: a slow amplifier may have measured then. It is asked again
+        # only when it has answered, so no answer took longer than the time since the one before.
+        grown_scans = self._sample_age_scans + elapsed
+        if age_scans < grown_scans:
+            self._answer_took_scans = grown_scans - age_scans if self._sample_age_scans < AGE_NEVER else 0
+        self._sample_age_scans = age_scans
+        measured.request_age_scans = age_scans + self._answer_took_scans
         self.keep_fastest(abs(speed_rad_s), elapsed)
         # an answer of this scan or the one before; where none comes, the age tells (`sample_stale`)
         counter = image.sample_counter
         measured.counter_stands = age_scans <= 1 and counter == self.last_counter
         self.last_counter = counter
-
-    def _age_of_request(self, age_scans: int, elapsed: int) -> None:
-        """Measure how long ago the sample may have been asked for: a slow amplifier may have measured then.
-
-        It is asked again only when it has answered, so no answer took longer than the time since the one before.
-        """
-        grown_scans = self._sample_age_scans + elapsed
-        if age_scans < grown_scans:
-            self._answer_took_scans = grown_scans - age_scans if self._sample_age_scans < AGE_NEVER else 0
-        self._sample_age_scans = age_scans
-        self.measured.request_age_scans = age_scans + self._answer_took_scans
 
     def keep_fastest(self, speed_rad_s: float, elapsed: int) -> None:
         """Keep the largest speed of the last scans: of as many as a value may be old before that itself is a fault.
@@ -155,11 +150,13 @@ class Context:
         if self._fast_for_scans > self._oldest_scans:
             self._fast_for_scans = 0
             self._fastest_before_rad_s, self._fastest_now_rad_s = self._fastest_now_rad_s, 0.0
-        # comparisons: two calls of max are a tenth of what a scan takes for all that it measures
+        # comparisons: calls of max are a tenth of what a scan takes for all that it measures
         now_rad_s, before_rad_s = self._fastest_now_rad_s, self._fastest_before_rad_s
         if speed_rad_s > now_rad_s:
             self._fastest_now_rad_s = now_rad_s = speed_rad_s
-        self.measured.fastest_rad_s = max(now_rad_s, before_rad_s)
+        if now_rad_s < before_rad_s:  # noqa: PLR1730 - as above
+            now_rad_s = before_rad_s
+        self.measured.fastest_rad_s = now_rad_s
 
     def disable_drive(self) -> None:
         """No torque and no voltage from the drive."""
@@ -212,6 +209,18 @@ class Context:
         """Angle of the shaft that the lock holds [rad]."""
         return image.angle_out_rad if self.program.loading_input else image.angle_in_rad
 
-    def torque_is_low(self) -> bool:
-        """True when the torque in the unit is below the threshold under which the lock may open."""
-        return abs(self.measured.controlled_nm) <= self.program.release_torque_nm
+    def control_from(self, *, the_input: bool) -> float:
+        """Control the input torque or the output's from now on; return the controlled torque of this scan [N·m]."""
+        measured = self.measured
+        self.control_from_input = the_input
+        from_input_nm = self.program.control.slope * measured.torque_in_nm
+        measured.controlled_nm = from_input_nm if the_input else measured.torque_out_nm
+        return measured.controlled_nm
+
+    def sample_is_fresh(self, image: Image) -> bool:
+        """Whether the torques of this scan are those of now."""
+        return is_fresh(image, self.program.limits)
+
+    def torque_is_low(self, image: Image) -> bool:
+        """True when a fresh sample shows the torque in the unit below the threshold under which the lock may open."""
+        return self.sample_is_fresh(image) and abs(self.measured.controlled_nm) <= self.program.release_torque_nm

@@ -7,13 +7,14 @@ way to zero and for nothing else.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from controller.context import RUNNING, Context, Outcome
 from definitions.image import Image
 
 
-class Left(NamedTuple):
+@dataclass(frozen=True)
+class Left:
     """How a bench was left: number of the fault that goes on, and the zeroes of the torque sensors [N·m]."""
 
     fault: int
@@ -46,7 +47,7 @@ class HeldLock:
         at_current = image.brake_current_a >= measured.brake_current_expected_a - measured.brake_tolerance_a
         closed = bool(image.brake_on) and measured.brake_current_expected_a > 0.0 and at_current
         still = abs(measured.locked_motion_rad) <= limits.lock_proof_motion_rad
-        fresh = image.sample_age_scans <= limits.sample_late_scans and image.brake_age_scans <= limits.brake_stale_scans
+        fresh = context.sample_is_fresh(image) and image.brake_age_scans <= limits.brake_stale_scans
         self._held = self._held + 1 if closed and still and fresh else 0
         if self._held >= self.HOLD_SCANS:
             context.lock_proven = True

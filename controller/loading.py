@@ -85,7 +85,7 @@ class Loading:
         state = segment.state
         if state == _CALIBRATE and segment.role == "calibrate":
             self._line.add(segment, context.measured.torque_in_nm, context.measured.torque_out_nm)
-        if self._unloading.follow() if state == _UNLOAD else self._run(segment):
+        if self._unloading.follow(image) if state == _UNLOAD else self._run(segment):
             return self._advance()
         if self._waited > segment.limit_scans and not segment.dwell_scans:
             return Outcome(fault=TIMEOUT_FAULT[segment.state])
@@ -107,14 +107,14 @@ class Loading:
         context = self._context
         context.phase = self.RUN
         context.measured.mode_expected = context.drive_mode
-        context.measured.controlled_nm = self._controlled_now()
+        controlled_nm = context.control_from(the_input=context.control_from_input)
         regulating = (context.drive_mode, context.control_from_input)
         if regulating != self._regulating:  # otherwise the reference goes on in value and rate
             self._regulating = regulating
             if context.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
                 self._speed.begin()
             else:
-                self._torque.begin(context.measured.controlled_nm, context.drive_torque_nm)
+                self._torque.begin(controlled_nm, context.drive_torque_nm)
         if context.segment.state == State.UNLOAD:
             self._unloading.begin()
 
@@ -127,18 +127,16 @@ class Loading:
             limit_nm = self.PROOF_MARGIN * (proof_nm + abs(control.offset_nm)) / control.slope
         self._torque.bound(-limit_nm, limit_nm)
 
-    def _controlled_now(self) -> float:
-        measured, control = self._context.measured, self._context.program.control
-        return control.slope * measured.torque_in_nm if self._context.control_from_input else measured.torque_out_nm
-
     def _enable(self, image: Image) -> Outcome:
         """Only on the way back from a fault: the drive comes on without torque, to unwind what is stored."""
         context = self._context
-        if context.torque_is_low() and not self._left_above_rest():
+        if context.torque_is_low(image) and not self._left_above_rest():
             return Outcome(trigger="release")
         if not context.lock_proven and context.left_loaded:
             self._waited = 0
             return self._held_lock.scan(image, 1)
+        if not context.sample_is_fresh(image):  # what is stored is not known
+            return RUNNING if self._waited <= context.program.enable_scans else Outcome(fault="unload_failed")
         if not context.lock_proven:
             context.notes.append("no drive on a lock that is not proven: release the unit by hand")
             return Outcome(fault="unload_failed")

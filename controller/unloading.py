@@ -11,6 +11,7 @@ import math
 
 from controller.context import Context
 from controller.ramp import TorqueRamp
+from definitions.image import Image
 
 
 class Unloading:
@@ -57,8 +58,11 @@ class Unloading:
             # without an output sensor, the loading line tells how far past zero the input has to go
             self._target_nm = math.copysign(context.loading_offset_nm, -context.measured.controlled_nm)
 
-    def follow(self) -> bool:
-        """Advance one scan; True once the drive's torque is zero and so is the unit's, as far as can be measured."""
+    def follow(self, image: Image) -> bool:
+        """Advance one scan; True once the drive's torque is zero and so is the unit's, as far as can be measured.
+
+        A rest is read from a fresh sample only; `sample_stale` ends the wait for one.
+        """
         context, ramp = self._context, self._ramp
         program, controlled_nm = context.program, context.measured.controlled_nm
         if not self._relaxing:
@@ -71,11 +75,13 @@ class Unloading:
             self._at_rest += 1
             if self._at_rest >= self.RELAX_SCANS:
                 small = abs(controlled_nm) <= self.SMALL_SHARE * program.release_torque_nm
-                if context.control_from_input or small or self._at_bound > self.STUCK_SCANS:
+                known = context.sample_is_fresh(image)
+                if context.control_from_input or (small and known) or self._at_bound > self.STUCK_SCANS:
                     return True
-                self._target_nm -= controlled_nm
-                self._relaxing = False
-                ramp.begin(controlled_nm, 0.0)
+                if known:
+                    self._target_nm -= controlled_nm
+                    self._relaxing = False
+                    ramp.begin(controlled_nm, 0.0)
         context.drive_torque_nm = ramp.drive_nm
         context.reference_nm = ramp.reference_nm
         return False

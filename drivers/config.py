@@ -1,6 +1,6 @@
 """The bench's hardware as plain data: what a caller fills in to get a `drivers.wire_bench.WireBench`.
 
-Nothing here reads files. SI units; the profiles are the models of `drivers.profile`.
+Nothing here reads files. SI units; the profiles are those of `drivers.profile`.
 """
 
 from __future__ import annotations

@@ -1,67 +1,44 @@
 """Device profiles: the object mapping of a CiA 402 drive, the register map of a Modbus device.
 
-A profile is the data that makes another drive or amplifier work without other code. The models are strict: unknown
-keys, wrong types, mappings longer than a frame and fields outside the block that is read are all refused.
+Plain data, with the names that profile files use: those files are checked where they are read
+(`recipes.schema.profile_schema`), and what they may hold is said there.
 """
 
 from __future__ import annotations
 
-from types import MappingProxyType
-from typing import Annotated, Literal, Self
+from dataclasses import dataclass
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from definitions.number_formats import SIZES, IntegerType, RegisterType
 
-from drivers.servo_drive.data_types import SIZES, IntegerType, RegisterType
-
-PDO_BYTES = 8
-MODBUS_READ_REGISTERS = 125
-MODBUS_WRITE_REGISTERS = 123
-
-RECEIVE_OBJECTS = MappingProxyType(
-    {"controlword": "u16", "mode": "i8", "target_torque": "i16", "target_velocity": "i32"}
-)
-"""Objects the controller writes, all needed, with their types."""
-
-TRANSMIT_OBJECTS = MappingProxyType(
-    {
-        "statusword": "u16",
-        "mode_display": "i8",
-        "actual_torque": "i16",
-        "actual_position": "i32",
-        "actual_velocity": "i32",
-        "error_register": "u8",
-    }
-)
-"""Objects the drive sends, with their types; all but the last are needed."""
-
-OPTIONAL_OBJECTS = frozenset({"error_register"})
+Table = Literal["input", "holding"]
+Order = Literal["big", "little"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-
-class DriveProfileHeader(_Model):
+@dataclass(frozen=True)
+class DriveProfileHeader:
     """Which drive this is: its name and its identity object 0x1018."""
 
     name: str
     kind: Literal["cia402-drive"]
-    vendor_id: int = Field(ge=0, le=0xFFFF_FFFF)
-    product_code: int = Field(ge=0, le=0xFFFF_FFFF)
+    vendor_id: int
+    product_code: int
 
 
-class DriveScaling(_Model):
+@dataclass(frozen=True)
+class DriveScaling:
     """The vendor's units of position and velocity; torque is 0.1 % of rated torque by CiA 402."""
 
-    position_counts_per_motor_rev: float = Field(gt=0)
-    velocity_counts_per_rad_s: float = Field(gt=0)
+    position_counts_per_motor_rev: float
+    velocity_counts_per_rad_s: float
 
 
-class MappedObject(_Model):
+@dataclass(frozen=True)
+class MappedObject:
     """One object in a PDO."""
 
-    index: int = Field(ge=0x1000, le=0xFFFF)
-    subindex: int = Field(ge=0, le=0xFF)
+    index: int
+    subindex: int
     type: IntegerType
     name: str
 
@@ -71,154 +48,100 @@ class MappedObject(_Model):
         return self.index << 16 | self.subindex << 8 | SIZES[self.type] * 8
 
 
-class _Pdo(_Model):
-    number: int = Field(ge=1, le=4)
-    transmission_type: int = Field(ge=0, le=255)
-    objects: tuple[MappedObject, ...] = Field(min_length=1, max_length=8, strict=False)
-
-    @model_validator(mode="after")
-    def _fits_a_frame(self) -> Self:
-        size = sum(SIZES[mapped.type] for mapped in self.objects)
-        if size > PDO_BYTES:
-            raise ValueError(f"PDO {self.number} maps {size} bytes; a frame holds {PDO_BYTES}")
-        return self
-
-
-class ReceivePdo(_Pdo):
+@dataclass(frozen=True)
+class ReceivePdo:
     """A PDO from the controller; `timeout`: the drive supervises its arrival (0x1400:5)."""
 
+    number: int
+    transmission_type: int
+    objects: tuple[MappedObject, ...]
     timeout: bool
 
 
-class TransmitPdo(_Pdo):
+@dataclass(frozen=True)
+class TransmitPdo:
     """A PDO from the drive."""
 
+    number: int
+    transmission_type: int
+    objects: tuple[MappedObject, ...]
 
-class DriveProfile(_Model):
+
+@dataclass(frozen=True)
+class DriveProfile:
     """Profile of a CiA 402 drive."""
 
     profile: DriveProfileHeader
     scaling: DriveScaling
-    receive_pdos: tuple[ReceivePdo, ...] = Field(strict=False)
-    transmit_pdos: tuple[TransmitPdo, ...] = Field(strict=False)
-
-    @model_validator(mode="after")
-    def _maps_what_is_needed(self) -> Self:
-        _check_pdos("receive_pdos", self.receive_pdos, RECEIVE_OBJECTS)
-        _check_pdos("transmit_pdos", self.transmit_pdos, TRANSMIT_OBJECTS)
-        return self
+    receive_pdos: tuple[ReceivePdo, ...]
+    transmit_pdos: tuple[TransmitPdo, ...]
 
 
-def _check_pdos(key: str, pdos: tuple[_Pdo, ...], known: MappingProxyType[str, str]) -> None:
-    numbers = [pdo.number for pdo in pdos]
-    if len(set(numbers)) != len(numbers):
-        raise ValueError(f"{key}: a PDO number is used twice: {numbers}")
-    mapped = [item for pdo in pdos for item in pdo.objects]
-    for item in mapped:
-        if item.name not in known:
-            raise ValueError(f"{key}: unknown name {item.name!r}; allowed: {', '.join(known)}")
-        if item.type != known[item.name]:
-            raise ValueError(f"{key}: {item.name} has type {item.type}; CiA 402 gives it {known[item.name]}")
-    names = [item.name for item in mapped]
-    if len(set(names)) != len(names):
-        raise ValueError(f"{key}: an object is mapped twice: {', '.join(names)}")
-    missing = set(known) - OPTIONAL_OBJECTS - set(names)
-    if missing:
-        raise ValueError(f"{key}: not mapped: {', '.join(sorted(missing))}")
-
-
-class ModbusProfileHeader(_Model):
+@dataclass(frozen=True)
+class ModbusProfileHeader:
     """Which Modbus device this is."""
 
     name: str
     kind: Literal["modbus"]
 
 
-Address = Annotated[int, Field(ge=0, le=0xFFFF)]
-
-
-class IdentityRegister(_Model):
+@dataclass(frozen=True)
+class IdentityRegister:
     """A register whose value proves that this is the device, and that a reply belongs to its request."""
 
-    table: Literal["input", "holding"]
-    address: Address
+    table: Table
+    address: int
     type: Literal["u16"]
-    value: int = Field(ge=0, le=0xFFFF)
+    value: int
 
 
-class ReadField(_Model):
+@dataclass(frozen=True)
+class ReadField:
     """A value in the block that is read: register number × scale, or one bit (0 = least significant)."""
 
     name: str
-    offset: int = Field(ge=0)
+    offset: int
     type: RegisterType
-    scale: float | None = Field(default=None, gt=0)
-    bit: int | None = Field(default=None, ge=0, le=15)
-
-    @model_validator(mode="after")
-    def _bit_of_a_register(self) -> Self:
-        if self.bit is not None and (self.type != "u16" or self.scale is not None):
-            raise ValueError(f"{self.name}: a bit is taken from a u16 without scale")
-        return self
+    scale: float | None
+    bit: int | None
 
 
-class WriteField(_Model):
+@dataclass(frozen=True)
+class WriteField:
     """A value in the block that is written: register number = order / scale."""
 
     name: str
-    offset: int = Field(ge=0)
+    offset: int
     type: Literal["u16", "i16", "u32", "i32"]
-    scale: float | None = Field(default=None, gt=0)
+    scale: float | None
 
 
-class ReadBlock(_Model):
+@dataclass(frozen=True)
+class ReadBlock:
     """The registers read at every poll, in one request."""
 
-    table: Literal["input", "holding"]
-    address: Address
-    count: int = Field(ge=1, le=MODBUS_READ_REGISTERS)
-    fields: tuple[ReadField, ...] = Field(min_length=1, strict=False)
-
-    @model_validator(mode="after")
-    def _fields_inside(self) -> Self:
-        _check_names([field.name for field in self.fields])
-        for field in self.fields:
-            if field.offset + SIZES[field.type] // 2 > self.count:
-                raise ValueError(f"{field.name} at offset {field.offset} lies outside the {self.count} registers read")
-        return self
+    table: Table
+    address: int
+    count: int
+    fields: tuple[ReadField, ...]
 
 
-class WriteBlock(_Model):
+@dataclass(frozen=True)
+class WriteBlock:
     """The registers written, without gaps, in one request."""
 
     table: Literal["holding"]
-    address: Address
-    fields: tuple[WriteField, ...] = Field(min_length=1, strict=False)
-
-    @model_validator(mode="after")
-    def _fields_adjoin(self) -> Self:
-        _check_names([field.name for field in self.fields])
-        offset = 0
-        for field in self.fields:
-            if field.offset != offset:
-                raise ValueError(f"{field.name} stands at offset {field.offset}; without gaps it is {offset}")
-            offset += SIZES[field.type] // 2
-        if offset > MODBUS_WRITE_REGISTERS:
-            raise ValueError(f"{offset} registers written at once; Modbus allows {MODBUS_WRITE_REGISTERS}")
-        return self
+    address: int
+    fields: tuple[WriteField, ...]
 
 
-class ModbusProfile(_Model):
+@dataclass(frozen=True)
+class ModbusProfile:
     """Profile of a Modbus device; `byte_order` inside a register, `word_order` of the registers of a 32-bit value."""
 
     profile: ModbusProfileHeader
-    byte_order: Literal["big", "little"] = "big"
-    word_order: Literal["big", "little"] = "big"
+    byte_order: Order
+    word_order: Order
     identity: IdentityRegister
     read: ReadBlock
-    write: WriteBlock | None = None
-
-
-def _check_names(names: list[str]) -> None:
-    if len(set(names)) != len(names):
-        raise ValueError(f"a field name is used twice: {', '.join(names)}")
+    write: WriteBlock | None

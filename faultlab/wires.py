@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from controller.context import Event
+from controller.sample import tared_nm
 from faultlab.desk import Left, needs_desk_of_its_own, run_apart, run_here
 from faultlab.run import FaultRun, Kept
 from station.bench.assemble_virtual import load_scenario
@@ -143,8 +144,7 @@ def _add_truth(run: FaultRun, path: Path, left: Left, period_ns: int) -> str:
     periods without a scan.
     """
     if not path.exists():  # a bench on a cable: there is nothing but its own sensor
-        tared = zip(run.images, run.orders, strict=True)
-        run.torque_nm = [image.torque_out_nm - orders.torque_out_tare_nm for image, orders in tared]
+        run.torque_nm = [tared_nm(image, orders)[1] for image, orders in zip(run.images, run.orders, strict=True)]
         return ""
     if not run.scans:
         return ""

@@ -14,11 +14,12 @@ from collections.abc import Mapping
 from operator import mul
 
 from definitions.image import AGE_NEVER
+from definitions.number_formats import LETTERS, SIZES
 from drivers.config import ModbusConfig
 from drivers.modbus.frames import Outcome, Reply, Request
 from drivers.modbus.line import ModbusLine
 from drivers.profile import ModbusProfile
-from drivers.servo_drive.data_types import LETTERS, SIZES, picker, to_integer
+from drivers.servo_drive.data_types import picker, to_integer
 
 EXCEPTIONS_IN_A_ROW = 3
 """Exception replies after which the connection counts as lost; one alone may be a device that is busy."""

@@ -1,32 +1,12 @@
-"""Number formats of profile files and their ranges, for object dictionaries and registers alike."""
+"""Numbers on their way to the wire: rounded into an integer type, picked out of what was unpacked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import itemgetter
-from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
-IntegerType = Literal["u8", "i8", "u16", "i16", "u32", "i32"]
-RegisterType = Literal["u16", "i16", "u32", "i32", "f32"]
-
-LETTERS = MappingProxyType({"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"})
-"""`struct` letter of each type; byte order is the user's."""
-
-SIZES = MappingProxyType({"u8": 1, "i8": 1, "u16": 2, "i16": 2, "u32": 4, "i32": 4, "f32": 4})
-"""Bytes of each type."""
-
-RANGES = MappingProxyType(
-    {
-        "u8": (0, 0xFF),
-        "i8": (-0x80, 0x7F),
-        "u16": (0, 0xFFFF),
-        "i16": (-0x8000, 0x7FFF),
-        "u32": (0, 0xFFFF_FFFF),
-        "i32": (-0x8000_0000, 0x7FFF_FFFF),
-    }
-)
-"""Smallest and largest value of each integer type."""
+from definitions.number_formats import RANGES
 
 
 def to_integer(value: float, type_name: str) -> tuple[int, bool]:

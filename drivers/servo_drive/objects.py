@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
+from definitions.number_formats import RANGES, IntegerType
 from drivers.config import DriveConfig
-from drivers.servo_drive.data_types import RANGES, IntegerType
 from drivers.servo_drive.pdo import SYNC_COB_ID
 from drivers.servo_drive.units import TORQUE_COUNTS_PER_RATED
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
+from definitions.number_formats import LETTERS
 from drivers.profile import MappedObject
-from drivers.servo_drive.data_types import LETTERS
 
 SYNC_COB_ID = 0x080
 EMCY_BASE = 0x080

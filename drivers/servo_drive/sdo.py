@@ -18,8 +18,8 @@ from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
+from definitions.number_formats import SIZES
 from drivers.can.bus import CanLink
-from drivers.servo_drive.data_types import SIZES
 from drivers.servo_drive.pdo import HEARTBEAT_BASE
 
 _T = TypeVar("_T")

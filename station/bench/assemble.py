@@ -4,13 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, TypeVar
 
+from pydantic import BaseModel
+
+from definitions.plain_data import exact
 from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
 from drivers.pace import PaceConfig
 from drivers.profile import DriveProfile, ModbusProfile
-from recipes import Bench, load_document
+from recipes import Bench, parse_document
 from recipes.schema.bench_schema import ModbusDevice
+from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
+
+ProfileT = TypeVar("ProfileT")
+
+
+class File(Protocol):
+    """A file that was read: where it is, and its bytes."""
+
+    @property
+    def path(self) -> Path:
+        """Where it is."""
+
+    @property
+    def content(self) -> bytes:
+        """Its bytes."""
+
 
 Ports = Mapping[str, Any]
 """Ready line of the virtual bench: host and port of `can`, `amplifier`, `brake` and `remote_io`."""
@@ -32,11 +51,12 @@ def channels(bench: Bench) -> tuple[str, ...]:
 
 
 def wire_config(
-    bench: Bench, profiles: Mapping[str, Path], period_ns: int, ports: Ports | None, *, waits: bool = False
+    bench: Bench, profiles: Mapping[str, File], period_ns: int, ports: Ports | None, *, waits: bool = False
 ) -> WireBenchConfig:
     """Return the configuration of a `WireBench`; `ports` of a started virtual bench replace the file's.
 
-    `waits`: the bench is one that waits for the scan, where its ready line or its file says.
+    `profiles`: the files of the device profiles, by name. `waits`: the bench is one that waits for the scan, where its
+    ready line or its file says.
 
     Raises:
         recipes.RecipeError: a profile has problems, each with its place.
@@ -45,13 +65,18 @@ def wire_config(
     return WireBenchConfig(
         period_ns=period_ns,
         can=can_config(bench, ports),
-        drive=_drive(bench, load_document(profiles[bench.drive.profile], DriveProfile)),
+        drive=_drive(bench, device_profile(profiles[bench.drive.profile], DriveProfileFile, DriveProfile)),
         amplifier=_modbus(bench.amplifier, profiles, ports, "amplifier"),
         brake=_modbus(bench.brake, profiles, ports, "brake"),
         remote_io=_modbus(bench.remote_io, profiles, ports, "remote_io"),
         pace=_pace(bench, ports) if waits else None,
         channels=channels(bench),
     )
+
+
+def device_profile(file: File, model: type[BaseModel], profile: type[ProfileT]) -> ProfileT:
+    """Return the profile in a file as the drivers want it; RecipeError with every problem and its place."""
+    return exact(profile, parse_document(file.content, str(file.path), model).model_dump(mode="json"))
 
 
 def _pace(bench: Bench, ports: Ports | None) -> PaceConfig | None:
@@ -92,14 +117,14 @@ def _drive(bench: Bench, profile: DriveProfile) -> DriveConfig:
     )
 
 
-def _modbus(device: ModbusDevice, profiles: Mapping[str, Path], ports: Ports | None, part: str) -> ModbusConfig:
+def _modbus(device: ModbusDevice, profiles: Mapping[str, File], ports: Ports | None, part: str) -> ModbusConfig:
     there: Mapping[str, Any] = {"host": device.host, "port": device.port} if ports is None else ports[part]
     return ModbusConfig(
         transport=device.transport if ports is None else "tcp",
         host=there["host"],
         port=there["port"],
         unit_id=device.unit_id,
-        profile=load_document(profiles[device.profile], ModbusProfile),
+        profile=device_profile(profiles[device.profile], ModbusProfileFile, ModbusProfile),
         poll_every_s=device.poll_every_s,
         timeout_s=device.timeout_s,
         serial_port=device.serial_port,

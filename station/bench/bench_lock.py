@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from recipes import Bench
+from drivers.config import CanConfig
 from station.errors import StationError
 from station.own_place import own_folder
 
@@ -25,28 +25,27 @@ class BenchBusyError(StationError):
     """Another process controls this bench."""
 
 
-def lock_path(bench: Bench) -> Path:
+def lock_path(can: CanConfig) -> Path:
     """Return the lock's file: named by the wires, so that two files that describe one bench share it.
 
     Raises:
         StationError: the service's own place cannot be had; a lock anywhere else could be held by any local user.
 
     """
-    can = bench.can
     name = f"{can.interface}-{can.channel}-{can.host}-{can.port}"
     return own_folder(FOLDER) / (FILE_PREFIX + re.sub(r"[^A-Za-z0-9._-]", "_", name))
 
 
 @contextmanager
-def alone_on(bench: Bench) -> Iterator[None]:
-    """Hold a bench for this process; nothing has been sent to it before.
+def alone_on(bench: str, can: CanConfig) -> Iterator[None]:
+    """Hold a bench, told by its name and its bus, for this process; nothing has been sent to it before.
 
     Raises:
         BenchBusyError: another process holds it, or the lock cannot be had.
 
     """
     try:
-        path = lock_path(bench)
+        path = lock_path(can)
     except StationError as error:
         raise BenchBusyError(f"the lock file of the bench cannot be used: {error}") from error
     try:
@@ -58,9 +57,8 @@ def alone_on(bench: Bench) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             holder = os.pread(handle, 32, 0).decode("ascii", "replace").strip()
-            can = bench.can
             raise BenchBusyError(
-                f"the bench '{bench.bench.name}' ({can.interface}, channel {can.channel}, {can.host}:{can.port}) is in "
+                f"the bench '{bench}' ({can.interface}, channel {can.channel}, {can.host}:{can.port}) is in "
                 f"use by process {holder or 'unknown'}; nothing was sent to it. Wait for that run to end, or stop it"
             ) from error
         os.ftruncate(handle, 0)

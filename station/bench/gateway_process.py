@@ -51,7 +51,7 @@ def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_wit
     """
     config = gateway_config(bench, profiles, end_with_parent=end_with_parent)
     faults = load_scenario(scenario)
-    with alone_on(bench):
+    with alone_on(bench.bench.name, can_config(bench)):
         asyncio.run(run_gateway(config, faults))
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import drivers
 from definitions.program import Program
-from drivers.profile import DriveProfile, ModbusProfile
 from recipes import (
     Bench,
     Problem,
@@ -28,6 +27,7 @@ from recipes import (
     warnings,
 )
 from recipes.compiler.compiler import compile_program
+from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
 from station.durable import refused
 from station.errors import StationError
 from station.records.run_record import RunRecord
@@ -101,7 +101,7 @@ class Job:
         sources = {name: Source.read(path) for name, path in self.profile_paths.items()}
         problems: list[Problem] = []
         for name, source in sources.items():
-            model = DriveProfile if name == self.bench.drive.profile else ModbusProfile
+            model = DriveProfileFile if name == self.bench.drive.profile else ModbusProfileFile
             try:
                 parse_document(source.content, str(source.path), model)
             except RecipeError as error:

@@ -7,6 +7,7 @@ from typing import Any
 from definitions.image import DriveState, Link
 from station.records.program_file import StoredProgram
 from station.records.samples.table import Table
+from station.records.samples.zeroes import output_torque_nm
 
 OLD_S = 0.2
 """Values older than this are said as what was heard last, not as what is."""
@@ -28,12 +29,10 @@ def left_state(table: Table, program: StoredProgram, *, to_its_end: bool = True)
     """
     if not len(table):
         return None
-    image, orders = table[-1]["image"], table[-1]["orders"]
+    image = table[-1]["image"]
     old = OLD_S / float(program["period_s"])
     links = int(image["links_lost"])
-    torque = float(orders["controlled_torque_nm"])
-    if program["has_torque_out"]:
-        torque = float(image["torque_out_nm"] - orders["torque_out_tare_nm"])
+    torque = float(output_torque_nm(table[-1], has_torque_out=program["has_torque_out"]))
     closed = bool(image["brake_on"]) or float(image["brake_current_a"]) > CLOSED_CURRENT_A
     left = {
         "torque_nm": round(torque, 2),

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from definitions.plain_data import plain
 from definitions.program import Program
 from station.errors import RecordError
 from station.records.run_record import RunRecord
@@ -91,18 +91,8 @@ class StoredProgram:
 
 def plain_program(program: Program) -> dict[str, Any]:
     """Return a program as plain data; infinities are None: JSON has no other way to say that there is no limit."""
-    plain: dict[str, Any] = _plain(asdict(program))
-    return plain
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    entries: dict[str, Any] = plain(program)
+    return entries
 
 
 def program_differences(recorded: Any, program: Program) -> list[str]:

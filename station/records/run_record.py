@@ -27,6 +27,7 @@ from typing import Any
 from station.durable import as_json, open_file, refused, write_durable
 from station.errors import RecordError
 from station.records.manifest import INTERRUPTED, MANIFEST, RECORDING, read_manifest
+from station.records.process_birth import process_birth
 from station.records.run_lock import RunLock
 from station.records.samples.layout import CURRENT, LAYOUT, Layout, layout_in
 
@@ -49,19 +50,6 @@ RESULT = "result.json"
 SCAN_REPORT = "scan-report.json"
 NOT_CONCLUDED = "not concluded"
 """Shown state of a run that no process owns any more and that nobody has concluded yet; never written to run.json."""
-
-
-def process_birth(pid: int) -> str:
-    """Return when a process was started, in the kernel's ticks since boot, or '' when there is none.
-
-    With the process id it names a process for good: ids are used again.
-    """
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text()
-    except OSError:
-        return ""
-    fields = stat.rpartition(")")[2].split()
-    return "" if fields[0] == "Z" else fields[19]
 
 
 class RunRecord:

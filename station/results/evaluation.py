@@ -20,17 +20,9 @@ from station.bench.assemble import CHANNEL_OF_SENSOR, channels
 from station.bench.figures import figures_of, fixture_of
 from station.errors import StationError
 from station.records.samples.table import Table
+from station.records.samples.zeroes import ZEROES, from_zero
 
 LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
-
-
-ZEROES = {
-    "torque_in_nm": "torque_in_tare_nm",
-    "torque_out_nm": "torque_out_tare_nm",
-    "angle_in_rad": "angle_in_zero_rad",
-    "angle_out_rad": "angle_out_zero_rad",
-}
-"""Channel of a trace, which is a field of the image as well, and the order that is subtracted from it."""
 
 ALIGNMENTS = {"declared": "correct", "two_speeds": "two_speeds", "report": "report"}
 """How a recipe says that channels are put on one clock, and how the method does."""
@@ -161,8 +153,8 @@ def evaluated(table: Table) -> npt.NDArray[np.bool_]:
 
 def measured_channels(table: Table, bench: Bench) -> dict[str, npt.NDArray[np.float64]]:
     """Return the channels of a trace that the bench has, for every record: torques tared, angles from their zero."""
-    image, orders, there = table["image"], table["orders"], channels(bench)
-    measured = {name: image[name] - orders[zero] for name, zero in ZEROES.items() if name in there}
+    image, there = table["image"], channels(bench)
+    measured = {name: from_zero(table, name) for name in ZEROES if name in there}
     return measured | {name: image[field].copy() for name, field in AS_RECORDED.items() if field in image}
 
 

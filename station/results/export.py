@@ -24,7 +24,8 @@ from station.records.samples.packed import ORDER_PREFIX
 from station.records.samples.scan_record import CHECK_FIELD
 from station.records.samples.table import Table
 from station.records.samples.value_names import CODED, Coded, Names
-from station.results.evaluation import AS_RECORDED, ZEROES, evaluated, measured_channels, segment_table
+from station.records.samples.zeroes import ZEROES
+from station.results.evaluation import AS_RECORDED, evaluated, measured_channels, segment_table
 
 IMAGE_PREFIX = "image_"
 GROUPS = ("trace", "record", "image", "orders")

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from station.errors import BenchFaultError
+from station.scan.scan_spec import SpecFile
 
 READY_TIMEOUT_S = 120.0
 """The first start of the virtual bench compiles its physics."""
@@ -46,10 +47,10 @@ class LifeLine:
                 os.close(handle)
 
 
-def run_module(module: str, spec: Path, **options: Any) -> subprocess.Popen[bytes]:
-    """Start a module of this program as a process of its own, with the path of its spec."""
+def run_module(module: str, *words: str | Path, **options: Any) -> subprocess.Popen[bytes]:
+    """Start a module of this program as a process of its own, with what it reads on its command line."""
     # A session of its own: Ctrl-C in the terminal is for the desk, which unloads the torque first.
-    command = [sys.executable, "-m", module, str(spec)]
+    command = [sys.executable, "-m", module, *map(str, words)]
     return subprocess.Popen(command, start_new_session=True, env=os.environ | ONE_THREAD, **options)  # noqa: S603
 
 
@@ -107,13 +108,14 @@ def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:
     return line
 
 
-def start_scanning(module: str, spec: Path, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
+def start_scanning(module: str, spec: SpecFile, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
     """Start a module that scans; its standard error goes to `log`. It holds the virtual bench's life line too."""
     handles = () if life_line is None else (life_line.writer,)
     with log.open("wb") as errors:
         return run_module(
             module,
-            spec,
+            spec.sha256,
+            spec.path,
             stdin=subprocess.DEVNULL,
             stdout=errors,
             stderr=errors,

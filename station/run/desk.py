@@ -30,7 +30,7 @@ from station.run.asked_to_stop import STOP_WORDS, Stopping, listening
 from station.run.ending import Ending, take_room
 from station.run.faults.companion import Companion, Reach
 from station.run.process_specs import write_bench_spec, write_scan_spec
-from station.run.scan_end import ending_of, what_waits
+from station.run.scan_end import SCAN_LOG, ending_of, what_waits
 from station.wall_clock import JumpWatch
 
 BENCH_LOG = "virtual-bench.jsonl"
@@ -174,9 +174,7 @@ class Desk:
             after_end_scans=after_end_scans,
             left=self._left,
         )
-        return children.start_scanning(
-            "station.scan.scan_process", spec, self._record.folder / "scan-process.log", life_line
-        )
+        return children.start_scanning("station.scan.scan_process", spec, self._record.folder / SCAN_LOG, life_line)
 
     def _longest_unload_s(self) -> float:
         program = self._job.program

@@ -1,22 +1,31 @@
 """What the processes of a run are told when they start: a spec for each, kept in the run's folder as a JSON file.
 
-What stands in a spec is said by the entry that reads it (`virtual_bench_process`, `gateway_process`, `scan_process`).
-Recipe, bench and profiles in it are the run's own copies: all processes read what the record holds.
+What stands in the spec of a bench is said by the entry that reads it (`virtual_bench_process`, `gateway_process`):
+bench and profiles in it are the run's own copies. A process that scans gets what was made of them, compiled:
+`station.scan.scan_spec`.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from controller.held_lock import Left
+from definitions.plain_data import exact, plain
+from definitions.program import Program
+from station.bench.assemble import Ports, wire_config
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
-from station.records.clocks import Pacing
+from station.durable import as_json
+from station.errors import StationError
+from station.records.clocks import SCAN, Pacing
 from station.records.program_file import PROGRAM
 from station.records.run_record import RunRecord
+from station.scan.scan_spec import Compiled, ScanSpec, SpecFile, write_spec
 
 TRUTH = "truth.csv"
 """Torque in the virtual reducer itself over the monotonic clock, in the folder of a run with faults."""
@@ -52,29 +61,44 @@ def write_scan_spec(
     pacing: Pacing,
     after_end_scans: int,
     left: Mapping[str, float] | None,
-) -> Path:
-    """Write what the scan process is told; return its path.
+) -> SpecFile:
+    """Write what the scan process is told; return its file.
 
     `ports` is the ready line of a bench that was started for this run, None for one on its own wires; `left` says how
-    the bench was left, for a recovery. This process is named as the desk.
+    the bench was left, for a recovery. This process is named as the supervisor.
     """
-    folder = record.folder
-    spec = {
-        "ring": str(ring),
-        "report": str(report),
-        "recipe": str(folder / "recipe.yaml"),
-        "program": str(folder / PROGRAM),
-        "bench": str(folder / "bench.yaml"),
-        "profiles": _profiles(job, record),
-        "ports": ports,
-        "clock": pacing.clock,
-        "fast": pacing.fast,
-        "desk": os.getpid(),
-        "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
-        "after_end_scans": after_end_scans,
-        "left": None if left is None else dict(left),
-    }
-    return _written(folder / "scan-spec.json", spec)
+    waits = pacing.clock == SCAN
+    spec = ScanSpec(
+        ring=str(ring),
+        report=str(report),
+        compiled=compiled(job, record.folder / PROGRAM, ports, waits=waits),
+        clock="scan" if waits else "wall",
+        fast=pacing.fast,
+        spin_ns=REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
+        desk=os.getpid(),
+        after_end_scans=after_end_scans,
+        left=None if left is None else exact(Left, dict(left)),
+    )
+    return write_spec(spec, record.folder / "scan-spec.json")
+
+
+def compiled(job: Job, program: Path, ports: Ports | None, *, waits: bool = False) -> Compiled:
+    """Return program and bench of a job for a process that scans; `program` is the file that holds the program.
+
+    Raises:
+        StationError: the program does not read back from its file as it was compiled.
+
+    """
+    content = as_json(plain(job.program))
+    if exact(Program, json.loads(content), unlimited=True) != job.program:
+        raise StationError(f"{program}: the program of this recipe cannot be written as JSON and read back")
+    return Compiled(
+        program=str(program),
+        program_sha256=hashlib.sha256(content).hexdigest(),
+        bench=job.bench.bench.name,
+        alone=ports is None,
+        wires=wire_config(job.bench, job.profile_sources, job.recipe.sampling.period_ns, ports, waits=waits),
+    )
 
 
 def _profiles(job: Job, record: RunRecord) -> dict[str, str]:

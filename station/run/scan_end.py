@@ -14,7 +14,11 @@ from station.records.run_record import RunRecord
 from station.records.samples.scan_record import unpack
 from station.run import children
 from station.run.ending import Ending, cause_name, scan_report
+from station.scan.scan_spec import EXIT_REFUSED
 from station.wall_clock import JumpWatch
+
+SCAN_LOG = "scan-process.log"
+"""What the scan process wrote to its standard error: why it failed, or why it did not take its spec."""
 
 LAST_WORDS_S = 0.6
 """Time for the virtual drive to notice a dead controller and to say so before it is switched off."""
@@ -49,6 +53,8 @@ def ending_of(
     said = scan_report(record)
     if said.get("state") == "refused":
         raise BenchFaultError(str(said["error"]))
+    if not (said or ring.written) and process.returncode == EXIT_REFUSED:
+        raise BenchFaultError((record.folder / SCAN_LOG).read_text("utf-8", "replace").strip())
     if interrupted and not ring.written:
         raise BenchFaultError("stopped by the operator before anything moved")
     trouble = ""

@@ -1,9 +1,8 @@
-"""Entry of the process that measures a machine: `python -m station.timing.process SPEC.json`.
+"""Entry of the process that measures a machine: `python -m station.timing.process SHA256 SPEC.json`.
 
 The whole scan as in a run (CAN, Modbus, controller, record), but nobody starts it: the controller stays idle, the drive
-is never enabled, and nothing moves. It ends after a number of periods.
-
-Spec: as of `scan_process`, and `periods` (how many) and `period_ns`.
+is never enabled, and nothing moves. It ends after a number of periods. As the scan process it reads what was compiled,
+`TimingSpec`, and nothing else.
 """
 
 from __future__ import annotations
@@ -19,9 +18,6 @@ from controller.controller import Controller
 from definitions.image import Image, Orders
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
-from recipes import Recipe, RecipeError, load_bench, load_recipe
-from recipes.compiler.compiler import compile_program
-from station.bench.assemble import wire_config
 from station.bench.bench_lock import BenchBusyError, alone_on
 from station.records.ring.ring import ScanState
 from station.records.ring.writer import RingWriter
@@ -29,9 +25,9 @@ from station.records.scan_times import ScanTimes
 from station.scan import realtime
 from station.scan.machine import resident_kb
 from station.scan.scan_loop import Stop, run_real
+from station.scan.scan_spec import EXIT_REFUSED, SpecError, TimingSpec, read_program, told
 from station.scan.schedule import RealTimeSchedule
 
-EXIT_REFUSED = 2
 NO_COMMAND = 0
 
 
@@ -49,26 +45,19 @@ class Idle:
         return self._step(image, scan)
 
 
-def with_period(recipe: Recipe, period_ns: int) -> Recipe:
-    """Return a recipe that is scanned at another period."""
-    sampling = recipe.sampling.model_copy(update={"period_ns": period_ns})
-    return recipe.model_copy(update={"sampling": sampling})
-
-
-def measure(spec: dict[str, Any], ring: RingWriter) -> dict[str, Any]:
+def measure(spec: TimingSpec, ring: RingWriter) -> dict[str, Any]:
     """Open the bench, scan, and return the report; DriverError when the bench cannot be opened."""
-    period_ns = spec["period_ns"]
-    recipe, bench_file = with_period(load_recipe(spec["recipe"]), period_ns), load_bench(spec["bench"])
-    profiles = {name: Path(path) for name, path in spec["profiles"].items()}
-    controller = Idle(Controller(compile_program(recipe, bench_file)), spec["periods"])
-    bench = WireBench(wire_config(bench_file, profiles, period_ns, spec["ports"]))
+    compiled = spec.compiled
+    period_ns = compiled.wires.period_ns
+    controller = Idle(Controller(read_program(compiled)), spec.periods)
+    bench = WireBench(compiled.wires)
     with ExitStack() as ending:
-        if spec["ports"] is None:
-            ending.enter_context(alone_on(bench_file))
+        if compiled.alone:
+            ending.enter_context(alone_on(compiled.bench, compiled.wires.can))
         bench.open()
         ending.callback(bench.close)
         grants = realtime.request_all()
-        spin_ns, spinning = realtime.spin_tail(spec["spin_ns"], grants)
+        spin_ns, spinning = realtime.spin_tail(spec.spin_ns, grants)
         schedule = RealTimeSchedule(period_ns, spin_ns=spin_ns)
         ring.set_state(ScanState.RUNNING)
         times = ScanTimes()
@@ -96,15 +85,18 @@ def measure(spec: dict[str, Any], ring: RingWriter) -> dict[str, Any]:
 
 def main() -> int:
     """Measure as the spec says and write the report; 2 when the bench was refused."""
-    sys.modules["numpy"] = None  # type: ignore[assignment] # as in the scan process, whose likeness this is
-    spec = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    ring = RingWriter(Path(spec["ring"]))
+    try:
+        spec = told(sys.argv, TimingSpec)
+    except SpecError as error:  # it names the ring and the report: there is nowhere else to say so
+        sys.stderr.write(f"{error}\n")
+        return EXIT_REFUSED
+    ring = RingWriter(Path(spec.ring))
     code = 0
     try:
         report = measure(spec, ring)
-    except (DriverError, RecipeError, BenchBusyError) as error:
+    except (DriverError, SpecError, BenchBusyError) as error:
         code, report = EXIT_REFUSED, {"state": "refused", "error": str(error)}
-    Path(spec["report"]).write_text(json.dumps(report, ensure_ascii=False), encoding="utf-8")
+    Path(spec.report).write_text(json.dumps(report, ensure_ascii=False), encoding="utf-8")
     ring.set_state(ScanState.FINISHED)
     ring.close()
     return code

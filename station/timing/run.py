@@ -8,21 +8,26 @@ import tempfile
 import time
 import zlib
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from definitions.image import Image
+from definitions.plain_data import plain
+from recipes import Recipe
 from station.bench.request import Job
+from station.durable import as_json
 from station.errors import BenchFaultError
 from station.records.clocks import WALL
+from station.records.program_file import PROGRAM
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import create
 from station.records.samples.scan_record import BODY_BYTES, IMAGE_FIRST, RECORD_BYTES, RECORD_STRUCT
 from station.run import children
 from station.run.desk import LOOK_EVERY_S
-from station.run.process_specs import EMBEDDED_SPIN_NS, REAL_SPIN_NS
+from station.run.process_specs import EMBEDDED_SPIN_NS, REAL_SPIN_NS, compiled
 from station.scan.machine import look
+from station.scan.scan_spec import SpecFile, TimingSpec, write_spec
 
 MISSED = IMAGE_FIRST + Image._fields.index("missed_periods")
 
@@ -66,6 +71,12 @@ class Gapless:
         self.problem = self.problem or problem
 
 
+def with_period(recipe: Recipe, period_ns: int) -> Recipe:
+    """Return a recipe that is scanned at another period."""
+    sampling = recipe.sampling.model_copy(update={"period_ns": period_ns})
+    return recipe.model_copy(update={"sampling": sampling})
+
+
 def measure(job: Job, asked: Asked) -> dict[str, Any]:
     """Measure the machine with this job's bench; nothing is started, nothing moves.
 
@@ -88,25 +99,22 @@ def measure(job: Job, asked: Asked) -> dict[str, Any]:
         ring = RingReader(ring_path)
         cleanup.callback(ring.close)
         usual_spin_ns = EMBEDDED_SPIN_NS if embedded else REAL_SPIN_NS
-        spec = {
-            "ring": str(ring_path),
-            "report": str(folder / "report.json"),
-            "recipe": str(job.recipe_source.path),
-            "bench": str(job.bench_source.path),
-            "profiles": profiles,
-            "ports": ports,
-            "spin_ns": usual_spin_ns if asked.spin_ns is None else asked.spin_ns,
-            "period_ns": period_ns,
-            "periods": max(round(asked.seconds * 1e9 / period_ns), 1),
-        }
-        path = folder / "spec.json"
-        path.write_text(json.dumps(spec), encoding="utf-8")
+        timed = replace(job, recipe=with_period(job.recipe, period_ns))
+        (folder / PROGRAM).write_bytes(as_json(plain(timed.program)))
+        spec = TimingSpec(
+            ring=str(ring_path),
+            report=str(folder / "report.json"),
+            compiled=compiled(timed, folder / PROGRAM, ports),
+            spin_ns=usual_spin_ns if asked.spin_ns is None else asked.spin_ns,
+            periods=max(round(asked.seconds * 1e9 / period_ns), 1),
+        )
+        file = write_spec(spec, folder / "spec.json")
         before_s = cpu_seconds(bench_pid)
         records = Gapless()
-        report = _measured(path, ring, life_line, cleanup, records)
+        report = _measured(file, ring, life_line, cleanup, records)
         report["records"] = {"checked": records.checked, "problem": records.problem}
         report["virtual_bench_cpu_s"] = round(cpu_seconds(bench_pid) - before_s, 3) if embedded else None
-    spin_ns = spec["spin_ns"] if report["realtime"]["spin_tail"] else 0
+    spin_ns = spec.spin_ns if report["realtime"]["spin_tail"] else 0
     head = {"period_ns": period_ns, "spin_ns": spin_ns, "bench": job.bench.bench.name, "embedded": embedded}
     head["bitrate"] = job.bench.can.bitrate
     found = look(granted=report["realtime"])
@@ -143,13 +151,13 @@ def cpu_seconds(pid: int) -> float:
 
 
 def _measured(
-    spec: Path,
+    spec: SpecFile,
     ring: RingReader,
     life_line: children.LifeLine | None,
     cleanup: ExitStack,
     records: Gapless,
 ) -> dict[str, Any]:
-    folder = spec.parent
+    folder = spec.path.parent
     process = children.start_scanning("station.timing.process", spec, folder / "scan.log", life_line)
     cleanup.callback(children.stop, process)
     while process.poll() is None:

@@ -7,8 +7,10 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
+from definitions.plain_data import exact
 from drivers.config import DriveConfig, ModbusConfig
 from drivers.profile import DriveProfile, ModbusProfile
+from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
 
 PROFILES = Path(__file__).parents[2] / "drivers" / "profiles"
 PERIOD_NS = 1_000_000
@@ -18,15 +20,20 @@ def raw_profile(name: str) -> Any:
     return YAML(typ="rt").load(PROFILES / f"{name}.yaml")
 
 
-def modbus_profile(name: str) -> ModbusProfile:
-    return ModbusProfile.model_validate(raw_profile(name))
+def drive_profile(raw: Any) -> DriveProfile:
+    """Check a profile as its file is checked, and return it as the drivers want it."""
+    return exact(DriveProfile, DriveProfileFile.model_validate(raw).model_dump(mode="json"))
+
+
+def modbus_profile(raw: Any) -> ModbusProfile:
+    return exact(ModbusProfile, ModbusProfileFile.model_validate(raw).model_dump(mode="json"))
 
 
 def drive_config(**changes: Any) -> DriveConfig:
     values: dict[str, Any] = {
         "node_id": 5,
         "controller_node_id": 126,
-        "profile": DriveProfile.model_validate(raw_profile("virtual-drive")),
+        "profile": drive_profile(raw_profile("virtual-drive")),
         "gear_ratio": 2.0,
         "rated_torque_nm": 5.0,
         "max_torque_nm": 5.5,
@@ -49,7 +56,7 @@ def modbus_config(name: str, unit_id: int, **changes: Any) -> ModbusConfig:
     values: dict[str, Any] = {
         "transport": "tcp",
         "unit_id": unit_id,
-        "profile": modbus_profile(name),
+        "profile": modbus_profile(raw_profile(name)),
         "poll_every_s": 0.001,
         "timeout_s": 0.005,
         "connect_timeout_s": 1.0,

@@ -6,23 +6,21 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from drivers_support import PROFILES, raw_profile
+from drivers_support import PROFILES, drive_profile, modbus_profile, raw_profile
 from pydantic import ValidationError
 
-from drivers.profile import DriveProfile, ModbusProfile
-
-MODELS = {"cia402-drive": DriveProfile, "modbus": ModbusProfile}
+READERS = {"cia402-drive": drive_profile, "modbus": modbus_profile}
 
 
 @pytest.mark.parametrize("path", sorted(PROFILES.glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_profiles_load(path: Any) -> None:
     raw = raw_profile(path.stem)
-    profile = MODELS[raw["profile"]["kind"]].model_validate(raw)
+    profile = READERS[raw["profile"]["kind"]](raw)
     assert profile.profile.name == path.stem
 
 
 def test_mapping_entry_is_index_subindex_bits() -> None:
-    profile = DriveProfile.model_validate(raw_profile("virtual-drive"))
+    profile = drive_profile(raw_profile("virtual-drive"))
     assert [item.mapping for item in profile.receive_pdos[0].objects] == [0x60400010, 0x60600008, 0x60710010]
 
 
@@ -58,7 +56,7 @@ def test_drive_profile_mistakes(change: Callable[[Any], None], reason: str) -> N
     raw = raw_profile("virtual-drive")
     change(raw)
     with pytest.raises(ValidationError, match=reason):
-        DriveProfile.model_validate(raw)
+        drive_profile(raw)
 
 
 MODBUS_MISTAKES = [
@@ -80,4 +78,4 @@ def test_modbus_profile_mistakes(change: Callable[[Any], None], reason: str) -> 
     raw = raw_profile("virtual-remote-io")
     change(raw)
     with pytest.raises(ValidationError, match=reason):
-        ModbusProfile.model_validate(raw)
+        modbus_profile(raw)

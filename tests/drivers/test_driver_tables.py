@@ -9,7 +9,8 @@ from drivers_support import drive_config
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.servo_drive.data_types import LETTERS, RANGES, SIZES, to_integer
+from definitions.number_formats import LETTERS, RANGES, SIZES
+from drivers.servo_drive.data_types import to_integer
 from drivers.servo_drive.emcy import EMCY_CLASSES, EMCY_TEXTS, explain_emcy
 from drivers.servo_drive.pdo import PdoCodec, rpdo_cob_id, tpdo_cob_id
 from drivers.servo_drive.sdo import SDO_ABORTS, explain_abort

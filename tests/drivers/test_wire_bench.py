@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from drivers_support import PERIOD_NS, drive_config, modbus_config, modbus_profile
+from drivers_support import PERIOD_NS, drive_config, modbus_config, modbus_profile, raw_profile
 from durand_drive import DurandDrive
 from pymodbus.constants import ExcCodes
 from pymodbus_bench import AMPLIFIER, BRAKE, REMOTE_IO, PymodbusBench
@@ -267,9 +267,9 @@ def test_profiles_must_fit_their_parts(stand: Stand) -> None:
 
 
 def test_a_channel_without_sensor_is_not_asked_for(stand: Stand) -> None:
-    raw = modbus_profile("virtual-amplifier")
-    read = raw.read.model_copy(update={"fields": tuple(f for f in raw.read.fields if f.name != "torque_in_nm")})
-    amplifier = dataclasses.replace(stand.config.amplifier, profile=raw.model_copy(update={"read": read}))
+    raw = modbus_profile(raw_profile("virtual-amplifier"))
+    read = dataclasses.replace(raw.read, fields=tuple(f for f in raw.read.fields if f.name != "torque_in_nm"))
+    amplifier = dataclasses.replace(stand.config.amplifier, profile=dataclasses.replace(raw, read=read))
     with pytest.raises(ProfileError, match="does not deliver torque_in_nm"):
         WireBench(dataclasses.replace(stand.config, amplifier=amplifier))
     channels = ("torque_out_nm", "angle_in_rad", "angle_out_rad")

@@ -4,7 +4,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from allow_list import refused_imports
+from allow_list import refused_imports, refused_reach
 from grimp import ImportGraph
 
 ROOT = Path(__file__).parents[2]
@@ -37,6 +37,22 @@ def test_a_room_apart_has_a_list_of_its_own():
     graph = graph_of(("station.cli.faults", "faultlab"), ("station.run", "faultlab"))
     graph.add_module("station")
     assert refused_imports(graph, "station", {"station"}, {"station.cli.faults"}) == [("station.run", "faultlab", 7)]
+
+
+def test_what_a_process_brings_with_it_is_followed_to_its_end():
+    graph = graph_of(
+        ("station.scan", "drivers.bus"),
+        ("drivers.bus", "can"),
+        ("drivers.bus", "station.scan"),
+        ("drivers", "pydantic"),
+        ("drivers.other", "numpy"),
+        ("station", "recipes"),
+    )
+    ours = {"station.scan", "can"}
+    refused = [("drivers", "pydantic", 7), ("station", "recipes", 7)]
+    assert refused_reach(graph, {"station.scan"}, {*ours, "drivers"}) == refused
+    refused = [("station", "recipes", 7), ("station.scan", "drivers.bus", 7)]
+    assert refused_reach(graph, {"station.scan"}, ours) == refused
 
 
 def test_every_package_has_a_list():

@@ -15,6 +15,7 @@ from definitions.faults import FAULT_BY_NUMBER, Fault
 from definitions.image import Command, Reaction, State
 from drivers.servo_drive.emcy import explain_emcy
 from station.records.samples.table import Table
+from station.records.samples.zeroes import from_zero
 
 DRIVE_ALARMS = frozenset({"drive_fault", "drive_emergency", "drive_dropped_out"})
 
@@ -92,8 +93,8 @@ def _alarm(table: Table, index: int, number: int) -> dict[str, Any]:
         "cause": fault.cause,
         "next_action": fault.next_action,
         "values": {
-            "torque_out_nm": round(float(image["torque_out_nm"] - orders["torque_out_tare_nm"]), 3),
-            "torque_in_nm": round(float(image["torque_in_nm"] - orders["torque_in_tare_nm"]), 5),
+            "torque_out_nm": round(float(from_zero(record, "torque_out_nm")), 3),
+            "torque_in_nm": round(float(from_zero(record, "torque_in_nm")), 5),
             "reference_torque_nm": round(float(orders["reference_torque_nm"]), 3),
             "brake_current_a": round(float(image["brake_current_a"]), 3),
         },

@@ -11,6 +11,7 @@ from definitions.image import State
 from definitions.program import Program
 from definitions.units import ARCMIN_PER_RAD
 from station.records.samples.table import Table
+from station.records.samples.zeroes import from_zero, output_torque_nm
 
 FROM_STATE = (
     State.LOCK,
@@ -73,12 +74,9 @@ def history_of(table: Table, program: Program, *, angle_out: bool, alarm: dict[s
     kept = table[fresh & np.isin(table["orders"]["state"], FROM_STATE)]
     if not len(kept):
         return None
-    image, orders = kept["image"], kept["orders"]
-    torque = orders["controlled_torque_nm"]
-    if program.has_torque_out:
-        torque = image["torque_out_nm"] - orders["torque_out_tare_nm"]
-    at_input = (image["angle_in_rad"] - orders["angle_in_zero_rad"]) / program.ratio * ARCMIN_PER_RAD
-    at_output = (image["angle_out_rad"] - orders["angle_out_zero_rad"]) * ARCMIN_PER_RAD
+    torque = output_torque_nm(kept, has_torque_out=program.has_torque_out)
+    at_input = from_zero(kept, "angle_in_rad") / program.ratio * ARCMIN_PER_RAD
+    at_output = from_zero(kept, "angle_out_rad") * ARCMIN_PER_RAD
     if not angle_out:
         at_output = np.zeros_like(at_input)
     sign = 1.0 if program.loading_input else -1.0
@@ -88,7 +86,7 @@ def history_of(table: Table, program: Program, *, angle_out: bool, alarm: dict[s
         torque_nm=np.asarray(torque, dtype=np.float64),
         windup_arcmin=sign * (at_input - at_output),
         locked_arcmin=locked if angle_out or not program.loading_input else None,
-        state=orders["state"].astype(np.int64),
+        state=kept["orders"]["state"].astype(np.int64),
         alarm_s=None if alarm is None else float(str(alarm["t_s"])),
         alarm_text="" if alarm is None else str(alarm["text"]),
     )

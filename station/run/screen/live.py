@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from controller.sample import shown_torque_nm
 from definitions.faults import FAULT_BY_NUMBER, FAULTS
 from definitions.image import Image, Orders, Reaction, State
 from definitions.program import Program
@@ -34,12 +35,12 @@ NOTE_BITS = sum(1 << fault.number for fault in FAULTS if fault.reaction <= React
 
 @dataclass(frozen=True)
 class LiveView:
-    """One moment of a run, in the units of the screen."""
+    """One moment of a run, in the units of the screen; torque and wind-up are None while the newest sample is stale."""
 
     state: State
     words: str
-    torque_nm: float
-    windup_arcmin: float
+    torque_nm: float | None
+    windup_arcmin: float | None
     cycle: int
     cycles: int
     fraction: float
@@ -67,11 +68,12 @@ class LiveReader:
         scan, image, orders = unpack(record)
         state = State(orders.state)
         fraction, left_scans = self._advance(scan, orders)
+        torque_nm = shown_torque_nm(image, orders, self._program)
         return LiveView(
             state=state,
             words=self._words(state, orders.segment),
-            torque_nm=self._torque_nm(image, orders),
-            windup_arcmin=self._windup_arcmin(image, orders),
+            torque_nm=torque_nm,
+            windup_arcmin=None if torque_nm is None else self._windup_arcmin(image, orders),
             cycle=orders.cycle,
             cycles=self._cycles,
             fraction=fraction,
@@ -86,11 +88,6 @@ class LiveReader:
             return STATE_WORDS[state]
         target = f"{self._program.segments[segment].target_nm:+.0f}".replace("-", "−")
         return f"{STATE_WORDS[state]} towards {target} N·m"
-
-    def _torque_nm(self, image: Image, orders: Orders) -> float:
-        if self._program.has_torque_out:
-            return image.torque_out_nm - orders.torque_out_tare_nm
-        return orders.controlled_torque_nm
 
     def _windup_arcmin(self, image: Image, orders: Orders) -> float:
         angle_in = (image.angle_in_rad - orders.angle_in_zero_rad) / self._program.ratio

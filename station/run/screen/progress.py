@@ -40,9 +40,9 @@ def clock(seconds: float) -> str:
     return f"{whole // 60}:{whole % 60:02d}"
 
 
-def signed(value: float, decimals: int) -> str:
-    """Return a number with its sign, minus as it stands in all other texts."""
-    return f"{value:+.{decimals}f}".replace("-", "−")
+def signed(value: float | None, decimals: int) -> str:
+    """Return a number with its sign, minus as it stands in all other texts; a dash for one that is not known."""
+    return "–" if value is None else f"{value:+.{decimals}f}".replace("-", "−")
 
 
 class Progress:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from enum import Enum, auto
 
 from controller.aftermath import FaultReaction
+from controller.sample import shown_torque_nm
 from definitions.faults import FAULT_BY_NUMBER, FAULTS
 from definitions.image import Command, DriveState, Image, Orders, Reaction, State
 from definitions.program import Program
@@ -54,7 +55,7 @@ class Guide:
         state = State(orders.state)
         if state in STEP_WORDS and state != self._shown:
             self._shown = state
-            self._say(f"  {STEP_WORDS[state]} ({orders.controlled_torque_nm:+.1f} N·m)")
+            self._say(f"  {STEP_WORDS[state]} ({torque_text(image, orders, self._program)})")
         settled = state == State.FAULT and orders.phase == FaultReaction.SETTLED
         if not settled:
             if self._step is Step.ORDERED and state != State.FAULT:
@@ -98,15 +99,19 @@ class Guide:
         ring.send(Command.STOP)
 
 
+def torque_text(image: Image, orders: Orders, program: Program) -> str:
+    """Return the torque at the output in words."""
+    torque_nm = shown_torque_nm(image, orders, program)
+    return "not known: no fresh sample" if torque_nm is None else f"{torque_nm:+.1f} N·m"
+
+
 def situation(image: Image, orders: Orders, program: Program) -> list[str]:
     """Return what the bench shows and what a person checks before anything is acknowledged, one line each."""
-    torque_nm = orders.controlled_torque_nm
-    if program.has_torque_out:
-        torque_nm = image.torque_out_nm - orders.torque_out_tare_nm
+    torque = torque_text(image, orders, program)
     drive = DriveState(image.drive_state).name.lower().replace("_", " ")
     lock = f"closed, {image.brake_current_a:.2f} A" if image.brake_on else "open"
     lines = [
-        f"Torque at the output  {torque_nm:+.1f} N·m (the lock may open below {program.release_torque_nm:.1f} N·m)",
+        f"Torque at the output  {torque} (the lock may open below {program.release_torque_nm:.1f} N·m)",
         f"Lock                  {lock}",
         f"Servo drive           {drive}",
         f"Emergency stop        {'released' if image.estop_released else 'PRESSED'}",

@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from drivers_support import modbus_config, raw_profile
+from drivers_support import modbus_config, modbus_profile, raw_profile
 from hypothesis import given
 from hypothesis import strategies as st
 from pymodbus.framer import FramerRTU
@@ -22,7 +22,6 @@ from definitions.image import AGE_NEVER
 from drivers.config import ModbusConfig
 from drivers.modbus.device import EXCEPTIONS_IN_A_ROW, ModbusDevice
 from drivers.modbus.line import ModbusLine
-from drivers.profile import ModbusProfile
 
 POLL, REASSERT, TIMEOUT = 4, 50, 3
 BRAKE_ID = 0x4C42
@@ -123,7 +122,7 @@ def test_a_life_counter_that_stands_still_makes_values_age_although_replies_come
 def test_a_device_without_a_life_counter_needs_none() -> None:
     raw = raw_profile("virtual-brake")
     raw["read"]["fields"] = [field for field in raw["read"]["fields"] if field["name"] != "life_counter"]
-    one = Brake(replace(modbus_config("virtual-brake", 2), profile=ModbusProfile.model_validate(raw)))
+    one = Brake(replace(modbus_config("virtual-brake", 2), profile=modbus_profile(raw)))
     one.alive = False
     for n in range(60):
         one.scan(n)

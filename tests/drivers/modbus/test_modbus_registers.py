@@ -6,7 +6,7 @@ import struct
 from typing import Any
 
 import pytest
-from drivers_support import raw_profile
+from drivers_support import modbus_profile, raw_profile
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,7 +15,7 @@ from drivers.profile import ModbusProfile
 
 
 def profile(fields: list[dict[str, Any]], count: int, **options: str) -> ModbusProfile:
-    return ModbusProfile.model_validate(
+    return modbus_profile(
         {
             "profile": {"name": "test", "kind": "modbus"},
             "identity": {"table": "input", "address": 100, "type": "u16", "value": 0x1234},
@@ -66,7 +66,7 @@ def test_what_is_written_reads_back(byte_order: str, word_order: str, whole: int
 
 
 def test_bits_gaps_and_scales() -> None:
-    reader = RegisterReader(ModbusProfile.model_validate(raw_profile("virtual-remote-io")))
+    reader = RegisterReader(modbus_profile(raw_profile("virtual-remote-io")))
     names = ("identity", "estop_released", "guard_closed", "housing_temp_c", "ambient_temp_c", "life_counter")
     assert reader.names == names
     assert reader.values(sent(0x4C49, 0b10, 0xFFFF, 251, 7)) == [0x4C49, 0, 1, -0.1, pytest.approx(25.1), 7]
@@ -79,7 +79,7 @@ def test_a_value_that_is_no_number_is_not_a_value(bits: int) -> None:
 
 
 def test_an_order_that_does_not_fit_is_counted() -> None:
-    writer = RegisterWriter(ModbusProfile.model_validate(raw_profile("virtual-brake")))
+    writer = RegisterWriter(modbus_profile(raw_profile("virtual-brake")))
     assert writer.registers({"brake_on": 1, "brake_current_a": 2.5}) == [1, 2500]
     assert writer.clamped == 0
     assert writer.registers({"brake_on": 1, "brake_current_a": 70.0}) == [1, 0xFFFF]

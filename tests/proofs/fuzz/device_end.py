@@ -6,9 +6,10 @@ import socket
 import struct
 from collections.abc import Callable
 
+from definitions.number_formats import LETTERS, SIZES
 from drivers.config import ModbusConfig
 from drivers.profile import ModbusProfile
-from drivers.servo_drive.data_types import LETTERS, SIZES, to_integer
+from drivers.servo_drive.data_types import to_integer
 
 BendReply = Callable[[bytes, "DeviceEnd"], list[bytes]]
 """What becomes of a reply on its way: the pieces that are sent for it."""

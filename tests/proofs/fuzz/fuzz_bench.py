@@ -24,7 +24,7 @@ def the_job() -> Job:
 
 @cache
 def the_config() -> WireBenchConfig:
-    return wire_config(the_job().bench, the_job().profile_paths, the_job().recipe.sampling.period_ns, PORTS)
+    return wire_config(the_job().bench, the_job().profile_sources, the_job().recipe.sampling.period_ns, PORTS)
 
 
 @cache

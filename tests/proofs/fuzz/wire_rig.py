@@ -21,8 +21,9 @@ from orders_watch import OrdersWatch
 
 from controller.controller import Controller
 from definitions.image import AGE_NEVER, Command, DriveCommand, Image, Orders, State
+from definitions.number_formats import LETTERS, SIZES
 from drivers.can.bus import CanLink
-from drivers.servo_drive.data_types import LETTERS, SIZES, to_integer
+from drivers.servo_drive.data_types import to_integer
 from drivers.servo_drive.drive import SILENT_AFTER_SCANS, CanDrive
 from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, rpdo_cob_id, tpdo_cob_id
 from drivers.wire_bench import WireBench, in_scans
@@ -86,7 +87,7 @@ class WireRig:
         self.plant, self.controller, self.scan = snapshot.plant, snapshot.controller, snapshot.scan
         self.orders = snapshot.orders
         period_ns = job.recipe.sampling.period_ns
-        config = wire_config(job.bench, job.profile_paths, period_ns, PORTS)
+        config = wire_config(job.bench, job.profile_sources, period_ns, PORTS)
         if rtu:
             line = dataclasses.replace(config.brake, transport="rtu", serial_port="pair")
             config = dataclasses.replace(config, brake=line)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from recipes import parse_bench, shipped_benches
 from station.bench.assemble import wire_config
-from station.bench.request import find_profile
+from station.bench.request import Source, find_profile
 
 
 def test_a_serial_lines_settings_reach_the_driver() -> None:
@@ -16,7 +14,7 @@ def test_a_serial_lines_settings_reach_the_driver() -> None:
     )
     bench = parse_bench(text.encode(), str(path))
     names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
-    profiles: dict[str, Path] = {name: find_profile(name, path) for name in names}
+    profiles = {name: Source.read(find_profile(name, path)) for name in names}
     brake = wire_config(bench, profiles, 1_000_000, None).brake
     assert (brake.transport, brake.serial_port, brake.baudrate) == ("rtu", "/dev/ttyUSB0", 115200)
     assert (brake.parity, brake.stop_bits) == ("E", 2)

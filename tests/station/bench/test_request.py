@@ -10,8 +10,10 @@ import pytest
 import recipes.text.yaml_source
 from recipes import RecipeError, load_recipe
 from station.bench.request import load_job
+from station.durable import as_json
 from station.records.program_file import plain_program, program_differences
-from station.scan.scan_process import refuse_another
+from station.run.process_specs import compiled
+from station.scan.scan_spec import SpecError, read_program
 
 ROOT = Path(__file__).parents[3]
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
@@ -60,13 +62,15 @@ def test_profiles_are_checked_before_anything_starts(tmp_path: Path) -> None:
 def test_the_scan_refuses_a_program_that_was_not_checked(tmp_path: Path, recipe: Path) -> None:
     job = load_job(str(recipe), None)
     recorded = tmp_path / "program.json"
-    recorded.write_text(json.dumps(plain_program(job.program)))
-    refuse_another(job.program, recorded)
+    recorded.write_bytes(as_json(plain_program(job.program)))
+    told = compiled(job, recorded, None)
+    assert read_program(told) == job.program
     recipe.write_text(recipe.read_text().replace("peak_torque: 110 %", "peak_torque: 105 %"))
     other = load_job(str(recipe), None).program
     assert program_differences(json.loads(recorded.read_bytes()), other)
-    with pytest.raises(RecipeError, match="not the one that was checked"):
-        refuse_another(other, recorded)
+    recorded.write_bytes(as_json(plain_program(other)))
+    with pytest.raises(SpecError, match="not the one that was checked"):
+        read_program(told)
     recorded.unlink()
-    with pytest.raises(RecipeError, match="cannot be read"):
-        refuse_another(job.program, recorded)
+    with pytest.raises(SpecError, match="cannot be read"):
+        read_program(told)

@@ -21,21 +21,20 @@ class FullFile:
 
 def test_a_report_that_nobody_takes_ends_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", FullFile())
-    spec = {"report": str(tmp_path / "moved away" / "scan-report.json")}
-    scan_process._take_room(spec)
-    scan_process._tell(spec, {"state": "finished"}, flush=True)
+    path = tmp_path / "moved away" / "scan-report.json"
+    scan_process._take_room(path)
+    scan_process._tell(path, {"state": "finished"}, flush=True)
 
 
 def test_the_last_report_goes_where_its_room_was_taken(tmp_path: Path) -> None:
     path = tmp_path / "scan-report.json"
-    spec = {"report": str(path)}
-    scan_process._tell(spec, {"state": "running"}, flush=False)
-    scan_process._take_room(spec)
+    scan_process._tell(path, {"state": "running"}, flush=False)
+    scan_process._take_room(path)
     (beside,) = tmp_path.glob(".*.part")
     room, inode = beside.stat().st_size, beside.stat().st_ino
     assert room >= 1 << 18
     assert json.loads(path.read_bytes()) == {"state": "running"}
-    scan_process._tell(spec, {"state": "finished"}, flush=True)
+    scan_process._tell(path, {"state": "finished"}, flush=True)
     assert json.loads(path.read_bytes()) == {"state": "finished"}
     assert path.stat().st_ino == inode
     assert [one.name for one in tmp_path.iterdir()] == ["scan-report.json"]

@@ -17,7 +17,7 @@ from station.reports.metric_sides import all_rows, judging_rows
 from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
 from station.reports.result_view import alarm_lines
 from station.run.screen.live import STATE_WORDS, LiveReader, LiveView, alarm_texts
-from station.run.screen.progress import STATE_COLOURS, clock, panel
+from station.run.screen.progress import STATE_COLOURS, clock, panel, signed
 
 
 def test_every_state_has_words_and_a_colour() -> None:
@@ -144,6 +144,16 @@ def test_ramps_are_named_by_where_they_go() -> None:
     assert view.words == f"loading towards −{abs(program.segments[index].target_nm):.0f} N·m"
     assert [text.split(".")[0] for text in view.alarms] == ["Guard opened"]
     assert [text.split(".")[0] for text in view.notes] == ["Torque and angle samples are late"]
+
+
+def test_a_torque_that_is_not_known_is_not_shown() -> None:
+    program = load_job("recipes/rv-40e-121-quick.yaml", None).program
+    stale = IMAGE._replace(sample_age_scans=program.limits.sample_stale_scans + 1)
+    for image, known in ((IMAGE, True), (stale, False)):
+        view = LiveReader(program).read(pack((0, 0, 0, 0), image, ORDERS))
+        assert ((view.torque_nm is not None), (view.windup_arcmin is not None)) == (known, known)
+    assert signed(None, 1) == "–"
+    assert signed(-0.25, 1) == "−0.2"
 
 
 def test_time_left_is_minutes_and_seconds() -> None:

@@ -14,9 +14,8 @@ from station.cli.bench.timing import lost_records
 from station.records.samples.scan_record import RECORD_BYTES, pack
 from station.scan.machine import against, resident_kb
 from station.scan.realtime import Grant, spin_tail
-from station.timing.process import with_period
 from station.timing.rates import Rate, highest, limit, measured
-from station.timing.run import Gapless
+from station.timing.run import Gapless, with_period
 
 ROOT = Path(__file__).parents[3]
 MEGABIT = 1_000_000

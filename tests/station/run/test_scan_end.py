@@ -1,0 +1,45 @@
+"""How the end of a scan process is told that never took its spec: nothing has moved, and the reason is said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from station.durable import Appender
+from station.errors import BenchFaultError
+from station.records.ring.reader import RingReader
+from station.records.ring.ring import create
+from station.records.ring.to_disk import RecordWriter
+from station.records.run_record import RunRecord
+from station.run import children
+from station.run.scan_end import SCAN_LOG, ending_of
+from station.scan.scan_spec import SpecFile
+from station.wall_clock import JumpWatch
+
+
+@contextmanager
+def _ring(folder: Path) -> Iterator[RingReader]:
+    path = create(folder)
+    ring = RingReader(path)
+    try:
+        yield ring
+    finally:
+        ring.close()
+        path.unlink()
+
+
+def test_a_spec_that_was_changed_ends_the_run_before_anything_moves(tmp_path: Path) -> None:
+    spec = SpecFile(tmp_path / "scan-spec.json", "0" * 64)
+    spec.path.write_text("{}")
+    process = children.start_scanning("station.scan.scan_process", spec, tmp_path / SCAN_LOG, None)
+    process.wait(60.0)
+    record = RunRecord(tmp_path)
+    with _ring(tmp_path) as ring:
+        file = Appender(tmp_path / "samples.bin")
+        writer = RecordWriter(ring, file)
+        with pytest.raises(BenchFaultError, match=r"scan-spec\.json: not the one that was checked"):
+            ending_of(process, ring, record, writer, JumpWatch(), embedded=False, interrupted=False)
+        file.close()

@@ -1,0 +1,39 @@
+"""What is decided in one place is not decided in another one as well: looked for in the syntax of every module."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("definitions", "controller", "drivers", "recipes", "analysis", "virtual_bench", "station", "faultlab")
+
+
+def _modules() -> Iterator[tuple[str, ast.Module]]:
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def _names(node: ast.expr) -> set[str]:
+    """Names in an expression: attributes, keys and variables."""
+    found = {one.attr for one in ast.walk(node) if isinstance(one, ast.Attribute)}
+    found |= {one.id for one in ast.walk(node) if isinstance(one, ast.Name)}
+    return found | {one.value for one in ast.walk(node) if isinstance(one, ast.Constant) and isinstance(one.value, str)}
+
+
+def _subtracts_a_zero(node: ast.AST) -> bool:
+    if not (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Sub)):
+        return False
+    return any(name.endswith("_tare_nm") or name == "ZEROES" for name in _names(node.right))
+
+
+def test_a_tare_is_subtracted_in_two_places_one_for_the_scan_and_one_for_the_record() -> None:
+    found = {name for name, tree in _modules() if any(_subtracts_a_zero(node) for node in ast.walk(tree))}
+    assert found == {"controller/sample.py", "station/records/samples/zeroes.py"}
+
+
+def test_a_subtraction_is_seen_however_it_is_written() -> None:
+    for text in ("a - b.torque_in_tare_nm", "a['x'] - b['torque_out_tare_nm']", "a - (tare.torque_in_tare_nm + 1)"):
+        assert _subtracts_a_zero(ast.parse(text, mode="eval").body), text

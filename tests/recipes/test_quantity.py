@@ -22,7 +22,7 @@ from definitions.units import (
     TORQUE,
     TORQUE_RATE,
 )
-from recipes.text.quantity import LONGEST_TEXT, QuantityError, convert, read_quantity, show
+from recipes.text.quantity import LONGEST_TEXT, QuantityError, convert, read_quantity, show, unit_registry
 
 ARCMIN = math.pi / 10800
 
@@ -156,3 +156,9 @@ def test_any_unit_is_converted_or_refused(text, kind):
     else:
         spoken = "a number"
     assert spoken
+
+
+def test_the_units_are_defined_once_each_and_the_library_has_nothing_to_say(caplog):
+    """Found in a plant's own tests: pytest showed its warnings with every failure."""
+    unit_registry.__wrapped__()
+    assert caplog.records == []

@@ -3,8 +3,8 @@
 For a metric to pass, U (k = 2) must contain the error of nearly 95 % of the units, and what all units are wrong by in
 the same direction (bias) must be small beside U.
 
-The units are simulated, each measured once by a simulated bench with errors. Their torque ratio is that of the run, or a
-stored one: the mean of some units of a lot, each calibrated once.
+The units are simulated, each measured once by a simulated bench with errors. Their torque ratio is that of the run, or
+a stored one: the mean of some units of a lot, each calibrated once.
 """
 
 from __future__ import annotations

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.manifest import LeftBy
+from station.documents.reading import plain
 from station.records.clocks import Pacing
 from station.records.program_file import PROGRAM
 from station.records.run_record import RunRecord
@@ -51,7 +52,7 @@ def write_scan_spec(
     *,
     pacing: Pacing,
     after_end_scans: int,
-    left: Mapping[str, float] | None,
+    left: LeftBy | None,
 ) -> Path:
     """Write what the scan process is told; return its path.
 
@@ -72,7 +73,7 @@ def write_scan_spec(
         "desk": os.getpid(),
         "spin_ns": REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
         "after_end_scans": after_end_scans,
-        "left": None if left is None else dict(left),
+        "left": None if left is None else plain(left),
     }
     return _written(folder / "scan-spec.json", spec)
 

@@ -11,6 +11,7 @@ from definitions.program import Program
 from recipes import Recipe
 from station.bench.request import Job, load_job
 from station.cli.terminal_plot import plot
+from station.documents.result import Limits
 from station.plain_text import knows_braille
 from station.reports.result_text import limits_text
 from station.run.screen.progress import clock
@@ -91,7 +92,7 @@ def metric_lines(recipe: Recipe) -> list[str]:
         side = f"side {one.side}" if one.side else ""
         name = " ".join(part for part in (one.id, torque, band, one.branch, one.variant, one.fit, side) if part)
         preset = f" (preset {recipe.presets[int(place[1])]})" if place[0] == "presets" else ""
-        limits = limits_text({"min": one.min, "max": one.max})
+        limits = limits_text(Limits(min=one.min, max=one.max))
         unit = "" if METRICS[one.id].unit == "1" else f" {METRICS[one.id].unit}"
         lines.append(f"    {name:<32} {f'{limits}{unit}' if limits else 'reported'}{preset}")
     return lines

@@ -16,6 +16,7 @@ from errno import ENOSPC
 from pathlib import Path
 from typing import Any
 
+from station.documents.manifest import ChainPlace
 from station.durable import open_file, refused, sync_folder
 from station.errors import RecordError
 from station.records.chain.entries import CREATED, LOST, START, Entry, entry_of, signed_entry, text_in_line
@@ -172,11 +173,11 @@ class ChainWriter:
             self._go_on()
 
     @property
-    def next_place(self) -> dict[str, Any]:
+    def next_place(self) -> ChainPlace:
         """Chain, counter and previous hash of the entry that is written next, as run.json keeps them."""
         last = self.last
         assert last is not None  # noqa: S101 - for the type checker: a chain has begun
-        return {"id": self.chain.id, "counter": last.counter + 1, "previous": last.sha256}
+        return ChainPlace(id=self.chain.id, counter=last.counter + 1, previous=last.sha256)
 
     @property
     def newest_run(self) -> str:

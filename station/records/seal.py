@@ -127,7 +127,7 @@ def _vouched(chain: Chain, run: str) -> list[str]:
     """Return the hashes of run.json that the folder vouches for: by a signed line, or by one of the index before it."""
     signed = [entry.fields["sha256"] for entry in _sealed_entries(chain, run) if entry.signed]
     kept = index_kept(chain.data, chain.before) if chain.there else index_content(chain.data)
-    return signed + [str(line.get("sha256")) for line in index_lines(kept or b"", run)]
+    return signed + [str(line.sha256) for line in index_lines(kept or b"", run)]
 
 
 def _sealed_entries(chain: Chain, run: str) -> list[Entry]:
@@ -232,9 +232,9 @@ def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted:
             return [*named, f"{INDEX}: is not the one that was there when the chain began"]
         if kept:
             return named + _against_index(record, manifest, kept)
-        return named if run in before["unconcluded"] else [*named, f"{CHAIN}: does not name this run"]
+        return named if run in before.unconcluded else [*named, f"{CHAIN}: does not name this run"]
     found = _against_entries(record, manifest, entries, keys)
-    if entries and not (before is not None and run in before["unconcluded"]):
+    if entries and not (before is not None and run in before.unconcluded):
         found += _against_beginning(chain, run, manifest, entries[0])
     return named + found
 
@@ -285,13 +285,13 @@ def _against_index(record: RunRecord, manifest: Manifest, content: bytes) -> lis
     lines = index_lines(content, manifest.id)
     if not lines:
         return [f"{INDEX}: has no line for this run"]
-    if len({line.get("sha256") for line in lines}) > 1:
+    if len({line.sha256 for line in lines}) > 1:
         return [f"{INDEX}: has {len(lines)} lines for this run, which is concluded once"]
     found = []
-    if lines[0].get("sha256") != fingerprint(record.folder / MANIFEST).sha256:
+    if lines[0].sha256 != fingerprint(record.folder / MANIFEST).sha256:
         found.append(f"{MANIFEST}: its SHA-256 is not the one in {INDEX}")
-    if lines[0].get("verdict") != manifest.verdict:
-        found.append(f"{MANIFEST}: says {manifest.verdict}, {INDEX} says {lines[0].get('verdict')}")
+    if lines[0].verdict != manifest.verdict:
+        found.append(f"{MANIFEST}: says {manifest.verdict}, {INDEX} says {lines[0].verdict}")
     return found
 
 

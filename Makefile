@@ -26,7 +26,7 @@ help:
 	@echo "make wire-faults  the fault matrix over real wires, on the bench that waits"
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
-	@echo "make docs    write the reference pages that are tables of the code"
+	@echo "make docs    write the reference pages that are tables of the code, and the JSON Schemas"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
 	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"

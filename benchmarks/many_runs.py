@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+from station.documents.reading import plain
 from station.durable import as_json
 from station.records.chain.chain_file import writing_to
 from station.records.chain.entries import CREATED, SEALED
@@ -44,13 +45,13 @@ def make_runs(data: Path, count: int, first: int = 0) -> None:
             hashes = {"recipe": hashlib.sha256(recipe).hexdigest(), "bench": hashlib.sha256(bench).hexdigest()}
             place = chain.next_place
             chain.append(CREATED, run=run.id, serial=serial, attempt=attempt, **hashes)
-            manifest = _manifest(run, serial, attempt, moment, hashes) | {"chain": place}
+            manifest = _manifest(run, serial, attempt, moment, hashes) | {"chain": plain(place)}
             verdict = "FAIL" if (number + 1) % UNITS_MEASURED_TWICE == UNITS_MEASURED_TWICE - 1 else "PASS"
             _write(run, recipe, bench, _result(run, manifest, number, verdict))
-            files = {name: fingerprint(run.folder / name) for name in sealed_names(run)}
+            files = {name: plain(fingerprint(run.folder / name)) for name in sealed_names(run)}
             content = as_json(manifest | {"state": "complete", "verdict": verdict, "records": 0, "files": files})
             (run.folder / "run.json").write_bytes(content)
-            said = {"serial": serial, "attempt": attempt, "created": place["counter"]}
+            said = {"serial": serial, "attempt": attempt, "created": place.counter}
             sha256 = hashlib.sha256(content).hexdigest()
             chain.append(SEALED, run=run.id, sha256=sha256, state="complete", verdict=verdict, **said)
 

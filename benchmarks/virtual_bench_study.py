@@ -26,7 +26,6 @@ from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.figures import figures_of
 from station.bench.request import Job, load_job
 from station.durable import Appender
-from station.records.program_file import plain_program
 from station.records.samples.table import table_of
 from station.results.evaluation import method_of, trace_of
 from station.run.virtual_recorder import VirtualRecorder
@@ -75,8 +74,7 @@ def run(job: Job, config: BenchConfig) -> Trace:
         table = table_of(path.read_bytes())
     if controller.state is not State.COMPLETE:
         raise SystemExit(f"unit {config.unit}: the run ended as {controller.state.name.lower()}")
-    segments = plain_program(job.program)["segments"]
-    return trace_of(table, segments, job.bench, job.recipe.sampling.period_ns, config.unit)
+    return trace_of(table, job.program.segments, job.bench, job.recipe.sampling.period_ns, config.unit)
 
 
 def pairs(runs: Sequence[tuple[Trace, Trace]], job: Job, torque: str, asked: Sequence[MetricWanted]) -> Iterator[Pair]:

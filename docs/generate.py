@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 from analysis.loop.stages import STAGES
@@ -16,6 +17,7 @@ from definitions.program import ROLES
 from docs.markdown import NOTE, table
 from docs.metric_page import metrics
 from docs.option_pages import bench_options, recipe_options
+from docs.schemas import FILES, schema_of
 from drivers.servo_drive.cia402 import CONTROL_WORDS
 from recipes.compiler.budgets import BUDGETS
 from virtual_bench.faults.reactions import REACTIONS
@@ -175,8 +177,9 @@ PAGES: dict[str, Callable[[], str]] = {
     "fault-vocabulary.md": fault_vocabulary,
     "bench-options.md": bench_options,
     "checks.md": checks,
-}
+} | {f"schema/{file}": partial(schema_of, file) for file in FILES}
 
 if __name__ == "__main__":
     for page, text in PAGES.items():
+        (FOLDER / page).parent.mkdir(exist_ok=True)
         (FOLDER / page).write_text(text(), encoding="utf-8")

@@ -16,15 +16,16 @@ from faultlab.record import create_record
 from station.bench.assemble_virtual import load_scenario
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.timing import Timing
 from station.errors import BenchFaultError, StationError
 from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState, StopCause
-from station.records.run_record import RECORDING, SCAN_REPORT, RunRecord, process_birth
+from station.records.run_record import RECORDING, SCAN_REPORT, TIMING, RunRecord, process_birth
 from station.run import children
 from station.run.conclusion import conclude
 from station.run.desk import Desk
-from station.run.ending import Ending
+from station.run.ending import Ending, scan_report
 from station.run.faults.companion import Companion
 from station.run.faults.machine_faults import Traces, deed_of
 from station.run.way_back.recover import recover
@@ -131,7 +132,7 @@ def run_apart(job: Job, unit: VirtualUnit | None, scenario_path: Path, data: Pat
             raise StationError(f"the supervisor process of the run failed: exit code {desk.returncode}; see above")
         if ring is not None:
             _wait_for_end(ring)
-        if record.manifest()["state"] == RECORDING:
+        if record.manifest().state == RECORDING:
             recover(record)
         return _left(record, ring, desk, why_refused)
 
@@ -146,7 +147,7 @@ def _said(desk: subprocess.Popen[bytes]) -> dict[str, str]:
 def _follow(desk: subprocess.Popen[bytes], record: RunRecord) -> RingReader | None:
     """Return the ring of the run once it is there: what it says was written is what must be found."""
     while desk.poll() is None:
-        name = record.manifest().get("ring")
+        name = record.manifest().ring
         if name:
             return RingReader(Path(name))
         time.sleep(LOOK_EVERY_S)
@@ -163,17 +164,16 @@ def _wait_for_end(ring: RingReader) -> None:
 
 
 def _left(record: RunRecord, ring: RingReader | None, desk: subprocess.Popen[bytes], why_refused: str) -> Left:
-    timing = record.read_json("result.json")["timing"]
-    report = record.folder / SCAN_REPORT
-    finished = report.exists() and json.loads(report.read_bytes()).get("state") != "running"
+    timing = record.read(Timing, TIMING)
+    finished = record.has(SCAN_REPORT) and scan_report(record).state != "running"
     died = ring is not None and ring.written > 0 and not finished and ring.state is not ScanState.FINISHED
     traces = Traces(
         scan_died=died,
         desk_killed=desk.returncode == -signal.SIGKILL,
         disk_refused=ring is not None and ring.stop_cause is StopCause.DISK,
-        clock_jumped_s=float(timing.get("wall_clock_jumped_s", 0.0)),
-        missed=int(timing["missed"]),
-        period_ms=int(timing["period_ns"]) * 1e-6,
+        clock_jumped_s=timing.wall_clock_jumped_s or 0.0,
+        missed=timing.missed,
+        period_ms=timing.period_ns * 1e-6,
     )
     if ring is None:
         return Left(record, refused=why_refused, traces=traces)

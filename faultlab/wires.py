@@ -25,10 +25,10 @@ from faultlab.run import FaultRun, Kept
 from station.bench.assemble_virtual import load_scenario
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.result import Result
 from station.records.clocks import Pacing
 from station.records.run_record import RESULT, RunRecord
 from station.records.samples.check import check_bytes
-from station.records.samples.event_log import alarms_in
 from station.records.samples.samples import samples_bytes
 from station.records.samples.scan_record import RECORD_BYTES, unpack
 from station.run.desk import BENCH_LOG
@@ -103,7 +103,7 @@ def _unproven(fault: Fault, left: Left, named: set[str]) -> str:
 def read_run(left: Left) -> WireRun:
     """Return what the judge wants from the record of a run that has ended, and from what its bench said."""
     record = left.record
-    period_ns = int(record.manifest()["period_ns"])
+    period_ns = record.manifest().period_ns
     run = FaultRun(period_ns * 1e-9, refused=left.refused)
     content = samples_bytes(record)
     for start in range(0, len(content) - RECORD_BYTES + 1, RECORD_BYTES):
@@ -111,11 +111,10 @@ def read_run(left: Left) -> WireRun:
         run.scans.append(scan)
         run.images.append(image)
         run.orders.append(orders)
-    events = [json.loads(line) for line in (record.folder / "events.jsonl").read_text("utf-8").splitlines()]
-    run.events = [Event(row["scan"], "alarm", row["state"], row["id"]) for row in alarms_in(events)]
+    result = record.read(Result, RESULT)
+    run.events = [Event(alarm.scan, "alarm", alarm.state, alarm.id) for alarm in result.alarms]
     run.finished = not left.died and not left.refused and bool(run.states) and run.states[-1] in END_STATES
-    result = record.read_json(RESULT)
-    run.kept = Kept(result["state"], result["verdict"], check_bytes(content, left.written).problems)
+    run.kept = Kept(result.state, result.verdict, check_bytes(content, left.written).problems)
     bench_log = _said(record.folder / BENCH_LOG)
     actions = [(line["text"], int(line["clock_ns"])) for line in bench_log if line["event"] == ACTED]
     _place_actions(run, actions, left.started_ns, period_ns)

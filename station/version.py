@@ -17,9 +17,10 @@ import subprocess
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from controller.decisions import DECISIONS_VERSION
+from station.documents.manifest import Software
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("analysis", "controller", "definitions", "drivers", "faultlab", "recipes", "station", "virtual_bench")
@@ -95,22 +96,22 @@ def files_sha256(root: Path = ROOT) -> str:
     return digest.hexdigest()
 
 
-def software() -> dict[str, Any]:
-    """Return what a run keeps of the software that makes it, and of the computer that it runs on, as plain data."""
+def software() -> Software:
+    """Return what a run keeps of the software that makes it, and of the computer that it runs on."""
     commit = checkout()
-    return {
-        "name": "lostmotion",
-        "version": version(),
-        "commit": None if commit is None else commit.id,
-        "changed": None if commit is None else commit.changed,
-        "files_sha256": files_sha256(),
-        "decisions": DECISIONS_VERSION,
-        "dependencies": {name: _installed(name) for name in DECIDING},
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "host": platform.node(),
-        "user": _user(),
-    }
+    return Software(
+        name="lostmotion",
+        version=version(),
+        commit=None if commit is None else commit.id,
+        changed=None if commit is None else commit.changed,
+        files_sha256=files_sha256(),
+        decisions=DECISIONS_VERSION,
+        dependencies={name: _installed(name) for name in DECIDING},
+        python=platform.python_version(),
+        platform=platform.platform(),
+        host=platform.node(),
+        user=_user(),
+    )
 
 
 def _installed(name: str) -> str | None:

@@ -41,7 +41,7 @@ def as_recorded(run: RunRecord) -> bytes:
     """Put the samples of a run back into the file that they were recorded to; return them."""
     content = samples_bytes(run)
     if run.is_packed():
-        manifest = run.manifest()
+        manifest = run.read_json("run.json")
         run.samples.write_bytes(content)
         (run.folder / PACKED).unlink()
         del manifest["samples"]

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from station.reports.result_view import result_console
-from station.run.conclusion import finite
 
 
 @dataclass(frozen=True)
@@ -47,3 +47,16 @@ def _print_grid(console: Console, grid: Grid) -> None:
     for row in grid.rows:
         table.add_row(*(Text(cell) for cell in row))
     console.print(table)
+
+
+def finite(value: Any) -> Any:
+    """Return plain data with infinities and NaN as None: JSON has no other way to say that there is no number."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

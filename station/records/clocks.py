@@ -7,14 +7,11 @@ Records made before there were three call the first one "real".
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 WALL, SCAN, VIRTUAL = "wall", "scan", "virtual"
 CLOCKS = (WALL, SCAN, VIRTUAL)
 _BEFORE = {"real": WALL}
-CLOCK_NAMES = (*CLOCKS, *_BEFORE)
-"""Every name that a record may give its clock."""
 
 CLOCK_TEXTS = {
     WALL: "wall clock",
@@ -33,7 +30,6 @@ class Pacing(NamedTuple):
 BY_WALL_CLOCK = Pacing(WALL)
 
 
-def clock_of(told: Mapping[str, Any]) -> str:
+def clock_of(name: str | None) -> str:
     """Return the clock that a manifest, a result or a proof of timing names; an empty text where it names none."""
-    name = str(told.get("clock") or "")
-    return _BEFORE.get(name, name)
+    return _BEFORE.get(name or "", name or "")

@@ -10,8 +10,9 @@ import os
 import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
+from station.documents.manifest import DeskProcess, Manifest, Setup
+from station.documents.reading import plain
 from station.durable import sync_folder
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
@@ -68,7 +69,7 @@ class Store:
         self.warnings: list[str] = []
         """What was noticed of the chain when a run was created."""
 
-    def create(self, serial: str, manifest: dict[str, Any], files: dict[str, bytes], *, own: bool = False) -> RunRecord:
+    def create(self, serial: str, setup: Setup, files: dict[str, bytes], *, own: bool = False) -> RunRecord:
         """Create the folder of a new run with its manifest and the files that are known before it starts.
 
         The run has its line in the chain before anybody can see it. With `own` this process owns it by then, until the
@@ -86,13 +87,32 @@ class Store:
                 record = self._new_folder(serial, [chain.newest_run, *names])
                 if own:
                     record.lock.take()
-                head = {"id": record.id, "serial": serial, "attempt": attempt, "state": RECORDING}
-                head |= {"chain": chain.next_place}
-                desk = {"pid": os.getpid(), "birth": process_birth(os.getpid())}
-                dates = {"started": now_text(), "ended": None, "format": FORMAT_VERSION, "desk": desk}
-                whole = {**head, **manifest, **dates}
-                record.write_json(CREATED_MANIFEST, whole)
-                parts = {part: str(manifest.get(part, {}).get("sha256", "")) for part in ("recipe", "bench")}
+                manifest = Manifest(
+                    id=record.id,
+                    serial=serial,
+                    attempt=attempt,
+                    state=RECORDING,
+                    chain=chain.next_place,
+                    recipe=setup.recipe,
+                    bench=setup.bench,
+                    software=setup.software,
+                    unit=setup.unit,
+                    scenario=setup.scenario,
+                    operator=setup.operator,
+                    clock=setup.clock,
+                    period_ns=setup.period_ns,
+                    recovery_of=setup.recovery_of,
+                    left=setup.left,
+                    verdict=None,
+                    notes=setup.notes,
+                    ring=None,
+                    started=now_text(),
+                    ended=None,
+                    format=FORMAT_VERSION,
+                    desk=DeskProcess(pid=os.getpid(), birth=process_birth(os.getpid())),
+                )
+                record.write_json(CREATED_MANIFEST, plain(manifest))
+                parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256}
                 chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, **parts)
                 put_created_in_place(record.folder)
                 self.warnings += chain.warnings
@@ -152,8 +172,8 @@ class Store:
             except RecordError:
                 damaged += not chain.entries_of(record.id)
                 continue
-            if manifest["serial"] == serial:
-                highest = max(highest, manifest["attempt"])
+            if manifest.serial == serial:
+                highest = max(highest, manifest.attempt)
         return 1 + highest + damaged
 
     def runs(self) -> list[RunRecord]:

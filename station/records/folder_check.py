@@ -59,8 +59,8 @@ def runs_before(chain: Chain) -> tuple[set[str], list[Problem]]:
     kept = index_kept(chain.data, before)
     if kept is None:
         text = f"{INDEX}: is not the one that was there when the chain began"
-        return set(before["unconcluded"]), [Problem("old_index", "", text)]
-    return runs_in(kept) | set(before["unconcluded"]), []
+        return set(before.unconcluded), [Problem("old_index", "", text)]
+    return runs_in(kept) | set(before.unconcluded), []
 
 
 def about_run(found: Walk, run: str) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 from definitions.image import DriveState, Link
+from station.documents.events import LeftState
 from station.records.program_file import StoredProgram
 from station.records.samples.table import Table
 from station.records.samples.zeroes import output_torque_nm
@@ -18,8 +19,8 @@ CLOSED_CURRENT_A = 0.05
 ENERGISED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
 
 
-def left_state(table: Table, program: StoredProgram, *, to_its_end: bool = True) -> dict[str, Any] | None:
-    """Return how the bench was left, as plain data; None when there is no record.
+def left_state(table: Table, program: StoredProgram, *, to_its_end: bool = True) -> LeftState | None:
+    """Return how the bench was left; None when there is no record.
 
     Args:
         table: all records of the run.
@@ -30,52 +31,52 @@ def left_state(table: Table, program: StoredProgram, *, to_its_end: bool = True)
     if not len(table):
         return None
     image = table[-1]["image"]
-    old = OLD_S / float(program["period_s"])
+    old = OLD_S / float(program.period_s)
     links = int(image["links_lost"])
-    torque = float(output_torque_nm(table[-1], has_torque_out=program["has_torque_out"]))
+    torque = float(output_torque_nm(table[-1], has_torque_out=program.has_torque_out))
     closed = bool(image["brake_on"]) or float(image["brake_current_a"]) > CLOSED_CURRENT_A
-    left = {
-        "torque_nm": round(torque, 2),
-        "torque_known": to_its_end and bool(int(image["sample_age_scans"]) <= old and not links & Link.AMPLIFIER),
-        "lock": "closed" if closed else "open",
-        "lock_known": to_its_end and bool(int(image["brake_age_scans"]) <= old and not links & Link.BRAKE),
-        "drive": "on" if int(image["drive_state"]) in ENERGISED else "off",
-        "drive_known": to_its_end and bool(int(image["drive_age_scans"]) <= old and not links & Link.CAN),
-        "release_torque_nm": round(float(program["release_torque_nm"]), 3),
-    }
-    return left | {"text": left_text(left), "next_action": left_action(left)}
+    left = LeftState(
+        torque_nm=round(torque, 2),
+        torque_known=to_its_end and bool(int(image["sample_age_scans"]) <= old and not links & Link.AMPLIFIER),
+        lock="closed" if closed else "open",
+        lock_known=to_its_end and bool(int(image["brake_age_scans"]) <= old and not links & Link.BRAKE),
+        drive="on" if int(image["drive_state"]) in ENERGISED else "off",
+        drive_known=to_its_end and bool(int(image["drive_age_scans"]) <= old and not links & Link.CAN),
+        release_torque_nm=round(float(program.release_torque_nm), 3),
+    )
+    return replace(left, text=left_text(left), next_action=left_action(left))
 
 
 def _said(text: str, *, known: bool) -> str:
     return text if known else f"{text} when last heard of"
 
 
-def left_text(left: dict[str, Any]) -> str:
+def left_text(left: LeftState) -> str:
     """Return how the bench was left as one sentence without a full stop."""
-    torque = f"{left['torque_nm']:+.1f}".replace("-", "−")
+    torque = f"{left.torque_nm:+.1f}".replace("-", "−")
     parts = (
-        _said(f"{torque} N·m at the output", known=left["torque_known"]),
-        _said(f"lock {left['lock']}", known=left["lock_known"]),
-        _said(f"drive {left['drive']}", known=left["drive_known"]),
+        _said(f"{torque} N·m at the output", known=left.torque_known),
+        _said(f"lock {left.lock}", known=left.lock_known),
+        _said(f"drive {left.drive}", known=left.drive_known),
     )
     return f"left with {', '.join(parts)}"
 
 
-def left_action(left: dict[str, Any]) -> str:
+def left_action(left: LeftState) -> str:
     """Return what a person does before touching the unit."""
-    if not all(left[f"{name}_known"] for name in ("torque", "lock", "drive")):
+    if not (left.torque_known and left.lock_known and left.drive_known):
         return (
             "treat the unit as wound up: switch the drive's power off, keep out of reach of the shafts, "
             "and read the torque again before the lock is opened"
         )
-    stored = abs(left["torque_nm"]) > left["release_torque_nm"]
-    if stored and left["lock"] == "closed":
+    stored = abs(left.torque_nm) > left.release_torque_nm
+    if stored and left.lock == "closed":
         return (
             "the unit is still wound up: with the drive off, turn the loaded shaft back by hand until the torque "
             "is near zero, and only then open the lock"
         )
     if stored:
         return "the lock is open and the sensor still shows torque: check for a jam, then the zero of the torque sensor"
-    if left["lock"] == "closed":
+    if left.lock == "closed":
         return "the stored torque is negligible: open the lock, then remove the unit"
     return "no torque is stored and the lock is open: the unit can be removed"

@@ -6,19 +6,24 @@ that is not there has no meaning of its own, and who needs it is told so.
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any, TypeVar
+
+from pydantic import Field
 
 from definitions.plain_data import plain
 from definitions.program import Program
+from station.documents.reading import Number
 from station.errors import RecordError
 from station.records.run_record import RunRecord
 
 PROGRAM = "program.json"
+
+Entry = TypeVar("Entry")
 
 MEANT: Mapping[str, Any] = MappingProxyType({"loading_input": True})
 """Field of a program, by its path without indices, and what a program meant that was written before there was one.
@@ -26,72 +31,75 @@ MEANT: Mapping[str, Any] = MappingProxyType({"loading_input": True})
 loading_input: the first benches had the servo at the input shaft.
 """
 
-NEXT_STEP = "Restore the file from a backup"
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentRow:
+    """What the analysis needs of a segment."""
+
+    index: int
+    role: str
+    direction: int
+    cycle: int
 
 
-def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramEntries:
+    """Entries of program.json that are read from it; None where the version that wrote it did not know one."""
 
-
-def _segments(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(one, dict) for one in value)
-
-
-READ: Mapping[str, tuple[str, Callable[[Any], bool]]] = MappingProxyType(
-    {
-        "period_s": ("a period above 0 s", lambda value: _number(value) and value > 0.0),
-        "has_torque_out": ("true or false", lambda value: isinstance(value, bool)),
-        "release_torque_nm": ("a torque in N·m", _number),
-        "segments": ("a list of segments", _segments),
-    }
-)
-"""Entries of a stored program that are read from it, and what they may hold."""
-
-SEGMENT_FIELDS = ("index", "role", "direction", "cycle")
-"""What the analysis needs of each segment."""
+    period_s: Annotated[Number, Field(gt=0.0, allow_inf_nan=False, description="a period above 0 s")] | None = None
+    has_torque_out: bool | None = None
+    release_torque_nm: Annotated[Number, Field(allow_inf_nan=False, description="a torque in N·m")] | None = None
+    loading_input: bool = bool(MEANT["loading_input"])
+    segments: tuple[SegmentRow, ...] | None = None
 
 
 class StoredProgram:
-    """The program of a run as it was written; fields are asked for by name."""
+    """The program of a run as it was written; RecordError for an entry that the version did not know."""
 
-    def __init__(self, said: Any, place: Path) -> None:
-        if not isinstance(said, dict):
-            raise RecordError(f"{place}: is damaged: it is not a program")
-        for name, (allowed, fits) in READ.items():
-            if name in said and not fits(said[name]):
-                found = _short(said[name])
-                raise RecordError(f"{place}: is damaged: {name}: found {found}; allowed is {allowed}. {NEXT_STEP}")
-        self._said, self._place = said, place
+    def __init__(self, entries: ProgramEntries, place: Path) -> None:
+        self._entries, self._place = entries, place
 
     @classmethod
     def of(cls, run: RunRecord) -> StoredProgram:
         """Return the program of a run; RecordError when it cannot be read or an entry is not what it may be."""
-        return cls(run.read_json(PROGRAM), run.folder / PROGRAM)
+        return cls(run.read(ProgramEntries, PROGRAM), run.folder / PROGRAM)
 
-    def __getitem__(self, name: str) -> Any:
-        """Return a field, or what it meant where there is none; RecordError for one without such a meaning."""
-        if name in self._said:
-            return self._said[name]
-        if name in MEANT:
-            return MEANT[name]
-        raise RecordError(
-            f"{self._place}: has no entry {name}: the version that wrote it did not know it, or it is damaged"
-        )
+    def _known(self, name: str, value: Entry | None) -> Entry:
+        if value is None:
+            raise RecordError(
+                f"{self._place}: has no entry {name}: the version that wrote it did not know it, or it is damaged"
+            )
+        return value
 
     @property
-    def segments(self) -> list[dict[str, Any]]:
-        """The segment table; RecordError when a segment lacks what the analysis needs."""
-        segments: list[dict[str, Any]] = self["segments"]
-        for number, row in enumerate(segments):
-            missing = [name for name in SEGMENT_FIELDS if name not in row]
-            if missing:
-                raise RecordError(f"{self._place}: is damaged: segments[{number}] has no {', '.join(missing)}")
-        return segments
+    def period_s(self) -> float:
+        """Scan period."""
+        return self._known("period_s", self._entries.period_s)
+
+    @property
+    def has_torque_out(self) -> bool:
+        """Whether there is a torque sensor at the output."""
+        return self._known("has_torque_out", self._entries.has_torque_out)
+
+    @property
+    def release_torque_nm(self) -> float:
+        """Largest torque at which the lock may open."""
+        return self._known("release_torque_nm", self._entries.release_torque_nm)
+
+    @property
+    def loading_input(self) -> bool:
+        """Whether the torque is applied at the input shaft, with the output locked."""
+        return self._entries.loading_input
+
+    @property
+    def segments(self) -> Sequence[SegmentRow]:
+        """The segment table."""
+        return self._known("segments", self._entries.segments)
 
 
-def plain_program(program: Program) -> dict[str, Any]:
+def plain_program(program: Program) -> dict[str, object]:
     """Return a program as plain data; infinities are None: JSON has no other way to say that there is no limit."""
-    entries: dict[str, Any] = plain(program)
+    entries: dict[str, object] = plain(program)
     return entries
 
 
@@ -110,7 +118,7 @@ def _walk(path: str, before: Any, now: Any) -> list[str]:
     return [] if before == now else [f"{path}: recorded {_short(before)}, now {_short(now)}"]
 
 
-def _entry(path: str, key: str, before: dict[str, Any], now: dict[str, Any]) -> list[str]:
+def _entry(path: str, key: str, before: Mapping[str, object], now: Mapping[str, object]) -> list[str]:
     """Return where one entry of both differs; one that only this version knows differs by what it meant before."""
     field = re.sub(r"\[\d+\]", "", path).removeprefix("program.")
     if key not in now:

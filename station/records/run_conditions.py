@@ -30,7 +30,7 @@ def housing_temperature_c(run: RunRecord) -> float:
 
 def lock_position_deg(run: RunRecord) -> float:
     """Return where the locked shaft stood when the lock had closed [° of that shaft, by its encoder's reference]."""
-    locked_output = bool(StoredProgram.of(run)["loading_input"])
+    locked_output = StoredProgram.of(run).loading_input
     (zero,) = channel_values(run, [("orders", "angle_out_zero_rad" if locked_output else "angle_in_zero_rad")])
     if not zero.size:
         raise StationError(f"{run.id}: the run has no records")

@@ -19,19 +19,23 @@ A folder stands alone and is never overwritten.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import suppress
 from datetime import date
 from pathlib import Path
 from typing import Any
 
+from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, ScanProcess
+from station.documents.reading import Document, plain, read_document
 from station.durable import as_json, open_file, refused, write_durable
 from station.errors import RecordError
-from station.records.manifest import INTERRUPTED, MANIFEST, RECORDING, read_manifest
 from station.records.process_birth import process_birth
 from station.records.run_lock import RunLock
 from station.records.samples.layout import CURRENT, LAYOUT, Layout, layout_in
 
 __all__ = [
+    "CALIBRATION",
+    "EVENTS",
     "INTERRUPTED",
     "MANIFEST",
     "NOT_CONCLUDED",
@@ -40,6 +44,7 @@ __all__ = [
     "RESULT",
     "SAMPLES",
     "SCAN_REPORT",
+    "TIMING",
     "RunRecord",
     "process_birth",
 ]
@@ -47,6 +52,9 @@ __all__ = [
 SAMPLES = "samples.bin"
 PACKED = "samples.parquet"
 RESULT = "result.json"
+TIMING = "timing.json"
+CALIBRATION = "calibration.json"
+EVENTS = "events.jsonl"
 SCAN_REPORT = "scan-report.json"
 NOT_CONCLUDED = "not concluded"
 """Shown state of a run that no process owns any more and that nobody has concluded yet; never written to run.json."""
@@ -71,7 +79,7 @@ class RunRecord:
 
     def is_packed(self) -> bool:
         """Whether the samples were packed when the run was concluded; RecordError as `manifest`."""
-        return isinstance(self.manifest().get("samples"), dict)
+        return self.manifest().samples is not None
 
     def layout(self) -> Layout:
         """Return the layout of the records as the run describes it; RecordError when it does not.
@@ -82,9 +90,9 @@ class RunRecord:
             return CURRENT
         return layout_in(self.read_json(LAYOUT), self.folder / LAYOUT)
 
-    def manifest(self) -> dict[str, Any]:
+    def manifest(self) -> Manifest:
         """Return run.json, sound in every entry; RecordError when it cannot be read or is damaged."""
-        return read_manifest(self.folder / MANIFEST)
+        return self.read(Manifest, MANIFEST)
 
     def day(self) -> date:
         """Return the day of the run, in UTC: calibrations in its bench file are judged by it, whenever that is.
@@ -93,11 +101,20 @@ class RunRecord:
             RecordError: run.json cannot be read.
 
         """
-        return date.fromisoformat(self.manifest()["started"][:10])
+        return date.fromisoformat(self.manifest().started[:10])
 
     def update(self, **changes: Any) -> None:
-        """Change entries of run.json durably."""
-        self.write_json(MANIFEST, self.manifest() | changes)
+        """Change entries of run.json durably; what only a later version knows of stays in it."""
+        self.write_json(MANIFEST, self.changed_manifest(changes))
+
+    def changed_manifest(self, changes: Mapping[str, object]) -> dict[str, object]:
+        """Return run.json with other entries, as it is to be written; RecordError as `manifest`."""
+        self.manifest()
+        return {**self.read_json(MANIFEST), **{name: plain(value) for name, value in changes.items()}}
+
+    def read(self, kind: type[Document], name: str) -> Document:
+        """Return one of the run's files as a document; RecordError when it cannot be read or is damaged."""
+        return read_document(kind, self.folder / name)
 
     def write_json(self, name: str, content: Any) -> None:
         """Write one of the run's JSON files durably."""
@@ -134,15 +151,15 @@ class RunRecord:
         """Complete scan records on disk; none where nobody can tell."""
         with suppress(OSError, RecordError, TypeError, ValueError):
             manifest = self.manifest()
-            if "samples" in manifest:
-                return int(manifest["records"])
+            if manifest.samples is not None:
+                return manifest.records or 0
             return self.samples.stat().st_size // self.layout().record_bytes
         return 0
 
     def serial(self) -> str | None:
         """Serial number of the unit; None when the manifest is damaged."""
         try:
-            return str(self.manifest()["serial"])
+            return self.manifest().serial
         except RecordError:
             return None
 
@@ -150,20 +167,19 @@ class RunRecord:
         """Process id of the scan process while it lives, else 0."""
         if not self.has(SCAN_REPORT):
             return 0
-        with suppress(RecordError, TypeError, ValueError, KeyError, OverflowError):
-            said = self.read_json(SCAN_REPORT)
-            pid = int(said["pid"])
-            return pid if said["birth"] and process_birth(pid) == said["birth"] else 0
+        with suppress(RecordError):
+            said = self.read(ScanProcess, SCAN_REPORT)
+            return said.pid if said.birth and process_birth(said.pid) == said.birth else 0
         return 0
 
     def state(self) -> str:
         """State of the run; a recording that no process owns is `not concluded`."""
         if self.deserted() and not self.lock.taken():
             return NOT_CONCLUDED
-        return str(self.manifest()["state"])
+        return self.manifest().state
 
     def deserted(self) -> bool:
         """Whether the run was not concluded and its desk is not here; somebody else may own it (see `lock`)."""
         manifest = self.manifest()
-        desk = manifest["desk"]
-        return bool(manifest["state"] == RECORDING) and process_birth(desk["pid"]) != desk["birth"]
+        desk = manifest.desk
+        return manifest.state == RECORDING and process_birth(desk.pid) != desk.birth

@@ -79,7 +79,7 @@ def ring_of(run: RunRecord) -> Path | None:
         RecordError: what it names is no ring, or that of another run, or cannot be looked at now.
 
     """
-    name = run.manifest()["ring"]
+    name = run.manifest().ring
     if name is None:
         return None
     path, place = Path(name), run.folder / MANIFEST
@@ -132,7 +132,7 @@ def _left_over(path: Path) -> bool:
         return _gone(run.folder, head.device) and (not head.waiting or _missed_long_enough(path, head))
     if run.lock.taken():
         return False
-    return is_sealed(manifest) or manifest["ring"] != str(path)
+    return is_sealed(manifest) or manifest.ring != str(path)
 
 
 def _missed_long_enough(path: Path, head: RingHead) -> bool:

@@ -9,9 +9,12 @@ place behind it, whoever does that.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
+from station.documents.manifest import ChainPlace, Checksum, Manifest, PackedSamples
+from station.documents.reading import document_in
+from station.documents.result import Decided
 from station.durable import as_json, open_file, read_from_disk, refused, remove_parts, sync_folder
 from station.errors import RecordError
 from station.records.chain.chain_file import CHAIN, Chain, writing_to
@@ -54,7 +57,7 @@ def sealed_names(record: RunRecord) -> list[str]:
     return [name for name in (*SEALED, *profiles) if record.has(name)]
 
 
-def fingerprint(path: Path) -> dict[str, Any]:
+def fingerprint(path: Path) -> Checksum:
     """Return SHA-256 and size in bytes of a file; RecordError when it cannot be read."""
     digest, size = hashlib.sha256(), 0
     try:
@@ -64,23 +67,26 @@ def fingerprint(path: Path) -> dict[str, Any]:
                 size += len(chunk)
     except OSError as error:
         raise refused(path, error, "read") from error
-    return {"sha256": digest.hexdigest(), "bytes": size}
+    return Checksum(sha256=digest.hexdigest(), bytes=size)
 
 
-def seal(record: RunRecord, **changes: Any) -> None:
+def seal(record: RunRecord, *, samples: PackedSamples | None = None, **changes: object) -> None:
     """Conclude a run: its last changes and the checksums to run.json, and its signed line to the chain.
+
+    samples: of a run whose samples were packed; the raw ones are removed.
 
     Raises:
         RecordError: run.json or the chain cannot be written; the run then has no verdict.
 
     """
     remove_parts(record.folder)
-    names = [name for name in sealed_names(record) if name != SAMPLES or "samples" not in changes]
+    names = [name for name in sealed_names(record) if name != SAMPLES or samples is None]
     files = {name: fingerprint(record.folder / name) for name in names}
-    manifest = record.manifest() | changes | {"files": files}
-    content = as_json(manifest)
-    row = {name: manifest.get(name) for name in ("serial", "attempt", "state", "verdict")}
-    row |= {"run": record.id, "created": (manifest.get("chain") or {}).get("counter")}
+    packed = {} if samples is None else {"samples": samples}
+    content = as_json(record.changed_manifest({**changes, **packed, "files": files}))
+    manifest = document_in(Manifest, content, record.folder / CONCLUDED)
+    row = {name: getattr(manifest, name) for name in ("serial", "attempt", "state", "verdict")}
+    row |= {"run": record.id, "created": None if manifest.chain is None else manifest.chain.counter}
     # The line is what concludes the run. Before it the new run.json is on disk already, under another name, so that
     # a process that is killed behind it leaves the next one nothing to decide: it gives the file its name.
     record.write_bytes(CONCLUDED, content)
@@ -109,7 +115,7 @@ def finish_seal(record: RunRecord) -> bool:
     for name in (CHAIN, INDEX):
         if (data / name).exists():
             read_from_disk(data / name)  # one that cannot be read says nothing; and a line that was written is flushed
-    found = fingerprint(record.folder / CONCLUDED)["sha256"]
+    found = fingerprint(record.folder / CONCLUDED).sha256
     if found not in _vouched(Chain(data), record.id):
         record.remove(CONCLUDED)
         return False
@@ -121,7 +127,7 @@ def _vouched(chain: Chain, run: str) -> list[str]:
     """Return the hashes of run.json that the folder vouches for: by a signed line, or by one of the index before it."""
     signed = [entry.fields["sha256"] for entry in _sealed_entries(chain, run) if entry.signed]
     kept = index_kept(chain.data, chain.before) if chain.there else index_content(chain.data)
-    return signed + [str(line.get("sha256")) for line in index_lines(kept or b"", run)]
+    return signed + [str(line.sha256) for line in index_lines(kept or b"", run)]
 
 
 def _sealed_entries(chain: Chain, run: str) -> list[Entry]:
@@ -136,11 +142,11 @@ def vouched_for(record: RunRecord) -> str:
 
 def _put_in_place(record: RunRecord) -> None:
     """Give the concluded run.json its name; the ring of the run has nothing more to say."""
-    ring = record.manifest().get("ring")
+    ring = record.manifest().ring
     try:
         if ring and Path(ring).name.startswith(FILE_PREFIX):
             Path(ring).unlink(missing_ok=True)
-        if "samples" in record.read_json(CONCLUDED):
+        if record.read(Manifest, CONCLUDED).samples is not None:
             record.remove(SAMPLES)  # they are packed: read back, compared and sealed
         (record.folder / CONCLUDED).replace(record.folder / MANIFEST)
         sync_folder(record.folder)
@@ -148,9 +154,9 @@ def _put_in_place(record: RunRecord) -> None:
         raise refused(record.folder / MANIFEST, error) from error
 
 
-def is_sealed(manifest: dict[str, Any]) -> bool:
+def is_sealed(manifest: Manifest) -> bool:
     """Whether a run was concluded, so that its verdict may be asked for."""
-    return "files" in manifest or manifest["state"] not in (RECORDING, INTERRUPTED)
+    return manifest.files is not None or manifest.state not in (RECORDING, INTERRUPTED)
 
 
 def alterations(
@@ -174,8 +180,8 @@ def alterations(
         chain = chain or Chain(data_folder(record))
         put_back = not record.has(CONCLUDED) and any(one.signed for one in _sealed_entries(chain, record.id))
         return (f"{MANIFEST}: is not the one with which the run was concluded",) if put_back else ()
-    files = manifest.get("files")
-    if not isinstance(files, dict):
+    files = manifest.files
+    if files is None:
         return (f"{MANIFEST}: the checksums that a concluded run has are missing",)
     found = _against_chain(record, manifest, chain or Chain(data_folder(record)), trusted)
     names = dict.fromkeys((*files, *sealed_names(record)))
@@ -192,27 +198,26 @@ def alteration_lines(altered: tuple[str, ...] | list[str]) -> list[str]:
     return [head, *(f"record altered: {one}" for one in altered)]
 
 
-def _difference(record: RunRecord, name: str, kept: dict[str, Any] | None, *, samples: bool) -> str:
+def _difference(record: RunRecord, name: str, kept: Checksum | None, *, samples: bool) -> str:
     if kept is None:
         return f"{name}: was not there when the run was concluded"
     path = record.folder / name
     try:
         size = path.stat().st_size
-        now = kept | {"bytes": size} if name in (SAMPLES, PACKED) and not samples else fingerprint(path)
+        by_size = name in (SAMPLES, PACKED) and not samples
+        now = Checksum(sha256=kept.sha256, bytes=size) if by_size else fingerprint(path)
     except (OSError, RecordError):
         return f"{name}: is missing or cannot be read"
-    if now["bytes"] != kept.get("bytes"):
-        return f"{name}: has {now['bytes']} bytes, had {kept.get('bytes')} when the run was concluded"
-    if now["sha256"] != kept.get("sha256"):
+    if now.bytes != kept.bytes:
+        return f"{name}: has {now.bytes} bytes, had {kept.bytes} when the run was concluded"
+    if now.sha256 != kept.sha256:
         return f"{name}: its SHA-256 is not the one from when the run was concluded"
     return ""
 
 
-def _against_chain(
-    record: RunRecord, manifest: dict[str, Any], chain: Chain, trusted: frozenset[str] | None
-) -> list[str]:
+def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted: frozenset[str] | None) -> list[str]:
     """Return what speaks against a run in the chain beside it, or in the index of a folder from before chains."""
-    run = str(manifest.get("id"))
+    run = manifest.id
     if not chain.there:
         if chain_seen_in(chain.data) is not None:
             return [f"{CHAIN}: is missing, and this computer has written one in this folder"]
@@ -221,20 +226,20 @@ def _against_chain(
     entries = _sealed_entries(chain, run)
     keys = trust_of(chain).keys if trusted is None else trusted
     before = chain.before if chain.start is not None and chain.start.key in keys else None
-    if not entries and before is not None and "chain" not in manifest:
+    if not entries and before is not None and manifest.chain is None:
         kept = index_kept(chain.data, before)
         if kept is None:
             return [*named, f"{INDEX}: is not the one that was there when the chain began"]
         if kept:
             return named + _against_index(record, manifest, kept)
-        return named if run in before["unconcluded"] else [*named, f"{CHAIN}: does not name this run"]
+        return named if run in before.unconcluded else [*named, f"{CHAIN}: does not name this run"]
     found = _against_entries(record, manifest, entries, keys)
-    if entries and not (before is not None and run in before["unconcluded"]):
+    if entries and not (before is not None and run in before.unconcluded):
         found += _against_beginning(chain, run, manifest, entries[0])
     return named + found
 
 
-def _against_beginning(chain: Chain, run: str, manifest: dict[str, Any], sealed: Entry) -> list[str]:
+def _against_beginning(chain: Chain, run: str, manifest: Manifest, sealed: Entry) -> list[str]:
     """Return what is wrong between the entry that begins a run and the one that seals it.
 
     What lies in the folder unsealed is not protected. So a run that nobody began, or that was sealed before and whose
@@ -243,23 +248,21 @@ def _against_beginning(chain: Chain, run: str, manifest: dict[str, Any], sealed:
     created = next((one for one in chain.entries_of(run) if one.kind == CREATED and one.signed), None)
     if created is None:
         return [f"{CHAIN}: has no entry that begins this run"]
-    place = {"id": chain.id, "counter": created.counter, "previous": created.fields["previous"]}
-    if manifest.get("chain") != place:
+    place = ChainPlace(id=chain.id, counter=created.counter, previous=created.fields["previous"])
+    if manifest.chain != place:
         return [f"{MANIFEST}: does not name the entry of {CHAIN} that begins this run"]
     if not whole_between(chain, created, sealed):
         return [f"{CHAIN}: entries between the beginning and the end of this run were removed or changed"]
     return []
 
 
-def _against_entries(
-    record: RunRecord, manifest: dict[str, Any], entries: list[Entry], trusted: frozenset[str]
-) -> list[str]:
+def _against_entries(record: RunRecord, manifest: Manifest, entries: list[Entry], trusted: frozenset[str]) -> list[str]:
     if not entries:
         return [f"{CHAIN}: has no entry that seals this run"]
     found = [
         f"{CHAIN}: entry {one.counter} is not signed by the key that it names" for one in entries if not one.signed
     ]
-    own = (manifest.get("bench") or {}).get("public_key")
+    own = manifest.bench.public_key
     for key in {entry.key for entry in entries}:
         if key not in trusted:
             found.append(f"{CHAIN}: is signed by {key}, which this computer does not know")
@@ -268,47 +271,50 @@ def _against_entries(
     if len({entry.fields["sha256"] for entry in entries}) > 1:
         return [*found, f"{CHAIN}: has {len(entries)} entries that seal this run, which is concluded once"]
     said = entries[0].fields
-    if said["sha256"] != fingerprint(record.folder / MANIFEST)["sha256"]:
+    if said["sha256"] != fingerprint(record.folder / MANIFEST).sha256:
         found.append(f"{MANIFEST}: its SHA-256 is not the one in {CHAIN}")
     found += [
-        f"{MANIFEST}: says {name} {manifest.get(name)}, {CHAIN} says {said[name]}"
+        f"{MANIFEST}: says {name} {getattr(manifest, name)}, {CHAIN} says {said[name]}"
         for name in ("verdict", "state", "serial", "attempt")
-        if manifest.get(name) != said[name]
+        if getattr(manifest, name) != said[name]
     ]
     return found
 
 
-def _against_index(record: RunRecord, manifest: dict[str, Any], content: bytes) -> list[str]:
-    lines = index_lines(content, str(manifest.get("id")))
+def _against_index(record: RunRecord, manifest: Manifest, content: bytes) -> list[str]:
+    lines = index_lines(content, manifest.id)
     if not lines:
         return [f"{INDEX}: has no line for this run"]
-    if len({line.get("sha256") for line in lines}) > 1:
+    if len({line.sha256 for line in lines}) > 1:
         return [f"{INDEX}: has {len(lines)} lines for this run, which is concluded once"]
     found = []
-    if lines[0].get("sha256") != fingerprint(record.folder / MANIFEST)["sha256"]:
+    if lines[0].sha256 != fingerprint(record.folder / MANIFEST).sha256:
         found.append(f"{MANIFEST}: its SHA-256 is not the one in {INDEX}")
-    if lines[0].get("verdict") != manifest.get("verdict"):
-        found.append(f"{MANIFEST}: says {manifest.get('verdict')}, {INDEX} says {lines[0].get('verdict')}")
+    if lines[0].verdict != manifest.verdict:
+        found.append(f"{MANIFEST}: says {manifest.verdict}, {INDEX} says {lines[0].verdict}")
     return found
 
 
-def _contradictions(record: RunRecord, manifest: dict[str, Any], files: dict[str, Any]) -> list[str]:
+def _contradictions(record: RunRecord, manifest: Manifest, files: Mapping[str, Checksum]) -> list[str]:
     """Return where the parts of a record do not say the same: recipe and bench as started, verdict, metrics."""
     found = [
         f"{part}.yaml: is not the {part} that the run was started with"
-        for part in ("recipe", "bench")
-        if manifest[part]["sha256"] != files.get(f"{part}.yaml", {}).get("sha256")
+        for part, source in (("recipe", manifest.recipe), ("bench", manifest.bench))
+        if (kept := files.get(f"{part}.yaml")) is None or source.sha256 != kept.sha256
     ]
     try:
-        result = record.read_json(RESULT)
-        verdict, metrics = result["verdict"], [metric["verdict"] for metric in result["metrics"]]
-        said = {key: result[key] for key in ("run", "serial", "state")}
-    except (RecordError, KeyError, TypeError):
+        result = record.read(Decided, RESULT)
+    except RecordError:
         return [*found, f"{RESULT}: is not a result"]
-    own = {"run": manifest["id"], "serial": manifest["serial"], "state": manifest["state"]}
-    found += [f"{RESULT}: says {key} {said[key]}, {MANIFEST} says {own[key]}" for key in own if said[key] != own[key]]
-    if verdict != manifest["verdict"]:
-        found.append(f"{RESULT}: says {verdict}, {MANIFEST} says {manifest['verdict']}")
+    pairs = (
+        ("run", result.run, manifest.id),
+        ("serial", result.serial, manifest.serial),
+        ("state", result.state, manifest.state),
+    )
+    found += [f"{RESULT}: says {key} {said}, {MANIFEST} says {own}" for key, said, own in pairs if said != own]
+    verdict, metrics = result.verdict, [metric.verdict for metric in result.metrics]
+    if verdict != manifest.verdict:
+        found.append(f"{RESULT}: says {verdict}, {MANIFEST} says {manifest.verdict}")
     implied = next((one for one in WORST_FIRST if one in metrics), "NOT DECIDABLE")
     if verdict in ("PASS", "FAIL") and verdict != implied:
         found.append(f"{RESULT}: says {verdict}, its own metrics say {implied}")

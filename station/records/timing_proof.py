@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from analysis.validity.evidence import RunFacts
 from definitions.image import SampleStatus, State
 from recipes.schema.recipe_schema import Sampling
+from station.documents.exported import Counts
+from station.documents.timing import Pace, Percentiles, Realtime, Timing
 from station.records.clocks import SCAN, clock_of
 from station.records.samples.table import Table
 
@@ -30,33 +33,30 @@ def measuring(table: Table) -> Table:
     return table[np.isin(table["orders"]["state"], MEASURING_STATES)]
 
 
-def _percentiles(values_ns: Any, names: dict[str, float]) -> dict[str, float]:
+def _percentiles(values_ns: Any) -> Percentiles:
     if not values_ns.size:
-        return dict.fromkeys((*names, "max"), 0.0)
-    found = np.percentile(values_ns, list(names.values())) / 1000.0
-    return {
-        **{name: round(float(value), 3) for name, value in zip(names, found, strict=True)},
-        "max": round(float(values_ns.max()) / 1000.0, 3),
-    }
+        return Percentiles()
+    p50, p99, p999 = (round(float(value), 3) for value in np.percentile(values_ns, (50, 99, 99.9)) / 1000.0)
+    return Percentiles(p50=p50, p99=p99, p999=p999, max=round(float(values_ns.max()) / 1000.0, 3))
 
 
-def timing_block(table: Table, period_ns: int, clock: str, realtime: dict[str, object]) -> dict[str, Any]:
+def timing_block(table: Table, period_ns: int, clock: str, realtime: Realtime) -> Timing:
     """Return the `timing` object of a result; times in µs, ages in scans. `clock` is one of `CLOCKS`."""
     ages = measuring(table)["image"]["sample_age_scans"]
-    return {
-        "period_ns": period_ns,
-        "clock": clock,
-        "scans": len(table),
-        "missed": int(table["image"]["missed_periods"].sum(dtype=np.int64)),
-        "longest_gap_periods": int(table["image"]["missed_periods"].max(initial=0)),
-        "lateness_us": _percentiles(table["lateness_ns"], {"p50": 50, "p99": 99, "p999": 99.9}),
-        "work_us": _percentiles(table["work_ns"], {"p50": 50, "p99": 99, "p999": 99.9}),
-        "oldest_sample_scans": int(ages.max(initial=0)),
-        "realtime": realtime,
-    }
+    return Timing(
+        period_ns=period_ns,
+        clock=clock,
+        scans=len(table),
+        missed=int(table["image"]["missed_periods"].sum(dtype=np.int64)),
+        longest_gap_periods=int(table["image"]["missed_periods"].max(initial=0)),
+        lateness_us=_percentiles(table["lateness_ns"]),
+        work_us=_percentiles(table["work_ns"]),
+        oldest_sample_scans=int(ages.max(initial=0)),
+        realtime=realtime,
+    )
 
 
-def run_facts(table: Table, timing: dict[str, Any], sampling: Sampling) -> RunFacts:
+def run_facts(table: Table, timing: Timing, sampling: Sampling) -> RunFacts:
     """Return how a trace was recorded, as the validity checks want to know it.
 
     Args:
@@ -65,52 +65,52 @@ def run_facts(table: Table, timing: dict[str, Any], sampling: Sampling) -> RunFa
         sampling: what the recipe allows.
 
     """
-    return facts_of_counts(counts_of(table, timing), timing["period_ns"], sampling)
+    return facts_of_counts(counts_of(table, timing), timing.period_ns, sampling)
 
 
-def counts_of(table: Table, timing: dict[str, Any]) -> dict[str, int]:
+def counts_of(table: Table, timing: Timing) -> Counts:
     """Return what was counted while recording, whatever a recipe allows of it; arguments as in `run_facts`."""
     flags = measuring(table)["image"]["sample_status"]
-    return {
-        "periods": timing["scans"] + timing["missed"],
-        "missed": timing["missed"],
-        "oldest_sample_scans": timing["oldest_sample_scans"],
+    return Counts(
+        periods=timing.scans + timing.missed,
+        missed=timing.missed,
+        oldest_sample_scans=timing.oldest_sample_scans,
         **{name: int(np.count_nonzero(flags & bit)) for bit, name in COUNTED.items()},
-        "bench_waited": int(clock_of(timing) == SCAN),
-    }
+        bench_waited=int(clock_of(timing.clock) == SCAN),
+    )
 
 
-def facts_of_counts(counts: dict[str, int], period_ns: int, sampling: Sampling) -> RunFacts:
-    """Return counts of a recording with what the recipe allows; TypeError for counts that are none."""
+def facts_of_counts(counts: Counts, period_ns: int, sampling: Sampling) -> RunFacts:
+    """Return counts of a recording with what the recipe allows."""
     return RunFacts(
-        **counts,
+        **asdict(counts),
         missed_allowed=sampling.missed_periods_fraction,
         sample_age_allowed_scans=round(sampling.sample_age_s * 1e9 / period_ns),
     )
 
 
-def objections_to_clock(timing: dict[str, Any]) -> list[str]:
+def objections_to_clock(timing: Timing) -> list[str]:
     """Return what the clock has against a verdict: by one that waits for the scan only virtual units are judged."""
-    pace = timing.get("pace") or {}
-    if clock_of(timing) != SCAN:
+    pace = timing.pace or Pace()
+    if clock_of(timing.clock) != SCAN:
         return []
     why = "the scan clock is for virtual units only"
-    if not pace.get("unit"):
+    if not pace.unit:
         return [f"{why}, and no virtual bench has named its unit. Measure by the wall clock"]
-    received, sent = int(pace.get("frames_received", 0)), int(pace.get("frames_sent_by_bench", 0))
+    received, sent = pace.frames_received, pace.frames_sent_by_bench
     if received <= sent + FRAMES_ON_THEIR_WAY:
         return []
     found = f"{received} CAN frames came, and the virtual bench that sets the pace sent {sent}"
     return [f"{why}: {found}. Another device answers. Take 'pace' out of the bench file"]
 
 
-def clock_note(timing: dict[str, Any]) -> str:
+def clock_note(timing: Timing) -> str:
     """Return what this computer would have missed with real hardware, and how to mend that; '' where nothing."""
-    pace = timing.get("pace") or {}
-    missed = int(pace.get("would_have_missed", 0))
-    if clock_of(timing) != SCAN or not missed:
+    pace = timing.pace or Pace()
+    missed = pace.would_have_missed
+    if clock_of(timing.clock) != SCAN or not missed:
         return ""
-    share = missed / max(int(timing["scans"]), 1)
+    share = missed / max(timing.scans, 1)
     return (
         f"With real hardware this computer would have missed {missed} periods ({share:.2%}). 'lostmotion timing' "
         "shows causes and remedies"

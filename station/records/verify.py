@@ -71,6 +71,6 @@ def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = Tr
 
 def _named_in(run: RunRecord) -> str | None:
     try:
-        return str(run.manifest().get("id"))
+        return run.manifest().id
     except RecordError:
         return None

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from station.documents.result import BudgetRow, MetricValue
 from station.reports.metric_sides import side_rows
 from station.reports.result_text import figure_text, metric_name, number, uncertainty_text, unit_text
 
@@ -40,45 +40,45 @@ class BudgetTable:
     small: tuple[Row, ...] = ()
 
 
-def budget_tables(metrics: Sequence[Mapping[str, Any]]) -> tuple[BudgetTable, ...]:
+def budget_tables(metrics: Sequence[MetricValue]) -> tuple[BudgetTable, ...]:
     """Return the budget of each side that has one: of each metric the side that judges first."""
-    rows = [row for metric in metrics for row in side_rows(dict(metric))]
-    return tuple(_table(row) for row in rows if row.get("budget"))
+    rows = [row for metric in metrics for row in side_rows(metric)]
+    return tuple(_table(row) for row in rows if row.budget)
 
 
-def _table(metric: dict[str, Any]) -> BudgetTable:
-    graded = metric["id"] == OF_BACKLASH
-    unit = "arcmin" if graded else metric["unit"]
-    sources = sorted(metric["budget"], key=lambda row: -float(row.get("share") or 0.0))
-    large = [row for row in sources if float(row.get("share") or 0.0) >= LEAST_SHARE]
+def _table(metric: MetricValue) -> BudgetTable:
+    graded = metric.id == OF_BACKLASH
+    unit = "arcmin" if graded else metric.unit
+    sources = sorted(metric.budget, key=lambda row: -(row.share or 0.0))
+    large = [row for row in sources if (row.share or 0.0) >= LEAST_SHARE]
     small = sources[len(large) :]
     table = [_row(row, unit) for row in large]
     if small:
-        names = ", ".join(str(row.get("quantity")).replace("_", " ") for row in small)
-        share = sum(float(row.get("share") or 0.0) for row in small)
+        names = ", ".join(row.quantity.replace("_", " ") for row in small)
+        share = sum((row.share or 0.0) for row in small)
         summed = figure_text(_root_sum(small), unit, DIGITS)
         table.append((f"{len(small)} of less than {LEAST_SHARE:.1%} each: {names}", "", "", "", summed, f"{share:.1%}"))
-    factor = float(metric.get("coverage_factor") or COVERAGE)
+    factor = metric.coverage_factor or COVERAGE
     u = _root_sum(sources)
     expanded = figure_text(factor * u, unit, DIGITS)
     whole = "all, of the backlash that is graded" if graded else "all"
     total = f"{whole}: u = √Σ contribution², U = {factor:g}·u = {expanded}"
     table.append((total, "", "", "", figure_text(u, unit, DIGITS), "100.0%"))
-    stated = f"{number(metric['value'], metric['uncertainty'])} {uncertainty_text(metric)} {unit_text(metric['unit'])}"
+    stated = f"{number(metric.value, metric.uncertainty)} {uncertainty_text(metric)} {unit_text(metric.unit)}"
     return BudgetTable(metric_name(metric), stated.rstrip(), tuple(table), tuple(_row(row, unit) for row in small))
 
 
-def _row(row: Mapping[str, Any], unit: str) -> Row:
-    share = row.get("share")
+def _row(row: BudgetRow, unit: str) -> Row:
+    share = row.share
     return (
-        str(row.get("text") or row.get("quantity")),
-        str(row.get("distribution") or "–"),
-        figure_text(row.get("u"), str(row.get("unit") or ""), DIGITS),
-        figure_text(row.get("sensitivity"), "", DIGITS),
-        figure_text(row.get("contribution"), unit, DIGITS),
+        row.text or row.quantity,
+        row.distribution or "–",
+        figure_text(row.u, row.unit, DIGITS),
+        figure_text(row.sensitivity, "", DIGITS),
+        figure_text(row.contribution, unit, DIGITS),
         "–" if share is None else f"{share:.1%}" if share >= LEAST_SHARE or share == 0 else f"{share:.1g}",
     )
 
 
-def _root_sum(rows: Sequence[Mapping[str, Any]]) -> float:
-    return math.hypot(*(float(row.get("contribution") or 0.0) for row in rows))
+def _root_sum(rows: Sequence[BudgetRow]) -> float:
+    return math.hypot(*(row.contribution for row in rows))

@@ -8,16 +8,16 @@ from __future__ import annotations
 import csv
 import io
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
-from analysis.evaluation.pipeline import Result
+from analysis.evaluation.pipeline import Result as Found
 from analysis.loop.method import Method
 from analysis.trace.segment_names import segment_name
 from analysis.trace.trace import SegmentInfo
 from definitions.checks import CHECKS
 from station.bench.request import Job
+from station.documents.result import CheckValue, MetricValue, Result, StageRow
 from station.records.run_record import RunRecord
 from station.reports.budget_rows import BudgetTable, budget_tables
 from station.reports.result_text import figure_text, metric_name, minus
@@ -60,43 +60,41 @@ class Content:
 CHECK_HEADS = ("validity check", "what was found", "")
 
 
-def content_of(record: RunRecord, result: dict[str, Any], analysis: Result | None, job: Job) -> Content:
+def content_of(record: RunRecord, result: Result, analysis: Found | None, job: Job) -> Content:
     """Return the sections of a run's report; what the record or the result lacks is left out."""
     manifest = record.manifest()
     method = method_of(job.recipe, job.bench)
     stored = None if method.quadrants is None else newest_calibration(job.recipe, job.bench)
     return Content(
-        uncertainty=uncertainty_kind(result["metrics"]),
-        budgets=budget_tables(result["metrics"]),
+        uncertainty=uncertainty_kind(result.metrics),
+        budgets=budget_tables(result.metrics),
         checks=check_rows(shown_checks(result)),
         checks_line=checks_line(shown_checks(result)),
-        stages=stage_rows(result.get("stages") or ()),
+        stages=stage_rows(result.stages),
         method=() if analysis is None else _method_rows(method),
         lines=line_rows(analysis, stored),
         lines_of=lines_title(record, stored),
         fits=() if analysis is None else _fit_rows(analysis),
         calibrations=calibration_rows(record, stored, job.bench),
-        checksums=tuple(
-            (name, str(found["bytes"]), str(found["sha256"])) for name, found in (manifest.get("files") or {}).items()
-        ),
+        checksums=tuple((name, str(found.bytes), found.sha256) for name, found in (manifest.files or {}).items()),
         loop=b"" if analysis is None else loop_csv(analysis),
         ratio=ratio_csv(analysis),
         timing=timing_tables(timing_proof(record)),
     )
 
 
-def uncertainty_kind(metrics: Sequence[Mapping[str, Any]]) -> str:
+def uncertainty_kind(metrics: Sequence[MetricValue]) -> str:
     """Return in a sentence what the expanded uncertainties of a result contain."""
-    known = [one for one in metrics if one.get("uncertainty") is not None]
-    kinds = {one.get("uncertainty_kind", "budget") for one in known if one.get("budget")}
+    known = [one for one in metrics if one.uncertainty is not None]
+    kinds = {one.uncertainty_kind for one in known if one.budget}
     if not known:
         return f"No uncertainty (no U): {NO_U}." if metrics else ""
-    budgeted = [one for one in known if one.get("uncertainty_kind", "budget") in WITH_FIGURES and one.get("budget")]
+    budgeted = [one for one in known if one.uncertainty_kind in WITH_FIGURES and one.budget]
     none = f" No U: {NO_U}." if len(known) < len(metrics) else ""
     if not budgeted:
         return f"{U_TEXT} of the scatter within this run only, without the sensors.{none}"
     holds = WITH_FIGURES["untimed" if "untimed" in kinds else "budget"]
-    others = [metric_name(dict(one)) for one in known if one not in budgeted]
+    others = [metric_name(one) for one in known if one not in budgeted]
     scatter = f" Scatter within this run only: {', '.join(others)}." if others else ""
     return f"{U_TEXT}{holds}.{scatter}{none}"
 
@@ -112,23 +110,20 @@ WITH_FIGURES = {
 """Kinds of an uncertainty that comes from sensor specifications, and what it leaves out."""
 
 
-def shown_checks(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def shown_checks(result: Result) -> list[CheckValue]:
     """Return the checks that say something: of a run that was not evaluated, only those that failed."""
-    return [check for check in result.get("gates") or () if result["metrics"] or check.get("passed") is False]
+    return [check for check in result.gates if result.metrics or check.passed is False]
 
 
-def check_rows(checks: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:
+def check_rows(checks: Sequence[CheckValue]) -> tuple[Row, ...]:
     """Return the validity checks: those that failed, those that passed, those that were not checked."""
-    ordered = sorted(checks, key=lambda check: {False: 0, True: 1, None: 2}[check.get("passed")])
-    return tuple(
-        (check_title(check), str(check.get("id", "")), _check_words(check), PASSED[check.get("passed")])
-        for check in ordered
-    )
+    ordered = sorted(checks, key=lambda check: {False: 0, True: 1, None: 2}[check.passed])
+    return tuple((check_title(check), check.id, _check_words(check), PASSED[check.passed]) for check in ordered)
 
 
-def checks_line(checks: Sequence[Mapping[str, Any]]) -> str:
+def checks_line(checks: Sequence[CheckValue]) -> str:
     """Return the validity checks as counts; nothing where there are none."""
-    counts = Counter(check.get("passed") for check in checks)
+    counts = Counter(check.passed for check in checks)
     parts = (
         _counted(counts[False], "failed"),
         _counted(counts[True], "passed"),
@@ -141,30 +136,27 @@ def _counted(count: int, became: str) -> str:
     return f"{count} {'check' if count == 1 else 'checks'} {became}" if count else ""
 
 
-def check_title(check: Mapping[str, Any]) -> str:
+def check_title(check: CheckValue) -> str:
     """Return what people read of a check; of one that this version does not know, nothing."""
-    row = CHECKS.get(str(check.get("id")))
+    row = CHECKS.get(check.id)
     return row.title if row is not None else ""
 
 
-def _check_words(check: Mapping[str, Any]) -> str:
+def _check_words(check: CheckValue) -> str:
     """Return the words of a check; its figure and limit are in them, or stand behind them."""
-    text, unit = str(check.get("text") or ""), str(check.get("unit") or "")
+    text, unit = check.text, check.unit
     text = text.removeprefix(f"{check_title(check)}: ").removeprefix("not applicable: ")  # both stand beside it
-    if check.get("figure") is None or "allowed" in text:
+    if check.figure is None or "allowed" in text:
         return text
-    return f"{text}: {figure_text(check['figure'], unit)}, limit {figure_text(check.get('limit'), unit)}"
+    return f"{text}: {figure_text(check.figure, unit)}, limit {figure_text(check.limit, unit)}"
 
 
-def stage_rows(stages: Sequence[Mapping[str, Any]]) -> tuple[Row, ...]:
+def stage_rows(stages: Sequence[StageRow]) -> tuple[Row, ...]:
     """Return what each stage of the evaluation did, in words and figures."""
     rows = []
     for stage in stages:
-        said = []
-        for name, figure in (stage.get("figures") or {}).items():
-            value, unit = (figure.get("value"), figure.get("unit")) if isinstance(figure, Mapping) else (figure, "")
-            said.append(f"{str(name).replace('_', ' ')} {figure_text(value, str(unit or ''))}")
-        rows.append((str(stage.get("name") or stage.get("stage") or ""), str(stage.get("text") or ""), "; ".join(said)))
+        said = [f"{name.replace('_', ' ')} {figure_text(one.value, one.unit)}" for name, one in stage.figures.items()]
+        rows.append((stage.stage, stage.text, "; ".join(said)))
     return tuple(rows)
 
 
@@ -183,7 +175,7 @@ def _method_rows(method: Method) -> tuple[Row, ...]:
     )
 
 
-def _fit_rows(analysis: Result) -> tuple[Row, ...]:
+def _fit_rows(analysis: Found) -> tuple[Row, ...]:
     """Return the fitted mean curve of the first cycle: coefficients in rising powers of torque."""
     fit = analysis.curves.fit
     if fit is None:
@@ -210,7 +202,7 @@ def _term(value: float, power: int) -> str:
     return minus(f"{value:.9g}") + ("", "·T", "·T²")[power]
 
 
-def loop_csv(analysis: Result) -> bytes:
+def loop_csv(analysis: Found) -> bytes:
     """Return the branches of every cycle as CSV: the file from which `analyze` gets the loop's metrics again.
 
     Torque is at the output, and every correction has been made; 0.1 mN·m and a millionth of an arcmin are kept.

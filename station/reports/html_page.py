@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import base64
 import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import jinja2
 
+from station.documents.events import EventRow
+from station.documents.manifest import Manifest
+from station.documents.result import MetricValue, Result
 from station.reports.budget_rows import BUDGET_HEADS
 from station.reports.content import CHECK_HEADS, FAILED, LOOP_CSV, Content, uncertainty_kind
 from station.reports.headline import badges, ending_text, headline, remaining_reasons, virtual_unit
@@ -20,9 +24,9 @@ from station.reports.result_text import (
     metric_name,
     minus,
     number,
+    plus_minus,
     software_rows,
     spread_text,
-    uncertainty_text,
     unit_text,
 )
 from station.reports.result_view import timing_line
@@ -49,70 +53,63 @@ RULES = {
     "guard_band": "Guard band w = r·U: accepted inside the limits by w, rejected outside by w, NOT DECIDABLE between.",
 }
 
-WITHOUT: dict[str, Any] = {
-    "attempt": None,
-    "decision": {"rule": "simple", "guard_factor": 0.0},
-    "notes": [],
-    "alarms": [],
-    "timing": {"scans": 0},
-    "left": None,
-    "altered": [],
-}
-"""What stands for entries that a result lacks: of a run without an end, or of an older version."""
+
+@dataclass(frozen=True)
+class MetricGroup:
+    """A metric with its name, and its sides as rows, the one that judges first."""
+
+    metric: MetricValue
+    name: str
+    rows: tuple[MetricValue, ...]
 
 
-def completed(result: dict[str, Any]) -> dict[str, Any]:
-    """Return a result with every entry that a report asks for."""
-    return WITHOUT | {key: value for key, value in result.items() if value is not None}
-
-
-def rule_text(result: dict[str, Any]) -> str:
+def rule_text(result: Result) -> str:
     """Return the rule of decision in a sentence, with its factor, and what it decided on one side or within U."""
-    decision = result["decision"]
-    factor = f" Here r = {decision['guard_factor']:g}." if decision["rule"] == "guard_band" else ""
+    decision = result.decision
+    factor = f" Here r = {decision.guard_factor:g}." if decision.rule == "guard_band" else ""
     notes = one_sided(result) + within_uncertainty(result)
-    return RULES[decision["rule"]] + factor + "".join(f" {note[0].upper()}{note[1:]}." for note in notes)
+    return RULES[decision.rule] + factor + "".join(f" {note[0].upper()}{note[1:]}." for note in notes)
 
 
-def explained(metric: dict[str, Any]) -> str:
+def explained(metric: MetricValue) -> str:
     """Return definition, estimator, and the values of the cycles that the value is the mean of."""
-    parts = [metric["definition"]]
-    if metric.get("estimator"):
-        parts[0] += f"; by {metric['estimator']}"
-    sides = [row for row in metric.get("rows") or side_rows(metric) if len(row.get("per_cycle") or ()) > 1]
+    parts = [metric.definition]
+    if metric.estimator:
+        parts[0] += f"; by {metric.estimator}"
+    sides = [row for row in side_rows(metric) if len(row.per_cycle) > 1]
     for row in sides:
-        shown = ", ".join(number(value, (row["uncertainty"] or 0.0) / 10) for value in row["per_cycle"])
+        shown = ", ".join(number(value, (row.uncertainty or 0.0) / 10) for value in row.per_cycle)
         side = f" (side {side_text(row)})" if side_text(row) else ""
-        parts.append(f"cycles{side} {shown}; s = {row.get('standard_deviation') or 0.0:.2g}")
-    if not sides and metric.get("cycles"):
-        parts.append(f"{metric['cycles']} {'cycle' if metric['cycles'] == 1 else 'cycles'}")
-    if metric.get("value_j") is not None:
-        parts.append(f"In joules: {_joules(metric)}")
+        parts.append(f"cycles{side} {shown}; s = {row.standard_deviation or 0.0:.2g}")
+    if not sides and metric.cycles:
+        parts.append(f"{metric.cycles} {'cycle' if metric.cycles == 1 else 'cycles'}")
+    if metric.value_j is not None:
+        parts.append(f"In joules: {_joules(metric, metric.value_j)}")
     return ". ".join(parts)
 
 
-def _joules(metric: dict[str, Any]) -> str:
+def _joules(metric: MetricValue, value_j: float) -> str:
     """Return an energy in J with its uncertainty, which has the same share of it in both units."""
-    share = (metric["uncertainty"] or 0.0) / metric["value"] if metric["value"] else 0.0
-    joules = {"value": metric["value_j"], "uncertainty": abs(share * metric["value_j"]) or None}
-    return f"{number(joules['value'], joules['uncertainty'])} {uncertainty_text(joules)}".rstrip() + " J"
+    share = (metric.uncertainty or 0.0) / metric.value if metric.value else 0.0
+    uncertainty = abs(share * value_j) or None
+    beside = "" if uncertainty is None else f" {plus_minus(uncertainty)}"
+    return f"{number(value_j, uncertainty)}{beside} J"
 
 
-def metric_groups(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return one entry per metric, those with a limit first; its `rows` are its sides, the one that judges first.
+def metric_groups(metrics: Sequence[MetricValue]) -> list[MetricGroup]:
+    """Return one entry per metric, those with a limit first.
 
-    A result of before titles were kept has none: its `title` is empty, and the name stands alone.
+    A result of before titles were kept has none: the name stands alone.
     """
-    ordered = sorted(metrics, key=lambda metric: metric["verdict"] is None)
+    ordered = sorted(metrics, key=lambda metric: metric.verdict is None)
     return [
-        {"title": ""} | metric | {"rows": side_rows(metric), "name": metric_name(metric | {"side": "both"})}
-        for metric in ordered
+        MetricGroup(metric, metric_name(replace(metric, side="both")), tuple(side_rows(metric))) for metric in ordered
     ]
 
 
-def side_text(row: dict[str, Any]) -> str:
+def side_text(row: MetricValue) -> str:
     """Return the sign of a row's side; nothing for a metric of the whole loop."""
-    return minus(row["side"]) if row["side"] in ("+", "-") else ""
+    return minus(row.side) if row.side in ("+", "-") else ""
 
 
 @functools.cache
@@ -139,9 +136,9 @@ def _environment() -> jinja2.Environment:
 
 
 def report_html(
-    result: dict[str, Any],
-    run: dict[str, Any],
-    events: list[dict[str, Any]],
+    result: Result,
+    run: Manifest,
+    events: Sequence[EventRow],
     files: dict[str, str],
     pictures: dict[str, bytes],
     *,
@@ -160,8 +157,7 @@ def report_html(
         content: the sections that PDF and HTML share.
 
     """
-    result = completed(result)
-    content = content or Content(uncertainty_kind(result["metrics"]))
+    content = content or Content(uncertainty_kind(result.metrics))
     encoded = {name: (PICTURES[name], base64.b64encode(picture).decode()) for name, picture in pictures.items()}
     data = {name: text.encode() for name, text in files.items()}
     data |= {name: table for name, table in ((LOOP_CSV, content.loop), (RATIO_CSV, content.ratio)) if table}
@@ -171,15 +167,15 @@ def report_html(
         .render(
             result=result,
             run=run,
-            software=software_rows(run["software"]),
+            software=software_rows(run.software),
             events=events,
             files=files,
             first_pictures=[encoded[name] for name in FIRST if name in encoded],
             pictures=encoded,
-            metrics=metric_groups(result["metrics"]),
+            metrics=metric_groups(result.metrics),
             rule=rule_text(result),
             failed=FAILED,
-            timing_line=timing_line(result["timing"]) if result["timing"].get("scans") else "",
+            timing_line="" if result.timing is None or not result.timing.scans else timing_line(result.timing),
             head=headline(result),
             conditions=conditions or {},
             badges=badges(result),

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import textwrap
 from dataclasses import dataclass
-from typing import Any
 
-from analysis.evaluation.pipeline import Result
+from analysis.evaluation.pipeline import Result as Found
 from analysis.trace.errors import AnalysisError
 from definitions.program import Program
 from station.bench.request import Job
+from station.documents.events import EventRow
+from station.documents.reading import document_in
+from station.documents.result import Result
+from station.documents.timing import Timing
 from station.errors import RecordError
-from station.records.run_record import RunRecord
+from station.records.run_record import EVENTS, TIMING, RunRecord
 from station.records.samples.history import conditions_of, history_of
 from station.records.samples.samples import read_samples
 from station.records.samples.table import Table
@@ -22,7 +24,7 @@ from station.reports.figures.residual_plot import residual_figure
 from station.reports.figures.stiffness_plot import stiffness_figure
 from station.reports.figures.time_plot import time_figure
 from station.reports.figures.timing_plot import timing_figure
-from station.reports.headline import badges, first_cause, headline
+from station.reports.headline import badges, headline
 from station.reports.html_page import report_html
 from station.results.evaluation import method_of
 
@@ -36,8 +38,8 @@ class Shown:
     """What there is of a run besides its record: its job, the result that is shown, and its evaluation, if any."""
 
     job: Job
-    result: dict[str, Any]
-    analysis: Result | None
+    result: Result
+    analysis: Found | None
 
 
 def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[bytes, bytes]:
@@ -55,10 +57,10 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
         if keep and name in pictures:
             record.write_bytes(name, pictures[name])
     try:
-        text = (record.folder / "events.jsonl").read_text(encoding="utf-8")
+        lines = (record.folder / EVENTS).read_bytes().splitlines()
         files = {name: (record.folder / name).read_text(encoding="utf-8") for name in ("recipe.yaml", "bench.yaml")}
-        events = [json.loads(line) for line in text.splitlines()]
-    except (OSError, ValueError) as error:
+        events = [document_in(EventRow, line, record.folder / EVENTS) for line in lines]
+    except (OSError, ValueError, RecordError) as error:
         raise RecordError(f"{record.folder}: no report: {error}") from error
     content = content_of(record, shown.result, shown.analysis, shown.job)
     conditions = conditions_of(table, shown.job.program)
@@ -74,7 +76,7 @@ def pictures_of(record: RunRecord, table: Table, shown: Shown) -> dict[str, byte
         table,
         program,
         angle_out=job.bench.sensors.angle_out is not None,
-        alarm=first_cause(result),
+        alarm=result.first_cause,
     )
     pictures: dict[str, bytes] = {}
     if history is None:
@@ -82,24 +84,24 @@ def pictures_of(record: RunRecord, table: Table, shown: Shown) -> dict[str, byte
     title = picture_title(result)
     method = method_of(job.recipe, job.bench)
     pictures["loop.png"] = png(loop_figure(history, shown.analysis, method, title))
-    if result["state"] != "complete":
+    if result.state != "complete":
         pictures["time.png"] = png(time_figure(history, title))
     if shown.analysis is not None:
-        stiffness = stiffness_figure(shown.analysis, method, result["metrics"])
+        stiffness = stiffness_figure(shown.analysis, method, result.metrics)
         residuals = residual_figure(shown.analysis, method)
         pictures |= {} if stiffness is None else {"stiffness.png": png(stiffness)}
         pictures |= {} if residuals is None else {"residuals.png": png(residuals)}
     try:
-        timing = timing_figure(record.read_json("timing.json"))
-    except (RecordError, AnalysisError, TypeError, ValueError, KeyError):
+        timing = timing_figure(record.read(Timing, TIMING))
+    except (RecordError, AnalysisError):
         timing = None
     return pictures | ({} if timing is None else {"timing.png": png(timing)})
 
 
-def picture_title(result: dict[str, Any]) -> str:
+def picture_title(result: Result) -> str:
     """Return what stands above a picture: what it came to, in lines that fit its width, then whose it is."""
     said = textwrap.fill(headline(result).text, TITLE_LETTERS)
-    return "\n".join((said, "   ".join((result["serial"], result["recipe"]["name"], *badges(result)))))
+    return "\n".join((said, "   ".join((result.serial or "", result.recipe.name, *badges(result)))))
 
 
 def write_reports(record: RunRecord, shown: Shown) -> None:

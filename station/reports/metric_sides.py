@@ -2,45 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from math import inf
-from typing import Any
+
+from station.documents.result import MetricValue, SideValue
 
 SEVERITY = {"FAIL": 0, "NOT DECIDABLE": 1, "PASS": 2}
 
-OF_ONE_SIDE = ("budget", "standard_deviation", "per_cycle")
-"""What each side has for itself, beside value, uncertainty and verdict; records of older versions have it of one."""
 
-
-def side_rows(metric: dict[str, Any]) -> list[dict[str, Any]]:
+def side_rows(metric: MetricValue) -> list[MetricValue]:
     """Return a metric as one row per side, the one that judges first."""
-    sides = metric.get("sides") or {}
-    headline = sides.get(metric["side"], metric)
-    rows = [metric | {"verdict": headline.get("verdict")}]
-    rows += [
-        metric
-        | {"side": side, "value": found["value"], "uncertainty": found["uncertainty"], "verdict": found["verdict"]}
-        | {name: found.get(name) for name in OF_ONE_SIDE}
-        for side, found in sides.items()
-        if side != metric["side"]
-    ]
+    headline = metric.sides.get(metric.side, metric)
+    rows = [replace(metric, verdict=headline.verdict)]
+    rows += [on_side(metric, side, found) for side, found in metric.sides.items() if side != metric.side]
     return sorted(rows, key=_goodness)
 
 
-def _goodness(row: dict[str, Any]) -> tuple[int, float]:
+def on_side(metric: MetricValue, side: str, found: SideValue) -> MetricValue:
+    """Return a metric with what it has on another of its sides."""
+    return replace(
+        metric,
+        side=side,
+        value=found.value,
+        uncertainty=found.uncertainty,
+        verdict=found.verdict,
+        budget=found.budget,
+        monte_carlo=found.monte_carlo,
+        standard_deviation=found.standard_deviation,
+        per_cycle=found.per_cycle,
+    )
+
+
+def _goodness(row: MetricValue) -> tuple[int, float]:
     """Order rows by how near they are to refusal: verdict first, then the distance to the nearest limit."""
-    limits, value = row.get("limits") or {}, row["value"]
-    low, high = limits.get("min"), limits.get("max")
+    value, low, high = row.value, row.limits.min, row.limits.max
     if value is None:
-        return SEVERITY.get(row["verdict"] or "", len(SEVERITY)), -inf
+        return SEVERITY.get(row.verdict or "", len(SEVERITY)), -inf
     room = min(inf if low is None else value - low, inf if high is None else high - value)
-    return SEVERITY.get(row["verdict"] or "", len(SEVERITY)), room
+    return SEVERITY.get(row.verdict or "", len(SEVERITY)), room
 
 
-def all_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def all_rows(metrics: Sequence[MetricValue]) -> list[MetricValue]:
     """Return the metrics as rows, every side of each; of the sides the one that judges first."""
     return [row for metric in metrics for row in side_rows(metric)]
 
 
-def judging_rows(metrics: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def judging_rows(metrics: Sequence[MetricValue]) -> list[MetricValue]:
     """Return one row per metric: the side that is nearest to refusal, or beyond it."""
     return [side_rows(metric)[0] for metric in metrics]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 from analysis.evaluation.verdict import Verdict, judge
 from analysis.loop.method import Decision
 from analysis.validity.judge import is_loose
 from definitions.checks import CHECKS
 from definitions.metrics import SIDED
+from station.documents.result import MetricValue, Result
 from station.reports.content import check_title, checks_line, shown_checks, uncertainty_kind
+from station.reports.metric_sides import on_side
 from station.reports.result_text import figure_text, limits_text, metric_name, number, uncertainty_text
 
 CORRECTIONS = ("time alignment", "drift", "fixture")
@@ -32,14 +33,14 @@ FULL_GUARD = Decision("guard_band", 1.0)
 """Guard band as wide as U: what it leaves undecided lies nearer to its limit than it is known."""
 
 
-def note_lines(result: Mapping[str, Any]) -> list[str]:
+def note_lines(result: Result) -> list[str]:
     """Return the notes that a person should see: warnings of the run, and corrections that were applied."""
-    stages = [stage for stage in result.get("stages") or () if isinstance(stage, Mapping)]
-    said = {stage.get("text") for stage in stages}
-    notes = [str(note) for note in result.get("notes") or () if note not in said]
+    stages = result.stages
+    said = {stage.text for stage in stages}
+    notes = [note for note in result.notes if note not in said]
     if not stages:
         notes = [note for note in notes if note.startswith(RECIPE_NOTE)]
-    applied = [stage for stage in stages if stage.get("applied")]
+    applied = [stage for stage in stages if stage.applied]
     notes = (
         fault_notes(result)
         + one_sided(result)
@@ -47,83 +48,79 @@ def note_lines(result: Mapping[str, Any]) -> list[str]:
         + loose_limits(result)
         + [note for note in notes if not note.startswith(FAULTS_NOTE)]
     )
-    notes += [str(stage["text"]) for stage in applied if stage.get("stage", stage.get("name")) in CORRECTIONS]
+    notes += [stage.text for stage in applied if stage.stage in CORRECTIONS]
     left = len(notes) - MOST_NOTES
     return notes if left <= 0 else [*notes[:MOST_NOTES], f"and {left} more, in the report"]
 
 
-def fault_notes(result: Mapping[str, Any]) -> list[str]:
+def fault_notes(result: Result) -> list[str]:
     """Return one note that names the scenario by which faults were injected; none where none were."""
-    said = [str(note) for note in result.get("notes") or () if str(note).startswith(FAULTS_NOTE)]
-    return said or ([f"{FAULTS_NOTE}: {result['scenario']}"] if result.get("scenario") else [])
+    said = [note for note in result.notes if note.startswith(FAULTS_NOTE)]
+    return said or ([f"{FAULTS_NOTE}: {result.scenario}"] if result.scenario else [])
 
 
-def one_sided(result: Mapping[str, Any]) -> list[str]:
+def one_sided(result: Result) -> list[str]:
     """Return one note on the metrics with a limit that were judged on one side of the two they have; none where none.
 
     The side that was not asked for may be the bad one. A metric of the whole loop has one side, `both`, and is not
     meant; nor is one that the recipe asks for on each side by itself, with limits of their own.
     """
     sides: defaultdict[str, set[str]] = defaultdict(set)
-    limited = [metric for metric in result.get("metrics") or () if _has_limit(metric)]
+    limited = [metric for metric in result.metrics if metric.limits]
     for metric in limited:
-        sides[_whole_name(metric)] |= set(metric.get("sides") or ())
+        sides[_whole_name(metric)] |= set(metric.sides)
     alone = [metric_name(metric) for metric in limited if sides[_whole_name(metric)] in ONE_SIDE]
     return [f"judged on one side only: {', '.join(alone)}"] if alone else []
 
 
-def _has_limit(metric: Mapping[str, Any]) -> bool:
-    return any(limit is not None for limit in (metric.get("limits") or {}).values())
+def _whole_name(metric: MetricValue) -> str:
+    return metric_name(replace(metric, side=""))
 
 
-def _whole_name(metric: Mapping[str, Any]) -> str:
-    return metric_name({**metric, "side": ""})
-
-
-def within_uncertainty(result: Mapping[str, Any]) -> list[str]:
+def within_uncertainty(result: Result) -> list[str]:
     """Return one note on what the rule `simple` decided nearer to a limit than its uncertainty; none where nothing."""
-    if (result.get("decision") or {}).get("rule") != "simple":
+    if result.decision.rule != "simple":
         return []
     said = [
-        f"{metric_name({**metric, 'side': side})} {number(row['value'], row['uncertainty'])} {uncertainty_text(row)} "
-        f"(limit {limits_text(metric['limits'])})"
-        for metric in result.get("metrics") or ()
-        for side, row in (metric.get("sides") or {}).items()
-        if row["uncertainty"] is not None and _undecided(metric, row)
+        f"{metric_name(row)} {number(row.value, row.uncertainty)} {uncertainty_text(row)} "
+        f"(limit {limits_text(metric.limits)})"
+        for metric in result.metrics
+        for row in (on_side(metric, side, found) for side, found in metric.sides.items())
+        if row.uncertainty is not None and _undecided(row)
     ]
     return [f"decided within the uncertainty of the limit (rule simple ignores U): {', '.join(said)}"] if said else []
 
 
-def _undecided(metric: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
-    limits = metric["limits"]["min"], metric["limits"]["max"]
-    return judge(row["value"], row["uncertainty"], limits, FULL_GUARD)[0] is Verdict.NOT_DECIDABLE
+def _undecided(row: MetricValue) -> bool:
+    limits = row.limits.min, row.limits.max
+    return judge(row.value, row.uncertainty, limits, FULL_GUARD)[0] is Verdict.NOT_DECIDABLE
 
 
-def loose_limits(result: Mapping[str, Any]) -> list[str]:
+def loose_limits(result: Result) -> list[str]:
     """Return one note on the validity limits that let more pass than the usual ones; none where none does."""
     said = [
-        f"{name} {figure_text(check['limit'], check['unit'])} ({figure_text(CHECKS[name].limit, check['unit'])})"
-        for check in result.get("gates") or ()
-        if (name := check.get("id")) in CHECKS and is_loose(name, check["limit"])
+        f"{check.id} {figure_text(check.limit, check.unit)} ({figure_text(CHECKS[check.id].limit, check.unit)})"
+        for check in result.gates
+        if check.id in CHECKS and check.limit is not None and is_loose(check.id, check.limit)
     ]
     return (
         [f"validity limits wider than usual in the recipe (usual ones in brackets): {', '.join(said)}"] if said else []
     )
 
 
-def check_lines(result: Mapping[str, Any]) -> list[str]:
+def check_lines(result: Result) -> list[str]:
     """Return one line per failed check, with its figure and limit; empty when none failed."""
     return [
         f"{check_title(check)}: ".removeprefix(": ")
-        + f"{figure_text(check.get('figure'), check.get('unit') or '')}, "
-        + f"limit {figure_text(check.get('limit'), check.get('unit') or '')}  {check.get('id')}"
-        for check in result.get("gates") or ()
-        if check.get("passed") is False
+        + f"{figure_text(check.figure, check.unit)}, "
+        + f"limit {figure_text(check.limit, check.unit)}  {check.id}"
+        for check in result.gates
+        if check.passed is False
     ]
 
 
-def summary_lines(result: Mapping[str, Any]) -> list[str]:
+def summary_lines(result: Result) -> list[str]:
     """Return what ± is, and how many checks passed; nothing for a run without metrics."""
-    metrics = result.get("metrics") or []
+    metrics = result.metrics
     said = (uncertainty_kind(metrics), checks_line(shown_checks(result))) if metrics else ()
     return [line for line in said if line]

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import floor, log10
-from typing import Any
+from typing import Any, Protocol
+
+from station.documents.manifest import Software
+from station.documents.result import DecisionRule, Limits, MetricValue
 
 NO_UNCERTAINTY = "no uncertainty: one cycle"
 
@@ -30,18 +33,18 @@ def number(value: float | None, uncertainty: float | None = None) -> str:
     return minus(text if "e" not in text else f"{value:.3e}")
 
 
-def limits_text(limits: dict[str, float | None]) -> str:
+def limits_text(limits: Limits) -> str:
     """Return limits as they are said: `≤ 1`, `≥ 108`, `95 … 120`, or nothing."""
-    low, high = limits.get("min"), limits.get("max")
+    low, high = limits.min, limits.max
     return _range_text(None if low is None else f"{low:g}", None if high is None else f"{high:g}")
 
 
-def guarded_text(metric: dict[str, Any], decision: dict[str, Any]) -> str:
+def guarded_text(metric: MetricValue, decision: DecisionRule) -> str:
     """Return the limits for acceptance, moved in by w = r·U; nothing without guard band or uncertainty."""
-    if decision["rule"] != "guard_band" or metric["uncertainty"] is None or not limits_text(metric["limits"]):
+    if decision.rule != "guard_band" or metric.uncertainty is None or not metric.limits:
         return ""
-    width = decision["guard_factor"] * metric["uncertainty"]
-    low, high = metric["limits"].get("min"), metric["limits"].get("max")
+    width = decision.guard_factor * metric.uncertainty
+    low, high = metric.limits.min, metric.limits.max
     return "accept " + _range_text(
         None if low is None else number(low + width, width), None if high is None else number(high - width, width)
     )
@@ -55,16 +58,31 @@ def _range_text(low: str | None, high: str | None) -> str:
     return minus(f"≤ {high}") if high is not None else ""
 
 
-def metric_name(metric: dict[str, Any]) -> str:
+class Named(Protocol):
+    """What a metric is named by."""
+
+    @property
+    def id(self) -> str: ...  # noqa: D102
+    @property
+    def torque_nm(self) -> float | None: ...  # noqa: D102
+    @property
+    def choices(self) -> Sequence[str]: ...  # noqa: D102
+    @property
+    def branch(self) -> str: ...  # noqa: D102
+    @property
+    def side(self) -> str: ...  # noqa: D102
+
+
+def metric_name(metric: Named) -> str:
     """Return a metric's id with torque, branch and side where they tell it from others."""
-    parts = [str(metric["id"])]
-    if metric.get("torque_nm") is not None:
-        parts.append(f"{metric['torque_nm']:g} N·m")
-    parts += metric.get("choices", [])
-    if metric["branch"] in ("load", "unload") or metric["id"] == "stiffness_50_100":
-        parts.append(metric["branch"])
-    if metric["side"] in ("+", "-"):
-        parts.append(f"side {minus(metric['side'])}")
+    parts = [metric.id]
+    if metric.torque_nm is not None:
+        parts.append(f"{metric.torque_nm:g} N·m")
+    parts += metric.choices
+    if metric.branch in ("load", "unload") or metric.id == "stiffness_50_100":
+        parts.append(metric.branch)
+    if metric.side in ("+", "-"):
+        parts.append(f"side {minus(metric.side)}")
     return " ".join(parts)
 
 
@@ -78,11 +96,15 @@ def titled_reason(reason: str, titles: Mapping[str, str]) -> str:
     return f"{invalid}{titles[found['id']]}{side} [{found['id']}]: {reason[found.end() :]}"
 
 
-def uncertainty_text(metric: dict[str, Any]) -> str:
+def uncertainty_text(metric: MetricValue) -> str:
     """Return the expanded uncertainty with two digits, why there is none, or nothing."""
-    uncertainty = metric["uncertainty"]
-    if uncertainty is None:
-        return NO_UNCERTAINTY if metric["value"] is not None and metric.get("cycles") == 1 else ""
+    if metric.uncertainty is None:
+        return NO_UNCERTAINTY if metric.value is not None and metric.cycles == 1 else ""
+    return plus_minus(metric.uncertainty)
+
+
+def plus_minus(uncertainty: float) -> str:
+    """Return an expanded uncertainty with two digits."""
     decimals = max(1 - floor(log10(uncertainty)), 0) if uncertainty > 0 else 0
     return f"± {uncertainty:.{decimals}f}" if decimals <= 6 else f"± {uncertainty:.1e}"
 
@@ -92,7 +114,7 @@ def unit_text(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
-def spread_text(row: dict[str, Any]) -> str:
+def spread_text(row: MetricValue) -> str:
     """Return the expanded uncertainty of a row as it stands in a table; what `no U` means stands below it."""
     said = uncertainty_text(row)
     return "no U" if said == NO_UNCERTAINTY else said
@@ -108,14 +130,14 @@ def figure_text(value: Any, unit: str = "", digits: int = 5) -> str:
     return f"{text} {unit_text(unit)}".rstrip()
 
 
-def software_rows(software: Mapping[str, Any]) -> list[tuple[str, str]]:
+def software_rows(software: Software) -> list[tuple[str, str]]:
     """Return what made a run, name and text: the program, its libraries, the computer; as far as the record says it."""
-    changed = ", files changed since that commit" if software.get("changed") else ""
-    program = f"{software['name']} {software['version']}{changed}, Python {software['python']}, {software['platform']}"
-    libraries = ", ".join(f"{name} {number}" for name, number in (software.get("dependencies") or {}).items())
+    changed = ", files changed since that commit" if software.changed else ""
+    program = f"{software.name} {software.version}{changed}, Python {software.python}, {software.platform}"
+    libraries = ", ".join(f"{name} {number}" for name, number in software.dependencies.items())
     return [
         ("software", program),
-        *([("files of the program", f"SHA-256 {software['files_sha256']}")] if software.get("files_sha256") else []),
+        *([("files of the program", f"SHA-256 {software.files_sha256}")] if software.files_sha256 else []),
         *([("libraries", libraries)] if libraries else []),
-        *([("computer, user", f"{software['host']}, {software.get('user')}")] if software.get("host") else []),
+        *([("computer, user", f"{software.host}, {software.user}")] if software.host else []),
     ]

@@ -10,8 +10,9 @@ from typing import Any
 from analysis.evaluation.pipeline import Result
 from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes import Bench, Calibration
+from station.documents.ratio import RatioRecord
 from station.errors import RecordError
-from station.records.run_record import RunRecord
+from station.records.run_record import CALIBRATION, RunRecord
 from station.reports.result_text import minus
 
 RATIO_CSV = "torque_ratio.csv"
@@ -60,7 +61,7 @@ def lines_title(record: RunRecord, stored: Calibration | None) -> str:
     if stored is not None:
         return f"stored calibration {stored.id}"
     made = _measured(record)
-    return f"calibration {made['id']} of this run" if made and "id" in made else "measured by this run"
+    return f"calibration {made.id} of this run" if made is not None else "measured by this run"
 
 
 def calibration_rows(record: RunRecord, stored: Calibration | None, bench: Bench) -> tuple[Row, ...]:
@@ -69,14 +70,11 @@ def calibration_rows(record: RunRecord, stored: Calibration | None, bench: Bench
     if stored is not None:
         rows.append((stored.id, _stored_text(stored, bench)))
     made = _measured(record)
-    try:
-        if made is not None:
-            where = made.get("bench") or {}
-            on = f" on bench {where['name']} revision {where['revision']}" if where else ""
-            text = f"torque ratio of {made['model']}{on}, measured by this run on {str(made['made'])[:10]}"
-            rows.append((str(made["id"]), text))
-    except (KeyError, TypeError):
-        rows.append(("calibration.json", "is damaged"))
+    if made is not None:
+        on = f" on bench {made.bench.name} revision {made.bench.revision}" if made.bench.name else ""
+        rows.append((made.id, f"torque ratio of {made.model}{on}, measured by this run on {made.made[:10]}"))
+    elif record.has(CALIBRATION):
+        rows.append((CALIBRATION, "is damaged"))
     return tuple(rows)
 
 
@@ -98,12 +96,9 @@ def _stored_text(stored: Calibration, bench: Bench) -> str:
     return "; ".join(parts)
 
 
-def _measured(record: RunRecord) -> dict[str, Any] | None:
-    """Return what calibration.json says, an empty one where it is damaged; None where there is none."""
-    if not record.has("calibration.json"):
-        return None
+def _measured(record: RunRecord) -> RatioRecord | None:
+    """Return what calibration.json says; None where there is none, or it is damaged."""
     try:
-        found = record.read_json("calibration.json")
+        return record.read(RatioRecord, CALIBRATION)
     except RecordError:
-        return {}
-    return found if isinstance(found, dict) else {}
+        return None

@@ -6,7 +6,8 @@ other controller would have seen. From the first scan in which any order differs
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from controller.controller import Controller
 from definitions.faults import Fault, cause_among
@@ -17,6 +18,17 @@ NAMES = {"state": State, "reaction": Reaction, "drive_command": DriveCommand, "d
 
 MOST_NAMED = 3
 """Differing orders that are named when no alarm says it better: those to the devices come first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstDifference:
+    """A divergence with its time, as it is printed; `fault` is None where none is raised by one recipe only."""
+
+    scan: int
+    t_s: float
+    state: str
+    fault: str | None
+    cause: str
 
 
 class Divergence(NamedTuple):
@@ -36,10 +48,11 @@ class Divergence(NamedTuple):
         """Return when it was, for a person."""
         return f"scan {self.scan} ({self.scan * period_ns * 1e-9:.3f} s, {self.state})"
 
-    def to_dict(self, period_ns: int) -> dict[str, Any]:
-        """Return it as plain data."""
+    def document(self, period_ns: int) -> FirstDifference:
+        """Return it as it is printed."""
         t_s = round(self.scan * period_ns * 1e-9, 6)
-        return {"scan": self.scan, "t_s": t_s, "state": self.state, "fault": self.fault or None, "cause": self.cause}
+        fault = self.fault or None
+        return FirstDifference(scan=self.scan, t_s=t_s, state=self.state, fault=fault, cause=self.cause)
 
 
 class Beside:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,14 @@ from analysis.trace.trace import ROLES, SegmentInfo, Trace
 from analysis.uncertainty.figures import SensorFigures
 from analysis.validity.evidence import RunFacts
 from definitions.image import State
+from definitions.program import Segment
 from recipes import OWN, Bench, Calibration, Recipe, Selection, selected
 from station.bench.assemble import CHANNEL_OF_SENSOR, channels
 from station.bench.figures import figures_of, fixture_of
+from station.documents.manifest import Manifest
+from station.documents.ratio import BenchHead, RatioLine, RatioRecord
 from station.errors import StationError
+from station.records.program_file import SegmentRow
 from station.records.samples.table import Table
 from station.records.samples.zeroes import ZEROES, from_zero
 
@@ -120,12 +125,14 @@ def decision_of(recipe: Recipe) -> Decision:
     return Decision(recipe.decision.rule, recipe.decision.guard_factor)
 
 
-def trace_of(table: Table, segments: list[dict[str, Any]], bench: Bench, period_ns: int, source: str) -> Trace:
+def trace_of(
+    table: Table, segments: Sequence[SegmentRow | Segment], bench: Bench, period_ns: int, source: str
+) -> Trace:
     """Return the measured trace of a record: fresh samples under the recipe's torque, tared, angles from reference.
 
     Args:
         table: all records of the run.
-        segments: the program's segment table, as in program.json.
+        segments: the program's segment table.
         bench: which sensors there were.
         period_ns: scan period.
         source: name for messages.
@@ -158,12 +165,12 @@ def measured_channels(table: Table, bench: Bench) -> dict[str, npt.NDArray[np.fl
     return measured | {name: image[field].copy() for name, field in AS_RECORDED.items() if field in image}
 
 
-def segment_table(segments: list[dict[str, Any]]) -> dict[int, SegmentInfo]:
+def segment_table(segments: Sequence[SegmentRow | Segment]) -> dict[int, SegmentInfo]:
     """Return the analysis' segment table; roles that it does not evaluate become `other`."""
     table = {}
     for row in segments:
-        role = row["role"] if row["role"] in ROLES else "other"
-        table[row["index"]] = SegmentInfo(role, row["direction"] if role != "other" else 0, row["cycle"])
+        role = row.role if row.role in ROLES else "other"
+        table[row.index] = SegmentInfo(role, row.direction if role != "other" else 0, row.cycle)
     return table
 
 
@@ -193,31 +200,31 @@ def figures_for(recipe: Recipe, bench: Bench) -> SensorFigures:
     return figures_of(bench, newest_calibration(recipe, bench) if stored else None)
 
 
-def calibration_of(result: Result, run: dict[str, Any], bench: Bench) -> dict[str, Any] | None:
+def ratio_of(result: Result, run: Manifest, bench: Bench) -> RatioRecord | None:
     """Return the torque ratio that a run measured, as calibration.json; None when it measured none."""
     quadrants = result.quadrants
     if quadrants is None or not quadrants.fits:
         return None
-    return {
-        "id": f"{run['id']}-ratio",
-        "bench": {"name": bench.bench.name, "revision": bench.bench.revision},
-        "model": run["unit"]["model"],
-        "made": run["started"],
-        "transition_rad": quadrants.transition_rad,
-        "quadrants": {
-            name: {
-                "slope": fit.slope,
-                "offset_nm": fit.offset_nm,
-                "u_slope": fit.u_slope,
-                "u_offset_nm": fit.u_offset_nm,
-                "correlation": fit.correlation,
-                "residual_sd_nm": fit.residual_sd_nm,
-                "r_squared": fit.r_squared,
-                "points": fit.points,
-                "flagged": int(fit.flagged.size),
-                "theil_sen_slope": fit.theil_sen_slope,
-                "theil_sen_offset_nm": fit.theil_sen_offset_nm,
-            }
+    return RatioRecord(
+        id=f"{run.id}-ratio",
+        bench=BenchHead(name=bench.bench.name, revision=bench.bench.revision),
+        model=run.unit.model,
+        made=run.started,
+        transition_rad=quadrants.transition_rad,
+        quadrants={
+            name: RatioLine(
+                slope=fit.slope,
+                offset_nm=fit.offset_nm,
+                u_slope=fit.u_slope,
+                u_offset_nm=fit.u_offset_nm,
+                correlation=fit.correlation,
+                residual_sd_nm=fit.residual_sd_nm,
+                r_squared=fit.r_squared,
+                points=fit.points,
+                flagged=int(fit.flagged.size),
+                theil_sen_slope=fit.theil_sen_slope,
+                theil_sen_offset_nm=fit.theil_sen_offset_nm,
+            )
             for name, fit in quadrants.fits.items()
         },
-    }
+    )

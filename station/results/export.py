@@ -9,7 +9,7 @@ lateness and work. SI units stand in the names and in the file's own metadata.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +19,11 @@ import numpy.typing as npt
 from analysis.trace.segment_names import UNUSED, segment_names
 from analysis.trace.trace import CHANNELS
 from definitions.image import IMAGE_FIELDS
+from definitions.program import Segment
 from recipes import Bench
+from station.documents.exported import ExportedRun
+from station.documents.reading import plain
+from station.records.program_file import SegmentRow
 from station.records.samples.packed import ORDER_PREFIX
 from station.records.samples.scan_record import CHECK_FIELD
 from station.records.samples.table import Table
@@ -67,10 +71,10 @@ def columns_of(table: Table, period_ns: int, measured: Sequence[Column] = ()) ->
     return found
 
 
-def trace_columns(table: Table, segments: list[dict[str, Any]], bench: Bench) -> list[Column]:
+def trace_columns(table: Table, segments: Sequence[SegmentRow | Segment], bench: Bench) -> list[Column]:
     """Return the trace of a run on every row, but for its time: the channels that the bench has, and the segments.
 
-    segments: the program's segment table, as in program.json.
+    segments: the program's segment table.
     """
     units = {field.name: field.unit for field in IMAGE_FIELDS}
     less = {name: f", less {ORDER_PREFIX}{zero}" for name, zero in ZEROES.items()}
@@ -92,7 +96,7 @@ def trace_columns(table: Table, segments: list[dict[str, Any]], bench: Bench) ->
     return [*found, Column("segment", "trace", "", meaning, np.where(used, texts, UNUSED))]
 
 
-def write_parquet(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:
+def write_parquet(path: Path, columns: list[Column], run: ExportedRun) -> None:
     """Write Parquet: unit, meaning, group and names in each field's metadata, the run as JSON in the schema's."""
     import pyarrow as pa  # noqa: PLC0415 - each format loads its own library, and only when it is asked for
     import pyarrow.parquet as pq  # noqa: PLC0415
@@ -107,11 +111,11 @@ def write_parquet(path: Path, columns: list[Column], run: Mapping[str, Any]) -> 
         )
         for one, array in zip(columns, arrays, strict=True)
     ]
-    schema = pa.schema(fields, metadata={RUN_KEY: json.dumps(run, ensure_ascii=False)})
+    schema = pa.schema(fields, metadata={RUN_KEY: run_json(run)})
     pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path, compression="zstd")
 
 
-def write_csv(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:
+def write_csv(path: Path, columns: list[Column], run: ExportedRun) -> None:
     """Write CSV with one header row; units, meanings, names and the run go to a JSON file beside it.
 
     Numbers are written so that they read back exactly. `lostmotion analyze` reads the file as it is.
@@ -128,7 +132,7 @@ def write_csv(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None
     ]
     beside = sidecar(path)
     beside.write_text(
-        json.dumps({"run": run, "columns": described}, ensure_ascii=False, indent=1) + "\n",
+        json.dumps({"run": plain(run), "columns": described}, ensure_ascii=False, indent=1) + "\n",
         encoding="utf-8",
     )
 
@@ -138,7 +142,7 @@ def sidecar(path: Path) -> Path:
     return path.with_name(path.name + ".json")
 
 
-def write_mat(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:
+def write_mat(path: Path, columns: list[Column], run: ExportedRun) -> None:
     """Write MATLAB 5 .mat: structs `data`, `unit` and `meaning` with a field per column, and `run` as JSON text.
 
     `values` and `bits` have a field per column whose numbers have names: `number`, a vector, and `name`, a cell array,
@@ -153,10 +157,15 @@ def write_mat(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None
         "meaning": {one.name: one.meaning for one in columns},
         "values": {one.name: _vectors(one.coded.values) for one in columns if one.coded.values},
         "bits": {one.name: _vectors(one.coded.bits) for one in columns if one.coded.bits},
-        "run": json.dumps(run, ensure_ascii=False),
+        "run": run_json(run),
     }
     # Struct fields may have 63 characters, variables only 31.
     savemat(path, content, long_field_names=True, do_compression=True)
+
+
+def run_json(run: ExportedRun) -> str:
+    """Return what a file says of its run, as JSON."""
+    return json.dumps(plain(run), ensure_ascii=False)
 
 
 def _names_as_text(column: Column) -> dict[str, str]:
@@ -176,15 +185,15 @@ def time_step_s(columns: list[Column]) -> float | None:
     return round(float(time_s[-1] - time_s[0]) / (len(scans) - 1), 12)
 
 
-def write_tdms(path: Path, columns: list[Column], run: Mapping[str, Any]) -> None:
+def write_tdms(path: Path, columns: list[Column], run: ExportedRun) -> None:
     """Write TDMS: groups trace, record, image and orders; unit, meaning and names as properties.
 
     Where no period was missed every channel is a waveform with its time step; otherwise `t_s` alone has the time.
     """
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter  # noqa: PLC0415
 
-    properties = {key: value for key, value in run.items() if isinstance(value, str | int | float)}
-    root = RootObject(properties={**properties, RUN_KEY: json.dumps(run, ensure_ascii=False)})
+    properties = {key: value for key, value in plain(run).items() if isinstance(value, str | int | float)}
+    root = RootObject(properties={**properties, RUN_KEY: run_json(run)})
     step_s = time_step_s(columns)
     waveform: dict[str, Any] = {}
     if step_s is not None:
@@ -207,7 +216,7 @@ def _is_text(column: Column) -> bool:
     return column.values.dtype.kind == "U"
 
 
-Writer = Callable[[Path, list[Column], Mapping[str, Any]], None]
+Writer = Callable[[Path, list[Column], ExportedRun], None]
 
 FORMATS: dict[str, Writer] = {"parquet": write_parquet, "csv": write_csv, "mat": write_mat, "tdms": write_tdms}
 """Format, which is also the suffix of its file, and what writes it."""

@@ -12,6 +12,8 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
 from operator import itemgetter
 from typing import Any, NamedTuple, NoReturn, Protocol
 
@@ -106,6 +108,30 @@ def not_compared(layout: Layout) -> list[str]:
     return only_kept + [f"{name}: made by this version, and not recorded" for name in made if name not in kept]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrderPair:
+    """One order on both sides; None for one that is no number."""
+
+    name: str
+    unit: str
+    recorded: float | None
+    replayed: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstDiffering:
+    """The first scan whose orders differ, and only those that do."""
+
+    scan: int
+    sequence: int
+    fields: tuple[OrderPair, ...]
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no other way to say that there is no number."""
+    return value if isfinite(value) else None
+
+
 class Difference(NamedTuple):
     """The first scan whose orders differ: values of the orders that were compared, on both sides."""
 
@@ -133,10 +159,14 @@ class Difference(NamedTuple):
             rows.append(f"  {mark}{pair.name:30}{_text(pair.recorded):>24}{_text(pair.replayed):>24}{unit}")
         return rows
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the difference as plain data; only the fields that differ."""
-        fields = [pair._asdict() for pair in self.pairs() if pair.differs]
-        return {"scan": self.scan, "sequence": self.sequence, "fields": fields}
+    def document(self) -> FirstDiffering:
+        """Return the difference as it is printed for programs."""
+        pairs = [pair for pair in self.pairs() if pair.differs]
+        fields = tuple(
+            OrderPair(name=one.name, unit=one.unit, recorded=_finite(one.recorded), replayed=_finite(one.replayed))
+            for one in pairs
+        )
+        return FirstDiffering(scan=self.scan, sequence=self.sequence, fields=fields)
 
 
 def _held(letter: str, value: float) -> float:

@@ -9,9 +9,10 @@ from analysis.evaluation.pipeline import Result
 from analysis.trace.trace import Trace
 from recipes import OWN, Bench, Recipe, Selection
 from station.bench.request import Job, stored_job
+from station.documents.timing import Timing
 from station.errors import StationError
 from station.records.program_file import StoredProgram
-from station.records.run_record import RunRecord
+from station.records.run_record import TIMING, RunRecord
 from station.records.samples.samples import checked_samples
 from station.records.seal import alterations
 from station.records.timing_proof import objections_to_clock, run_facts
@@ -44,13 +45,13 @@ def evaluate_run(
         RecordError, AnalysisError: what cannot be read or evaluated.
 
     """
-    manifest, timing = run.manifest(), run.read_json("timing.json")
-    read_back, table = checked_samples(run, manifest["records"])
+    manifest, timing = run.manifest(), run.read(Timing, TIMING)
+    read_back, table = checked_samples(run, manifest.records)
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     broken += objections_to_clock(timing)
     facts = run_facts(table, timing, recipe.sampling)
     segments = StoredProgram.of(run).segments
-    trace = trace_of(table, segments, bench, manifest["period_ns"], run.id)
+    trace = trace_of(table, segments, bench, manifest.period_ns, run.id)
     return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, selection, draws=draws)
 
 

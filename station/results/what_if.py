@@ -9,18 +9,22 @@ have gone another way, and what stands in the record shows only what was measure
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from analysis.evaluation.pipeline import Result
+from analysis.evaluation.pipeline import Result as Found
 from controller.conditions import Measured
 from controller.interlocks import INTERLOCKS, Watch
 from definitions.faults import FAULT_BY_NUMBER
 from definitions.image import Image, Reaction, State
-from definitions.program import Program
+from definitions.program import Program, Segment
 from recipes import Bench, Recipe
+from station.documents.result import MetricValue
+from station.documents.timing import Timing
+from station.records.program_file import SegmentRow
 from station.records.samples.table import Table
 from station.records.timing_proof import MEASURING_STATES, run_facts
 from station.results.divergence import Divergence
@@ -88,11 +92,33 @@ def recorded_interlocks(table: Table) -> list[Raised]:
     return sorted(found, key=lambda one: one.sequence)
 
 
-def interlock_changes(table: Table, shadow: ShadowWatch, divergence: Divergence | None) -> list[dict[str, Any]]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InterlockChange:
+    """An interlock that would have acted otherwise.
+
+    `change` is "new" (only with the other recipe), "gone" (only as recorded) or "moved" (at another scan).
+    """
+
+    change: str
+    id: str
+    reaction: str
+    state: str
+    recorded_scan: int | None
+    other_scan: int | None
+    torque_out_nm: float
+    diverges: bool
+    exact: bool
+
+    @property
+    def first_scan(self) -> int:
+        """The scan in which the two first differ."""
+        return min(scan for scan in (self.recorded_scan, self.other_scan) if scan is not None)
+
+
+def interlock_changes(table: Table, shadow: ShadowWatch, divergence: Divergence | None) -> tuple[InterlockChange, ...]:
     """Return what the other recipe's interlocks would have done differently, in order of time.
 
-    `change` is "new" (only with the other recipe), "gone" (only as recorded) or "moved" (at another scan). `exact` is
-    False for what comes after the divergence: the other recipe would never have seen that load.
+    `exact` is False for what comes after the divergence: the other recipe would never have seen that load.
     """
     recorded = dict(recorded_interlocks(table))
     other = dict(shadow.raised)
@@ -105,19 +131,19 @@ def interlock_changes(table: Table, shadow: ShadowWatch, divergence: Divergence 
         at = min(position for position in (before, then) if position is not None)
         fault = FAULT_BY_NUMBER[number]
         changes.append(
-            {
-                "change": change,
-                "id": fault.id,
-                "reaction": Reaction(fault.reaction).name.lower(),
-                "state": State(int(table["orders"]["state"][max(at - 1, 0)])).name.lower(),
-                "recorded_scan": None if before is None else int(table["scan"][before]),
-                "other_scan": None if then is None else int(table["scan"][then]),
-                "torque_out_nm": round(float(table["image"]["torque_out_nm"][at]), 3),
-                "diverges": fault.reaction >= Reaction.HOLD,
-                "exact": divergence is None or at <= divergence.sequence,
-            },
+            InterlockChange(
+                change=change,
+                id=fault.id,
+                reaction=Reaction(fault.reaction).name.lower(),
+                state=State(int(table["orders"]["state"][max(at - 1, 0)])).name.lower(),
+                recorded_scan=None if before is None else int(table["scan"][before]),
+                other_scan=None if then is None else int(table["scan"][then]),
+                torque_out_nm=round(float(table["image"]["torque_out_nm"][at]), 3),
+                diverges=fault.reaction >= Reaction.HOLD,
+                exact=divergence is None or at <= divergence.sequence,
+            ),
         )
-    return sorted(changes, key=lambda one: min(s for s in (one["recorded_scan"], one["other_scan"]) if s is not None))
+    return tuple(sorted(changes, key=lambda one: one.first_scan))
 
 
 def tare_changes(table: Table, own: Program, other: Program) -> list[str]:
@@ -137,36 +163,56 @@ def same_load(own: Program, other: Program) -> bool:
     return own.segments == other.segments and own.period_s == other.period_s
 
 
-def judge(table: Table, recipe: Recipe, bench: Bench, stored: dict[str, Any], objections: Sequence[str] = ()) -> Result:
+class Stored(NamedTuple):
+    """What a run says of its trace: segment table, proof of timing and its id."""
+
+    segments: Sequence[SegmentRow | Segment]
+    timing: Timing
+    id: str
+
+
+def judge(table: Table, recipe: Recipe, bench: Bench, stored: Stored, objections: Sequence[str] = ()) -> Found:
     """Evaluate the recorded trace by a recipe's method and limits.
 
     Args:
         table: all records of the run.
         recipe: the recipe.
         bench: the run's own bench.
-        stored: `segments` of program.json, the run's `timing` block and its `id`.
+        stored: what the run says of its trace.
         objections: what speaks against the record as a whole.
 
     """
-    timing = stored["timing"]
-    facts = run_facts(table, timing, recipe.sampling)
-    trace = trace_of(table, stored["segments"], bench, timing["period_ns"], stored["id"])
+    facts = run_facts(table, stored.timing, recipe.sampling)
+    trace = trace_of(table, stored.segments, bench, stored.timing.period_ns, stored.id)
     return evaluate_trace(trace, recipe, bench, [*objections], facts)
 
 
-def _key(metric: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(metric.get(name) for name in ("id", "branch", "side", "torque_nm", "band"))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MetricChange:
+    """A metric as recorded and by the other recipe; None where one of them does not ask for it."""
+
+    id: str
+    branch: str
+    recorded: MetricValue | None
+    other: MetricValue | None
 
 
-def verdict_changes(recorded: dict[str, Any], other: dict[str, Any]) -> list[dict[str, Any]]:
+def _key(metric: MetricValue) -> tuple[object, ...]:
+    return metric.id, metric.branch, metric.side, metric.torque_nm, metric.band
+
+
+def _judged_by(metric: MetricValue | None) -> tuple[object, ...]:
+    return () if metric is None else (metric.value, metric.limits, metric.verdict)
+
+
+def verdict_changes(recorded: Sequence[MetricValue], other: Sequence[MetricValue]) -> tuple[MetricChange, ...]:
     """Return the metrics whose value, limits or verdict differ between two results."""
-    before = {_key(metric): metric for metric in recorded["metrics"]}
-    then = {_key(metric): metric for metric in other["metrics"]}
+    before = {_key(metric): metric for metric in recorded}
+    then = {_key(metric): metric for metric in other}
     changes = []
     for key in dict.fromkeys((*before, *then)):
         one, two = before.get(key), then.get(key)
-        parts = [tuple((m or {}).get(name) for name in ("value", "limits", "verdict")) for m in (one, two)]
-        if parts[0] != parts[1]:
-            named = one or two or {}
-            changes.append({"id": named["id"], "branch": named.get("branch"), "recorded": one, "other": two})
-    return changes
+        named = one or two
+        if named is not None and _judged_by(one) != _judged_by(two):
+            changes.append(MetricChange(id=named.id, branch=named.branch, recorded=one, other=two))
+    return tuple(changes)

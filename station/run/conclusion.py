@@ -6,35 +6,38 @@ The verdict leaves this module only after every record and the result itself hav
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
-import numpy as np
-
-from analysis.evaluation.pipeline import Result
+from analysis.evaluation.pipeline import Result as Found
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import Trace
 from analysis.validity.evidence import Evidence, RunFacts
 from analysis.validity.judge import check_reasons, judge_checks
 from definitions.image import State
 from station.bench.request import Job
+from station.documents.events import Alarm, EventRow
+from station.documents.manifest import Manifest
+from station.documents.reading import document_in, plain
+from station.documents.result import DecisionRule, Judged, Result
+from station.documents.timing import Timing
 from station.durable import read_from_disk
 from station.errors import RecordError, StationError
 from station.records.left_state import left_state
-from station.records.program_file import StoredProgram
-from station.records.run_record import INTERRUPTED, RESULT, RunRecord
+from station.records.program_file import SegmentRow, StoredProgram
+from station.records.run_record import CALIBRATION, EVENTS, INTERRUPTED, RESULT, TIMING, RunRecord
 from station.records.samples.check import check_bytes, sound_table
 from station.records.samples.event_log import alarms_in, events_of
 from station.records.samples.samples import pack_samples
 from station.records.samples.table import Table
 from station.records.seal import seal
 from station.records.timing_proof import clock_note, objections_to_clock, run_facts, timing_block
-from station.results.evaluation import calibration_of, evaluate_trace, trace_of
+from station.results.evaluation import evaluate_trace, ratio_of, trace_of
+from station.results.judged import check_values, judged_in
 from station.run.ending import Ending
 from station.scan.desk_watch import DESK_GONE, DESK_SILENT
 from station.wall_clock import now_text
 
-CALIBRATION = "calibration.json"
 NOT_DECIDABLE = "NOT DECIDABLE"
 END_STATES: dict[int, str] = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}
 
@@ -43,9 +46,9 @@ END_STATES: dict[int, str] = {State.COMPLETE: "complete", State.STOPPED: "stoppe
 class Conclusion:
     """Result as it stands in result.json, and what a plot needs (None where the run did not get that far)."""
 
-    result: dict[str, Any]
+    result: Result
     trace: Trace | None
-    analysis: Result | None
+    analysis: Found | None
 
 
 def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
@@ -60,16 +63,17 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     read_back = check_bytes(content, ending.written, layout)
     table = sound_table(content, layout)
     run, program = record.manifest(), StoredProgram.of(record)
-    period_ns = int(run["period_ns"])
-    timing = timing_block(table, period_ns, run["clock"], ending.realtime) | {"wires": ending.counters}
+    period_ns = run.period_ns
+    timing = replace(
+        timing_block(table, period_ns, run.clock, ending.realtime),
+        wires=ending.counters,
+        pace=ending.pace,
+        disk=ending.disk,
+        wall_clock_jumped_s=ending.clock_jumped_s or None,
+    )
     if ending.pace is not None:
-        timing |= {"pace": ending.pace}
-        run = _with_virtual_unit(record, run, str(ending.pace["unit"]))
-    if ending.disk:
-        timing |= {"disk": ending.disk}
-    if ending.clock_jumped_s:
-        timing |= {"wall_clock_jumped_s": ending.clock_jumped_s}
-    proof = timing | ending.times
+        run = _with_virtual_unit(record, run, ending.pace.unit)
+    proof = replace(timing, **{one.name: getattr(ending.times, one.name) for one in fields(ending.times)})
     events = events_of(table, period_ns, ending.notes)
     state = "fault" if ending.refused else _end_state(table)
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
@@ -83,63 +87,62 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
     if len(table) and not broken:
         trace, found, trouble = _evaluate(table, job, objections, facts, run_id=record.id, segments=program.segments)
         reasons += [trouble] if trouble and state == "complete" else []
-    judged: dict[str, Any] = {"verdict": NOT_DECIDABLE, "metrics": [], "notes": [], "stages": []}
     if found is not None and state == "complete":
-        judged = found.to_dict()
+        judged = judged_in(found)
         reasons += list(found.reasons)
     else:
         checks = judge_checks(Evidence(None, facts, tuple(objections)))
-        judged["gates"] = [check.to_dict() for check in checks]
+        judged = Judged(verdict=NOT_DECIDABLE, gates=check_values(checks))
         reasons += check_reasons(checks, objections)
-    result = {
-        "run": record.id,
-        "serial": run["serial"],
-        "attempt": run["attempt"],
-        "recipe": {key: run["recipe"][key] for key in ("name", "revision", "sha256")},
-        "bench": run["bench"],
-        "unit": run["unit"],
-        "scenario": run.get("scenario"),
-        "operator": run.get("operator"),
-        "clock": run["clock"],
-        "state": state,
-        "stopped_by": stopped_by(ending) if state == "stopped" else None,
-        "verdict": judged["verdict"],
-        "reasons": reasons,
-        "decision": {"rule": job.recipe.decision.rule, "guard_factor": job.recipe.decision.guard_factor},
-        "metrics": judged["metrics"],
-        "gates": judged["gates"],
-        "notes": [
-            *run["notes"],
+    result = Result(
+        run=record.id,
+        serial=run.serial,
+        attempt=run.attempt,
+        recipe=run.recipe.head,
+        bench=run.bench,
+        unit=run.unit,
+        scenario=run.scenario,
+        operator=run.operator,
+        clock=run.clock,
+        state=state,
+        stopped_by=stopped_by(ending) if state == "stopped" else None,
+        verdict=judged.verdict,
+        reasons=tuple(reasons),
+        decision=DecisionRule(rule=job.recipe.decision.rule, guard_factor=job.recipe.decision.guard_factor),
+        metrics=judged.metrics,
+        gates=judged.gates,
+        notes=(
+            *run.notes,
             *_desk_notes(ending),
             *_clock_notes(timing, ending.clock_jumped_s),
-            *judged["notes"],
-        ],
-        "stages": judged["stages"],
-        "timing": timing,
-        "alarms": alarms_in(events),
-        "left": None if state == "complete" else left_state(table, program, to_its_end=state != INTERRUPTED),
-        "record": str(record.folder),
-    }
-    calibration = calibration_of(found, run, job.bench) if found is not None and state == "complete" else None
-    if calibration is not None:
-        record.write_json(CALIBRATION, calibration)
+            *judged.notes,
+        ),
+        stages=judged.stages,
+        timing=timing,
+        alarms=tuple(alarms_in(events)),
+        left=None if state == "complete" else left_state(table, program, to_its_end=state != INTERRUPTED),
+        record=str(record.folder),
+    )
+    ratio = ratio_of(found, run, job.bench) if found is not None and state == "complete" else None
+    if ratio is not None:
+        record.write_json(CALIBRATION, plain(ratio))
     else:
         record.remove(CALIBRATION)  # left by somebody who was killed while he concluded the run
-    lines = [json.dumps(event, ensure_ascii=False) + "\n" for event in events]
-    record.write_bytes("events.jsonl", "".join(lines).encode())
-    record.write_json("timing.json", proof)
+    lines = [json.dumps(plain(event), ensure_ascii=False) + "\n" for event in events]
+    record.write_bytes(EVENTS, "".join(lines).encode())
+    record.write_json(TIMING, plain(proof))
     result = _store(record, result)
     samples = pack_samples(record, content, sound=bool(len(table)) and not broken and state != INTERRUPTED)
-    changes = {"state": state, "ended": now_text(), "verdict": result["verdict"], "ring": None}
-    seal(record, **changes, records=read_back.records, **samples)
+    changes = {"state": state, "ended": now_text(), "verdict": result.verdict, "ring": None}
+    seal(record, **changes, records=read_back.records, samples=samples)
     return Conclusion(result, trace, found if state == "complete" else None)
 
 
-def _with_virtual_unit(record: RunRecord, run: dict[str, Any], unit: str) -> dict[str, Any]:
+def _with_virtual_unit(record: RunRecord, run: Manifest, unit: str) -> Manifest:
     """Return the manifest with the unit that a virtual bench on wires has named; nobody else knew of it."""
-    if run["unit"].get("virtual") or not unit:
+    if run.unit.virtual or not unit:
         return run
-    record.update(unit={**run["unit"], "virtual": unit})
+    record.update(unit=replace(run.unit, virtual=unit))
     return record.manifest()
 
 
@@ -149,7 +152,7 @@ def _end_state(table: Table) -> str:
 
 def stopped_by(ending: Ending) -> str:
     """Return who or what stopped a run: `operator`, or a cause that the ring or a note of the scan names."""
-    said = {note["text"] for note in ending.notes}
+    said = {note.text for note in ending.notes}
     told = {DESK_GONE: "desk_gone", DESK_SILENT: "desk_silent"}
     return ending.stopped_by or next((name for text, name in told.items() if text in said), "operator")
 
@@ -158,7 +161,7 @@ def _desk_notes(ending: Ending) -> list[str]:
     return [ending.desk_died] if ending.desk_died else []
 
 
-def _clock_notes(timing: dict[str, Any], jumped_s: float) -> list[str]:
+def _clock_notes(timing: Timing, jumped_s: float) -> list[str]:
     of_scan = [note] if (note := clock_note(timing)) else []
     if not jumped_s:
         return of_scan
@@ -169,13 +172,13 @@ def _clock_notes(timing: dict[str, Any], jumped_s: float) -> list[str]:
     return [*of_scan, note]
 
 
-def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> list[str]:
+def _early_reasons(state: str, events: Sequence[EventRow | Alarm], ending: Ending) -> list[str]:
     reasons = [ending.trouble] if ending.trouble and state != "complete" else []
     if ending.refused:
         return reasons
     if state == "fault":
-        causes = [alarm for alarm in alarms_in(events) if alarm["first"]]
-        reasons += [f"{alarm['text']}: {alarm['cause']}. {alarm['next_action']}" for alarm in causes[:1]]
+        causes = [alarm for alarm in alarms_in(events) if alarm.first]
+        reasons += [f"{alarm.text}: {alarm.cause}. {alarm.next_action}" for alarm in causes[:1]]
     elif state == "stopped" and stopped_by(ending) == "desk_gone":
         reasons.append(
             "the supervisor process ended before the run started; the scan process ended the run; nothing moved"
@@ -194,8 +197,8 @@ def _early_reasons(state: str, events: list[dict[str, Any]], ending: Ending) -> 
 
 
 def _evaluate(
-    table: Table, job: Job, objections: list[str], facts: RunFacts, *, run_id: str, segments: list[dict[str, Any]]
-) -> tuple[Any, Any, str]:
+    table: Table, job: Job, objections: list[str], facts: RunFacts, *, run_id: str, segments: Sequence[SegmentRow]
+) -> tuple[Trace | None, Found | None, str]:
     """Return trace and analysis, None for what could not be had, and why."""
     trace = None
     try:
@@ -205,27 +208,14 @@ def _evaluate(
         return trace, None, str(error)
 
 
-def _store(record: RunRecord, result: dict[str, Any]) -> dict[str, Any]:
+def _store(record: RunRecord, result: Result) -> Result:
     """Write result.json and return it as it reads back; RecordError when it does not: it decides nothing."""
-    record.write_json(RESULT, result)
+    record.write_json(RESULT, plain(result))
     path = record.folder / RESULT
     try:
-        stored: dict[str, Any] = json.loads(read_from_disk(path))
-    except ValueError as error:
+        stored = document_in(Result, read_from_disk(path), path)
+    except RecordError as error:
         raise RecordError(f"{path}: cannot be read back: {error}. Check the disk") from error
-    if stored != json.loads(json.dumps(result)):
+    if stored != result:
         raise RecordError(f"{path}: reads back differently from what was written. Check the disk")
     return stored
-
-
-def finite(value: Any) -> Any:
-    """Return plain data with infinities and NaN as None: JSON has no other way to say that there is no number."""
-    if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import SimpleQueue
@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from definitions.image import Command
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.manifest import LeftBy
 from station.durable import Appender
 from station.errors import BenchFaultError, RecordError
 from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
@@ -75,7 +76,7 @@ class Desk:
         say: Say,
         companion: Companion | None = None,
         *,
-        left: Mapping[str, float] | None = None,
+        left: LeftBy | None = None,
         attend: Callable[[RingReader], None] | None = None,
         gateway: bool = False,
         pacing: Pacing = BY_WALL_CLOCK,

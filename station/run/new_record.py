@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from station.bench.request import Job, Source
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.manifest import BenchSource, RecipeSource, Setup, Unit
 from station.records.data_folder import Store
 from station.records.program_file import PROGRAM, plain_program
 from station.records.run_record import RunRecord
@@ -26,6 +27,19 @@ class Wanted(NamedTuple):
     clock: str
 
 
+def bench_source(job: Job) -> BenchSource:
+    """Return the bench file of a job, as a manifest names it."""
+    bench = job.bench.bench
+    return BenchSource(
+        name=bench.name,
+        revision=bench.revision,
+        sha256=job.bench_source.sha256,
+        file=str(job.bench_source.path),
+        embedded=bench.embedded,
+        public_key=bench.public_key,
+    )
+
+
 def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> RunRecord:
     """Create the record of a run that is about to start, in a folder of its own below `data`.
 
@@ -34,41 +48,32 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
 
     """
     scenario, unit = wanted.scenario, wanted.unit
-    recipe, bench = job.recipe, job.bench
-    manifest = {
-        "recipe": {
-            "name": recipe.recipe.name,
-            "revision": recipe.recipe.revision,
-            "sha256": job.recipe_source.sha256,
-            "file": str(job.recipe_source.path),
-        },
-        "bench": {
-            "name": bench.bench.name,
-            "revision": bench.bench.revision,
-            "sha256": job.bench_source.sha256,
-            "file": str(job.bench_source.path),
-            "embedded": bench.bench.embedded,
-            "public_key": bench.bench.public_key,
-        },
-        "software": software(),
-        "unit": {
-            "model": recipe.unit_under_test.model,
-            "virtual": None if unit is None else unit.name,
-            "noise_seed": None if unit is None else unit.seed,
-        },
-        "scenario": None if scenario is None else str(scenario.path),
-        "operator": wanted.operator,
-        "clock": wanted.clock,
-        "period_ns": recipe.sampling.period_ns,
-        "verdict": None,
-        "notes": notes,
-        "ring": None,
-    }
+    recipe = job.recipe
+    setup = Setup(
+        recipe=RecipeSource(
+            name=recipe.recipe.name,
+            revision=recipe.recipe.revision,
+            sha256=job.recipe_source.sha256,
+            file=str(job.recipe_source.path),
+        ),
+        bench=bench_source(job),
+        software=software(),
+        unit=Unit(
+            model=recipe.unit_under_test.model,
+            virtual=None if unit is None else unit.name,
+            noise_seed=None if unit is None else unit.seed,
+        ),
+        scenario=None if scenario is None else str(scenario.path),
+        operator=wanted.operator,
+        clock=wanted.clock,
+        period_ns=recipe.sampling.period_ns,
+        notes=tuple(notes),
+    )
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     store = Store(data)
-    record = store.create(wanted.serial, manifest, files, own=True)
+    record = store.create(wanted.serial, setup, files, own=True)
     if store.warnings:
         record.update(notes=[*notes, *store.warnings])
     record.write_json(PROGRAM, plain_program(job.program))

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from definitions.program import Program
 from station.bench.assemble import Ports, wire_config
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.manifest import LeftBy
 from station.durable import as_json
 from station.errors import StationError
 from station.records.clocks import SCAN, Pacing
@@ -60,7 +60,7 @@ def write_scan_spec(
     *,
     pacing: Pacing,
     after_end_scans: int,
-    left: Mapping[str, float] | None,
+    left: LeftBy | None,
 ) -> SpecFile:
     """Write what the scan process is told; return its file.
 
@@ -77,7 +77,7 @@ def write_scan_spec(
         spin_ns=REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
         desk=os.getpid(),
         after_end_scans=after_end_scans,
-        left=None if left is None else exact(Left, dict(left)),
+        left=None if left is None else Left(left.fault, left.torque_in_tare_nm, left.torque_out_tare_nm),
     )
     return write_spec(spec, record.folder / "scan-spec.json")
 

@@ -5,12 +5,14 @@ A run id is never cut off, for it is there to be copied.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from station.documents.reading import left_out
 from station.reports.result_view import VERDICT_STYLES
 
 STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
@@ -23,7 +25,29 @@ NARROW = ("run", "recipe", "result")
 RIGHT = ("attempt", "scans")
 
 
-def print_runs(console: Console, rows: list[dict[str, Any]], *, fits: bool) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRow:
+    """A run in the list; None for what nobody knows of it.
+
+    scanning: process id of its scan process. altered: why it is not as it was when it was concluded. error: what is
+    wrong with a run.json that cannot be read.
+    """
+
+    run: str
+    serial: str | None = None
+    attempt: int | None = None
+    recipe: str | None = None
+    revision: int | None = None
+    started: str | None = None
+    state: str
+    scanning: int | None = None
+    verdict: str | None = None
+    records: int | None = 0
+    altered: tuple[str, ...] | None = left_out()
+    error: str | None = left_out()
+
+
+def print_runs(console: Console, rows: Sequence[RunRow], *, fits: bool) -> None:
     """Print runs; `fits` tells that the console's width is that of a terminal, and lines must not be wider.
 
     On a terminal that is too narrow for a table too, a run takes two lines.
@@ -41,25 +65,25 @@ def print_runs(console: Console, rows: list[dict[str, Any]], *, fits: bool) -> N
         console.print(Text.assemble(*said), soft_wrap=True)
 
 
-def state_text(one: dict[str, Any]) -> str:
+def state_text(one: RunRow) -> str:
     """Return the state of a run, with the process that still scans it."""
-    return f"still running (pid {one['scanning']})" if one.get("scanning") else str(one["state"])
+    return f"still running (pid {one.scanning})" if one.scanning else one.state
 
 
-def _cells(one: dict[str, Any]) -> dict[str, Text]:
-    verdict = one["verdict"] or ""
-    state = Text(state_text(one), style=STATE_STYLES.get(one["state"], "bold red"))
+def _cells(one: RunRow) -> dict[str, Text]:
+    verdict = one.verdict or ""
+    state = Text(state_text(one), style=STATE_STYLES.get(one.state, "bold red"))
     decided = Text(verdict, style=" ".join(VERDICT_STYLES.get(verdict, "").split()[-1:]))
     shown = {
-        "run": Text(one["run"]),
-        "serial": Text(one["serial"] or ""),
-        "attempt": Text(str(one["attempt"] or "")),
-        "recipe": Text(f"{one['recipe']} r{one['revision']}" if one["recipe"] else ""),
+        "run": Text(one.run),
+        "serial": Text(one.serial or ""),
+        "attempt": Text(str(one.attempt or "")),
+        "recipe": Text(f"{one.recipe} r{one.revision}" if one.recipe else ""),
         "state": state,
         "verdict": decided,
-        "scans": Text(str(one["records"])),
+        "scans": Text(str(one.records)),
     }
-    return shown | {"result": decided if one["state"] == "complete" and verdict else state}
+    return shown | {"result": decided if one.state == "complete" and verdict else state}
 
 
 def _width(cells: list[dict[str, Text]], columns: tuple[str, ...]) -> int:

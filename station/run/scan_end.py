@@ -51,16 +51,16 @@ def ending_of(
 
     """
     said = scan_report(record)
-    if said.get("state") == "refused":
-        raise BenchFaultError(str(said["error"]))
-    if not (said or ring.written) and process.returncode == EXIT_REFUSED:
+    if said.state == "refused":
+        raise BenchFaultError(said.error)
+    if not (said.state or ring.written) and process.returncode == EXIT_REFUSED:
         raise BenchFaultError((record.folder / SCAN_LOG).read_text("utf-8", "replace").strip())
     if interrupted and not ring.written:
         raise BenchFaultError("stopped by the operator before anything moved")
     trouble = ""
-    if said.get("state") != "finished" and ring.state is not ScanState.FINISHED:
+    if said.state != "finished" and ring.state is not ScanState.FINISHED:
         ring.mark_died()
-        reason = said.get("error") or children.why_it_ended(process)
+        reason = said.error or children.why_it_ended(process)
         trouble = (
             f"the scan process was lost in the middle of the run ({reason}). The drive stops itself when it misses "
             "the controller's heartbeat; torque may still be stored in the unit"
@@ -68,19 +68,19 @@ def ending_of(
         if embedded:
             time.sleep(LAST_WORDS_S)
     return Ending(
-        written=int(said.get("written", ring.written)) - ring.lost,
+        written=(ring.written if said.written is None else said.written) - ring.lost,
         lost=ring.lost,
-        realtime=said.get("realtime", {"details": {}}),
-        notes=said.get("notes", []),
+        realtime=said.realtime,
+        notes=said.notes,
         trouble=trouble,
-        counters=said.get("counters", {}),
-        times=said.get("times", {}),
-        pace=said.get("pace"),
+        counters=said.counters or {},
+        times=said.times,
+        pace=said.pace,
         started_ns=ring.started_ns,
         clock_jumped_s=wall_clock.jumped_s(),
         stopped_because=ring.stopped_because,
         stopped_by=cause_name(ring),
-        disk=writer.times.as_json(),
+        disk=writer.times.document(),
     )
 
 

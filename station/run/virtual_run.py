@@ -10,6 +10,7 @@ from controller.controller import Controller
 from station.bench.assemble_virtual import load_scenario, virtual_config
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.events import Note
 from station.durable import Appender
 from station.records.run_record import RunRecord
 from station.run.asked_to_stop import Stopping, listening
@@ -56,10 +57,14 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: VirtualUnit, scenario
             recorder.flush()
         finally:
             file.close()
-    notes = [event._asdict() for event in controller.events if event.kind == "note"]
+    notes = [_note(event) for event in controller.events if event.kind == "note"]
     if injected is not None:
         last = Event(recorder.sequence - 1, "note", controller.state.name.lower(), "")
-        notes += [last._replace(text=f"injected fault: {text}")._asdict() for text in injected.why_unseen()]
-    ending = Ending(written=recorder.sequence, notes=notes)
+        notes += [_note(last._replace(text=f"injected fault: {text}")) for text in injected.why_unseen()]
+    ending = Ending(written=recorder.sequence, notes=tuple(notes))
     ending.keep(record)
     return ending
+
+
+def _note(event: Event) -> Note:
+    return Note(scan=event.scan, kind=event.kind, state=event.state, text=event.text)

@@ -116,7 +116,7 @@ def _one_batch(connection: Connection, chain: Chain) -> int:
     stored = _entries_there(connection, chain) if begin.offset == 0 else {}
     if begin.offset == 0:
         remove_rows(connection, folder_id(chain.data))  # from before the chain: they are put in again
-        known = set(chain.runs()) | set((chain.before or {}).get("unconcluded", []))
+        known = set(chain.runs()) | set(() if chain.before is None else chain.before.unconcluded)
         remove_rows(connection, chain.id, [run for run, entry in stored.items() if entry and run not in known])
     runs = [
         RunRecord(chain.data / run)

@@ -6,16 +6,19 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import asdict
 
 from sqlalchemy import Connection, Table, delete, insert
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
+from station.documents.manifest import Manifest
+from station.documents.ratio import RatioRecord
+from station.documents.result import MetricValue, Result, SideValue
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
-from station.records.run_record import MANIFEST, RESULT, RunRecord
+from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
 from station.records.seal import alterations, is_sealed, sealed_names
 from station.reports.headline import objection, virtual_badges
 from station.store import tables
@@ -23,9 +26,9 @@ from station.store import tables
 MOST_AT_ONCE = 500
 """Runs that one statement names: databases have limits."""
 
-Rows = dict[Table, list[dict[str, Any]]]
+Row = dict[str, object]
+Rows = dict[Table, list[Row]]
 
-CALIBRATION = "calibration.json"
 OUTPUT_TORQUE = "output torque"
 MEASURED, CONVERTED = "output torque as measured", "output torque converted from the input's"
 """Where the output torque of a run comes from, as its stage says."""
@@ -47,12 +50,12 @@ def rows_of(run: RunRecord, chain: Chain) -> Rows:
         altered = alterations(run, samples=False, chain=chain, trusted=frozenset(signers))
         if sealed is not None and not is_sealed(manifest):
             altered = altered or (f"{MANIFEST}: is not yet the one with which the run was concluded",)
-        result = run.read_json(RESULT) if concluded and not altered else {}
+        result = run.read(Result, RESULT) if concluded and not altered else None
         found = _attempt_rows(name, run, manifest, created)
         if concluded:
             found |= {tables.RUNS: [_run_row(name, run, manifest, result, sealed, altered)]}
-            found |= {} if altered else _result_rows(name, run, result)
-    except (RecordError, KeyError, TypeError, ValueError, AttributeError) as error:
+            found |= {} if result is None else _result_rows(name, run, result)
+    except RecordError as error:
         return _damaged_rows(name, run, created, sealed, f"{MANIFEST}: {error}")
     return found
 
@@ -83,7 +86,7 @@ def remove_rows(connection: Connection, chain: str, runs: Sequence[str] | None =
             connection.execute(gone.where(table.c.run.in_(runs[begin : begin + MOST_AT_ONCE])))
 
 
-def _put_missing(connection: Connection, table: Table, content: list[dict[str, Any]]) -> None:
+def _put_missing(connection: Connection, table: Table, content: list[Row]) -> None:
     keys = [column.name for column in table.primary_key]
     rows = {tuple(row[key] for key in keys): row for row in reversed(content)}
     into = sqlite_insert if connection.dialect.name == "sqlite" else postgresql_insert
@@ -110,34 +113,33 @@ def seen_files(run: RunRecord) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def _attempt_rows(chain: str, run: RunRecord, manifest: dict[str, Any], created: Entry | None) -> Rows:
-    recipe, bench, unit = manifest["recipe"], manifest.get("bench") or {}, manifest.get("unit") or {}
+def _attempt_rows(chain: str, run: RunRecord, manifest: Manifest, created: Entry | None) -> Rows:
+    recipe, bench, unit = manifest.recipe, manifest.bench, manifest.unit
+    serial = manifest.serial if created is None else str(created.fields["serial"])
     attempt = {
         "chain": chain,
         "run": run.id,
         "counter": None if created is None else created.counter,
-        "serial": manifest["serial"] if created is None else created.fields["serial"],
-        "attempt": manifest["attempt"] if created is None else created.fields["attempt"],
-        "recipe_sha256": str(recipe["sha256"]),
-        "bench_sha256": str(bench.get("sha256", "")),
-        "created": manifest["started"] if created is None else created.fields["time"],
+        "serial": serial,
+        "attempt": manifest.attempt if created is None else created.fields["attempt"],
+        "recipe_sha256": recipe.sha256,
+        "bench_sha256": bench.sha256,
+        "created": manifest.started if created is None else created.fields["time"],
         "key": None if created is None else created.key,
     }
     shared: Rows = {
-        tables.RECIPES: [
-            {"chain": chain, "sha256": str(recipe["sha256"]), "name": recipe["name"], "revision": recipe["revision"]}
-        ],
+        tables.RECIPES: [{"chain": chain, "sha256": recipe.sha256, "name": recipe.name, "revision": recipe.revision}],
         tables.UNITS: [
             {
                 "chain": chain,
-                "serial": attempt["serial"],
-                "model": str(unit.get("model") or ""),
-                "virtual": str(unit.get("virtual") or ""),
+                "serial": serial,
+                "model": unit.model,
+                "virtual": unit.virtual or "",
             }
         ],
         tables.BENCHES: [
-            {"chain": chain, "sha256": str(bench.get("sha256", "")), "name": str(bench.get("name", ""))}
-            | {name: bench.get(name) for name in ("revision", "embedded", "public_key")}
+            {"chain": chain, "sha256": bench.sha256, "name": bench.name}
+            | {"revision": bench.revision, "embedded": bench.embedded, "public_key": bench.public_key}
         ],
     }
     return {tables.ATTEMPTS: [attempt], **shared}
@@ -146,14 +148,15 @@ def _attempt_rows(chain: str, run: RunRecord, manifest: dict[str, Any], created:
 def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result have it
     chain: str,
     run: RunRecord,
-    manifest: dict[str, Any],
-    result: dict[str, Any],
+    manifest: Manifest,
+    result: Result | None,
     sealed: Entry | None,
     altered: tuple[str, ...],
-) -> dict[str, Any]:
-    stages = result.get("stages") or ()
-    torque = next((stage for stage in stages if stage.get("stage") == OUTPUT_TORQUE), None)
-    said = manifest if sealed is None else sealed.fields
+) -> Row:
+    stages = () if result is None else result.stages
+    torque = next((stage for stage in stages if stage.stage == OUTPUT_TORQUE), None)
+    names = ("state", "verdict", "serial", "attempt")
+    said = {name: getattr(manifest, name) if sealed is None else sealed.fields[name] for name in names}
     return {
         "chain": chain,
         "run": run.id,
@@ -165,18 +168,18 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "verdict": said["verdict"],
         "serial": said["serial"],
         "attempt": said["attempt"],
-        "recipe": str(manifest["recipe"]["name"]),
-        "revision": manifest["recipe"]["revision"],
-        "bench": str((result.get("bench") or {}).get("name", "")),
-        "started": manifest["started"],
-        "ended": manifest.get("ended"),
-        "operator": manifest.get("operator"),
-        "scenario": manifest.get("scenario"),
-        "clock": manifest.get("clock"),
-        "virtual": bool(virtual_badges(result)),
-        "torque_source": "" if torque is None else CONVERTED if torque["applied"] else MEASURED,
-        "objection": objection(result),
-        "records": manifest.get("records"),
+        "recipe": manifest.recipe.name,
+        "revision": manifest.recipe.revision,
+        "bench": "" if result is None or result.bench is None else result.bench.name,
+        "started": manifest.started,
+        "ended": manifest.ended,
+        "operator": manifest.operator,
+        "scenario": manifest.scenario,
+        "clock": manifest.clock,
+        "virtual": result is not None and bool(virtual_badges(result)),
+        "torque_source": "" if torque is None else CONVERTED if torque.applied else MEASURED,
+        "objection": "" if result is None else objection(result),
+        "records": manifest.records,
         "altered": "\n".join(altered),
         "seen": seen(f"{run.folder}/{MANIFEST}"),
         "seen_files": seen_files(run),
@@ -192,7 +195,7 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
         row |= {f"{part}_sha256": created.fields[part] for part in ("recipe", "bench")}
         found[tables.ATTEMPTS] = [row]
     if sealed is not None:
-        row = {column.name: None for column in tables.RUNS.columns}
+        row = dict.fromkeys(column.name for column in tables.RUNS.columns)
         row |= {name: sealed.fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
         row |= {"chain": chain, "counter": sealed.counter, "entry_sha256": sealed.sha256, "key": sealed.key}
         row |= dict.fromkeys(("recipe", "bench", "torque_source", "objection"), "")
@@ -201,48 +204,54 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
     return found
 
 
-def _result_rows(chain: str, run: RunRecord, result: dict[str, Any]) -> Rows:
+def _result_rows(chain: str, run: RunRecord, result: Result) -> Rows:
     own = {"chain": chain, "run": run.id}
     found: Rows = {
         tables.METRICS: [
             own | {"position": position} | row
-            for position, metric in enumerate(result.get("metrics", ()))
+            for position, metric in enumerate(result.metrics)
             for row in _metric_rows(metric)
         ],
-        tables.CHECKS: [
-            own | {name: check.get(name) for name in ("id", "figure", "limit", "unit", "passed", "text")}
-            for check in result.get("gates") or ()
-        ],
+        tables.CHECKS: [own | asdict(check) for check in result.gates],
         tables.ALARMS: [
             own
-            | {"position": position, "first": bool(alarm.get("first"))}
-            | {name: alarm.get(name) for name in ("id", "scan", "t_s", "state", "reaction", "text")}
-            for position, alarm in enumerate(result.get("alarms") or ())
+            | {"position": position, "first": alarm.first}
+            | {name: getattr(alarm, name) for name in ("id", "scan", "t_s", "state", "reaction", "text")}
+            for position, alarm in enumerate(result.alarms)
         ],
     }
     if run.has(CALIBRATION):
-        ratio = run.read_json(CALIBRATION)
-        head = own | {name: ratio.get(name) for name in ("id", "model", "made")}
+        ratio = run.read(RatioRecord, CALIBRATION)
+        head = own | {"id": ratio.id, "model": ratio.model, "made": ratio.made}
         figures = ("slope", "offset_nm", "u_slope", "u_offset_nm", "residual_sd_nm", "points")
         found[tables.CALIBRATIONS] = [
-            head | {"quadrant": quadrant} | {name: line.get(name) for name in figures}
-            for quadrant, line in (ratio.get("quadrants") or {}).items()
+            head | {"quadrant": quadrant} | {name: getattr(line, name) for name in figures}
+            for quadrant, line in ratio.quadrants.items()
         ]
     return found
 
 
-def _metric_rows(metric: dict[str, Any]) -> list[dict[str, Any]]:
+def _metric_rows(metric: MetricValue) -> list[Row]:
     """Return a row for each side of a metric, the one that it goes by among them."""
-    limits, main = metric.get("limits") or {}, str(metric["side"])
-    shared = {name: metric.get(name) for name in ("definition", "unit", "branch", "estimator", "cycles")}
-    shared |= {name: json.dumps(metric.get(name)) for name in ("band", "torque_nm")}
-    shared |= {"metric": metric["id"], "choices": " ".join(metric.get("choices") or ())}
-    shared |= {"limit_min": limits.get("min"), "limit_max": limits.get("max")}
-    shared |= {"coverage_factor": metric.get("coverage_factor")}
-    own = {"value": metric["value"], "uncertainty": metric.get("uncertainty"), "verdict": metric.get("verdict")}
-    rows = [shared | {"side": main, "main": True} | own]
-    for side, found in (metric.get("sides") or {}).items():
-        if side != main:
-            figures = {name: found.get(name) for name in ("value", "uncertainty", "verdict")}
-            rows.append(shared | {"side": side, "main": False} | figures)
-    return rows
+    shared: Row = {
+        "metric": metric.id,
+        "definition": metric.definition,
+        "unit": metric.unit,
+        "branch": metric.branch,
+        "estimator": metric.estimator,
+        "cycles": metric.cycles,
+        "band": json.dumps(metric.band),
+        "torque_nm": json.dumps(metric.torque_nm),
+        "choices": " ".join(metric.choices),
+        "limit_min": metric.limits.min,
+        "limit_max": metric.limits.max,
+        "coverage_factor": metric.coverage_factor,
+    }
+    sides: list[tuple[str, MetricValue | SideValue]] = [(metric.side, metric)]
+    sides += [(side, found) for side, found in metric.sides.items() if side != metric.side]
+    return [
+        shared
+        | {"side": side, "main": found is metric}
+        | {"value": found.value, "uncertainty": found.uncertainty, "verdict": found.verdict}
+        for side, found in sides
+    ]

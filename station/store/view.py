@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sqlalchemy import Connection, select
 
@@ -221,7 +221,7 @@ def _altered(connection: Connection, chain: Chain) -> dict[str, list[str]]:
 
 def _named_in(data: Path, name: str) -> str | None:
     try:
-        return str(RunRecord(data / name).manifest().get("id"))
+        return RunRecord(data / name).manifest().id
     except RecordError:
         return None
 
@@ -286,9 +286,26 @@ def bring_up(data: Path, most_s: float) -> int:
         database.close()
 
 
-def run_rows(view: View, runs: list[str]) -> dict[str, dict[str, Any]]:
+class StoredRun(NamedTuple):
+    """A concluded run as the list shows it; the names are those of the columns."""
+
+    run: str
+    serial: str
+    attempt: int
+    recipe: str
+    revision: int | None
+    started: str | None
+    state: str
+    verdict: str | None
+    records: int | None
+    altered: str
+    key: str | None
+
+
+def run_rows(view: View, runs: list[str]) -> dict[str, StoredRun]:
     """Return the rows of concluded runs, by run."""
     wanted = set(runs)
+    columns = [RUNS.c[name] for name in StoredRun._fields]
     with view.database.reading() as connection:
-        rows = connection.execute(select(RUNS).where(RUNS.c.chain == view.chain.id)).mappings()
-        return {row["run"]: dict(row) for row in rows if row["run"] in wanted}
+        rows = connection.execute(select(*columns).where(RUNS.c.chain == view.chain.id)).all()
+        return {row.run: row for row in map(StoredRun._make, rows) if row.run in wanted}

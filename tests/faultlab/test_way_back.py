@@ -15,6 +15,7 @@ from faultlab.run import Bench, FaultRun
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import load_job
 from station.bench.virtual_unit import FIXED_SEED
+from station.documents.events import LeftState
 from station.records.left_state import left_action
 from virtual_bench.faults.scenario import Fault, When
 
@@ -165,8 +166,8 @@ def test_a_jammed_unit_is_left_to_a_person_with_its_torque_behind_the_closed_loc
     assert not commands(back) & set(ENABLING)
     assert all(orders.brake_on for orders in back.run.orders[1:])
     assert abs(back.run.torque_nm[-1]) == pytest.approx(kept_nm, rel=0.01)
-    left = {"torque_nm": kept_nm, "release_torque_nm": 8.2, "lock": "closed"}
-    left |= {f"{name}_known": True for name in ("torque", "lock", "drive")}
+    known = {f"{name}_known": True for name in ("torque", "lock", "drive")}
+    left = LeftState(torque_nm=kept_nm, release_torque_nm=8.2, lock="closed", drive="off", **known)
     assert "turn the loaded shaft back by hand" in left_action(left)
 
 

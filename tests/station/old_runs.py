@@ -60,7 +60,6 @@ def with_channels(run: RunRecord, *, more: tuple[Channel, ...] = (), less: froze
     del said["format"]
     run.write_bytes("samples.json", as_json(said))
     assert layout_in(run.read_json("samples.json"), run.folder).record_bytes == at
-    files = run.manifest()["files"]
-    files |= {name: fingerprint(run.folder / name) for name in ("samples.bin", "samples.json")}
-    run.update(files=files)
+    rewritten = {name: fingerprint(run.folder / name) for name in ("samples.bin", "samples.json")}
+    run.update(files={**run.manifest().files, **rewritten})
     (run.folder.parent / "index.jsonl").unlink(missing_ok=True)

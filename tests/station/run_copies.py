@@ -22,7 +22,7 @@ def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> N
     as_recorded(record)
     for name in ("result.json", "events.jsonl", "timing.json", "calibration.json", "desk-report.json"):
         (record.folder / name).unlink()
-    manifest = record.manifest()
+    manifest = record.read_json("run.json")
     for name in ("records", "files"):
         manifest.pop(name)
     manifest["ended"] = None

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from station_samples import MANIFEST
+from station_samples import SETUP
 
+from station.documents.manifest import RecipeSource, Unit
+from station.documents.reading import plain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import fingerprint, seal
@@ -48,13 +51,16 @@ def store_run(
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
     key: public key that the bench file names.
     """
-    manifest: dict[str, Any] = MANIFEST | {"unit": {"model": "RV", "virtual": virtual}}
-    manifest |= {"recipe": {"name": recipe, "revision": revision, "sha256": ""}}
-    manifest |= {} if operator is None else {"operator": operator}
-    manifest |= {} if scenario is None else {"scenario": scenario}
-    run = Store(data).create(serial, manifest, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
+    setup = replace(
+        SETUP,
+        unit=Unit(model="RV", virtual=virtual),
+        recipe=RecipeSource(name=recipe, revision=revision, sha256=""),
+        operator=operator,
+        scenario=scenario,
+    )
+    run = Store(data).create(serial, setup, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
     run.samples.touch()
-    sha = {part: fingerprint(run.folder / f"{part}.yaml")["sha256"] for part in ("recipe", "bench")}
+    sha = {part: fingerprint(run.folder / f"{part}.yaml").sha256 for part in ("recipe", "bench")}
     verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS" if failed is None else "FAIL"
     shown = [
         dict(one) | ({} if verdict == "PASS" else {"verdict": None if failed is None else "FAIL"}) for one in metrics
@@ -62,8 +68,9 @@ def store_run(
     result = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
     result |= {
         "reasons": [*reasons, *([] if failed is None else [failed])],
-        "bench": {"name": "b"},
-        "unit": {"virtual": virtual},
+        "recipe": plain(setup.recipe),
+        "bench": plain(setup.bench),
+        "unit": plain(setup.unit),
         "clock": "real",
     }
     result |= {} if scenario is None else {"scenario": scenario}
@@ -72,8 +79,8 @@ def store_run(
     if calibration is not None:
         run.write_json("calibration.json", {"id": f"{run.id}-ratio", **calibration})
     run.update(
-        recipe=manifest["recipe"] | {"sha256": sha["recipe"]},
-        bench=manifest["bench"] | {"sha256": sha["bench"]} | ({} if key is None else {"public_key": key}),
+        recipe=replace(setup.recipe, sha256=sha["recipe"]),
+        bench=replace(setup.bench, sha256=sha["bench"], public_key=key),
         started=(START + timedelta(days=day)).isoformat(timespec="milliseconds"),
     )
     seal(run, state=state, verdict=verdict, records=0)

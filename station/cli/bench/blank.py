@@ -73,8 +73,8 @@ def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trac
     own = load_recipe(run.folder / "recipe.yaml" if recipe is None else recipe_path(recipe))
     where = load_bench(run.folder / "bench.yaml" if bench is None else find_bench(bench))
     segments = StoredProgram.of(run).segments
-    trace = trace_of(read_samples(run), segments, where, manifest["period_ns"], run.id)
-    made = day_of(str(manifest["started"]))
+    trace = trace_of(read_samples(run), segments, where, manifest.period_ns, run.id)
+    made = day_of(manifest.started)
     return trace, made, own, where, f"blank-{made.isoformat()}"
 
 

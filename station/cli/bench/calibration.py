@@ -14,8 +14,12 @@ from typing import Any
 from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes.text.section import LONGEST_NAME
 from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, rounded, scalar
-from station.cli.bench.calibration_runs import Stored, check_together, measured_ratio
+from station.cli.bench.calibration_runs import check_together, measured_ratio
+from station.documents.ratio import RatioLine, RatioRecord
 from station.records.data_folder import Store
+
+Stored = dict[str, Any]
+"""A block of a bench file, as YAML has it."""
 
 ONE_UNIT = "# of one unit: name runs of several units to include the spread between units"
 
@@ -31,21 +35,21 @@ def calibration(runs: Sequence[str], data: Path, *, due: str | None, as_json: bo
     found = [measured_ratio(Store(data).find(run)) for run in runs]
     check_together(found)
     stored = [one.stored for one in found]
-    made = max(day_of(str(one["made"])) for one in stored)
+    made = max(day_of(one.made) for one in stored)
     block: Stored = {
         "id": _id([one.run for one in found]),
-        "model": stored[0]["model"],
+        "model": stored[0].model,
         "made": made.isoformat(),
         "due": due_day(due, made).isoformat(),
     }
-    lengths = [float(one["transition_rad"]) for one in stored if one.get("transition_rad") is not None]
+    lengths = [float(one.transition_rad) for one in stored if one.transition_rad is not None]
     if len(lengths) == len(found):
         block["transition"] = _length(sum(lengths) / len(lengths))
     for quadrant in QUADRANTS:
-        block[quadrant] = _mean_line([one["quadrants"][quadrant] for one in stored])
+        block[quadrant] = _mean_line([one.quadrants[quadrant] for one in stored])
     if len(found) > 1:
         block["units"] = [_unit(one.serial, one.stored) for one in found]
-    checks = {quadrant: _check([one["quadrants"][quadrant] for one in stored]) for quadrant in QUADRANTS}
+    checks = {quadrant: _check([one.quadrants[quadrant] for one in stored]) for quadrant in QUADRANTS}
     print_block({"calibrations": [block], "checks": checks}, _calibration_yaml, as_json=as_json)
     return 0
 
@@ -57,16 +61,16 @@ def _id(runs: Sequence[str]) -> str:
     return (last if len(last + ending) <= LONGEST_NAME else last.partition("-")[0]) + ending
 
 
-def _mean_line(lines: Sequence[Stored]) -> Stored:
+def _mean_line(lines: Sequence[RatioLine]) -> Stored:
     """Return the mean of lines, with the covariance of a mean."""
     count = len(lines)
-    mean = {name: sum(line[name] for line in lines) / count for name in ("slope", "offset_nm")}
-    u_slope, u_offset = (math.hypot(*(line[name] for line in lines)) / count for name in ("u_slope", "u_offset_nm"))
-    together = sum(line["correlation"] * line["u_slope"] * line["u_offset_nm"] for line in lines) / count**2
-    residual = math.hypot(*(line["residual_sd_nm"] for line in lines)) / math.sqrt(count)
+    u_slope = math.hypot(*(line.u_slope for line in lines)) / count
+    u_offset = math.hypot(*(line.u_offset_nm for line in lines)) / count
+    together = sum(line.correlation * line.u_slope * line.u_offset_nm for line in lines) / count**2
+    residual = math.hypot(*(line.residual_sd_nm for line in lines)) / math.sqrt(count)
     return {
-        "slope": rounded(mean["slope"]),
-        "offset": _torque(mean["offset_nm"]),
+        "slope": rounded(sum(line.slope for line in lines) / count),
+        "offset": _torque(sum(line.offset_nm for line in lines) / count),
         "u_slope": rounded(u_slope),
         "u_offset": _torque(u_offset),
         "correlation": rounded(together / (u_slope * u_offset) if u_slope * u_offset else 0.0),
@@ -74,13 +78,19 @@ def _mean_line(lines: Sequence[Stored]) -> Stored:
     }
 
 
-def _check(lines: Sequence[Stored]) -> Stored:
+def _check(lines: Sequence[RatioLine]) -> Stored:
     """Return what stands beside the least squares of a quadrant: points, flagged ones, and the mean Theil–Sen line.
 
     None for what a record of an earlier version does not have.
     """
-    counts = {name: _sum([line.get(name) for line in lines]) for name in ("points", "flagged")}
-    robust = {name: _sum([line.get(f"theil_sen_{name}") for line in lines]) for name in ("slope", "offset_nm")}
+    counts = {
+        "points": _sum([line.points for line in lines]),
+        "flagged": _sum([line.flagged for line in lines]),
+    }
+    robust = {
+        "slope": _sum([line.theil_sen_slope for line in lines]),
+        "offset_nm": _sum([line.theil_sen_offset_nm for line in lines]),
+    }
     means = {name: None if total is None else rounded(total / len(lines)) for name, total in robust.items()}
     return {**counts, "theil_sen": None if None in means.values() else means}
 
@@ -90,13 +100,13 @@ def _sum(values: Sequence[float | None]) -> float | None:
     return sum(known) if len(known) == len(values) else None
 
 
-def _unit(serial: str, stored: Stored) -> Stored:
+def _unit(serial: str, stored: RatioRecord) -> Stored:
     unit: Stored = {"serial": serial}
-    if stored.get("transition_rad") is not None:
-        unit["transition"] = _length(stored["transition_rad"])
+    if stored.transition_rad is not None:
+        unit["transition"] = _length(stored.transition_rad)
     for quadrant in QUADRANTS:
-        line = stored["quadrants"][quadrant]
-        unit[quadrant] = {"slope": rounded(line["slope"]), "offset": _torque(line["offset_nm"])}
+        line = stored.quadrants[quadrant]
+        unit[quadrant] = {"slope": rounded(line.slope), "offset": _torque(line.offset_nm)}
     return unit
 
 

@@ -10,17 +10,17 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from analysis.evaluation.verdict import Verdict
 from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes.schema.calibration_schema import LEAST_UNITS
+from station.documents.ratio import RatioLine, RatioRecord
+from station.documents.result import Result
 from station.errors import StationError
-from station.records.run_record import RESULT, RunRecord
+from station.records.run_record import CALIBRATION, RESULT, RunRecord
 from station.records.seal import alterations
 from station.reports.headline import objection
-
-CALIBRATION = "calibration.json"
 
 ONE_UNIT_WITHIN = 5.0
 """Standard uncertainties of their difference within which two lines are those of one unit.
@@ -29,11 +29,6 @@ Three runs of one unit were 1.6 to 3.4 apart in the coefficient that differs mos
 """
 
 ONE_RECIPE = "runs of two recipes cannot be compared. Name runs of one recipe and revision"
-
-COEFFICIENTS = (("offset_nm", "u_offset_nm"), ("slope", "u_slope"))
-"""What a line is, and its standard uncertainty."""
-
-Stored = dict[str, Any]
 
 
 class MeasuredRatio(NamedTuple):
@@ -44,13 +39,12 @@ class MeasuredRatio(NamedTuple):
     recipe: str
     virtual: str | None
     """The unit of a virtual bench."""
-    stored: Stored
+    stored: RatioRecord
 
     @property
-    def quadrants(self) -> Mapping[str, Mapping[str, float]]:
+    def quadrants(self) -> Mapping[str, RatioLine]:
         """Line of each quadrant."""
-        lines: Mapping[str, Mapping[str, float]] = self.stored["quadrants"]
-        return lines
+        return self.stored.quadrants
 
 
 def measured_ratio(record: RunRecord) -> MeasuredRatio:
@@ -69,9 +63,9 @@ def measured_ratio(record: RunRecord) -> MeasuredRatio:
         )
     _refuse_unreliable(record)
     manifest = record.manifest()
-    recipe = f"{manifest['recipe']['name']} revision {manifest['recipe']['revision']}"
-    virtual = manifest["unit"].get("virtual")
-    return MeasuredRatio(record.id, str(manifest["serial"]), recipe, virtual, record.read_json(CALIBRATION))
+    recipe = f"{manifest.recipe.name} revision {manifest.recipe.revision}"
+    measured = record.read(RatioRecord, CALIBRATION)
+    return MeasuredRatio(record.id, manifest.serial, recipe, manifest.unit.virtual, measured)
 
 
 def check_together(found: Sequence[MeasuredRatio]) -> None:
@@ -96,20 +90,20 @@ def check_together(found: Sequence[MeasuredRatio]) -> None:
 
 def _refuse_unreliable(record: RunRecord) -> None:
     """Refuse lines that nobody may rely on, or that may be those of a defect; warn of a unit that did not pass."""
-    result = record.read_json(RESULT)
-    if result.get("scenario"):
-        raise StationError(f"{record.id}: faults were injected ({result['scenario']}); the run was not used")
+    result = record.read(Result, RESULT)
+    if result.scenario:
+        raise StationError(f"{record.id}: faults were injected ({result.scenario}); the run was not used")
     if said := objection(result):
         raise StationError(f"{record.id}: {said}; the run was not used. Measure again")
-    if result["verdict"] == Verdict.FAIL:
-        why = next(iter(result["reasons"]), "its verdict is FAIL")
+    if result.verdict == Verdict.FAIL:
+        why = next(iter(result.reasons), "its verdict is FAIL")
         raise StationError(
             f"{record.id}: its unit failed: {why}; its friction may be its defect, so the run was not "
             "used. Name a run of a unit that passed"
         )
-    if result["verdict"] != Verdict.PASS:
+    if result.verdict != Verdict.PASS:
         sys.stderr.write(
-            f"WARNING  {record.id}: its unit is {result['verdict']}, and its friction counts as that of a good one\n"
+            f"WARNING  {record.id}: its unit is {result.verdict}, and its friction counts as that of a good one\n"
         )
 
 
@@ -117,8 +111,8 @@ def _check_alike(found: Sequence[MeasuredRatio]) -> None:
     first = found[0]
     for one in found:
         for what, own, others, why in (
-            ("bench", one.stored["bench"]["name"], first.stored["bench"]["name"], "a torque ratio is of one bench"),
-            ("model", one.stored["model"], first.stored["model"], "a torque ratio is of one model"),
+            ("bench", one.stored.bench.name, first.stored.bench.name, "a torque ratio is of one bench"),
+            ("model", one.stored.model, first.stored.model, "a torque ratio is of one model"),
             ("recipe", one.recipe, first.recipe, ONE_RECIPE),
         ):
             if own != others:
@@ -153,9 +147,12 @@ def _refuse_one_unit(first: MeasuredRatio, second: MeasuredRatio) -> None:
 def apart(first: MeasuredRatio, second: MeasuredRatio) -> float:
     """Return the largest difference of any offset or slope, in standard uncertainties of that difference."""
     return max(
-        _in_uncertainties(line[name] - other[name], math.hypot(line[u_name], other[u_name]))
+        _in_uncertainties(own - others, math.hypot(u_own, u_others))
         for line, other in ((first.quadrants[quadrant], second.quadrants[quadrant]) for quadrant in QUADRANTS)
-        for name, u_name in COEFFICIENTS
+        for own, others, u_own, u_others in (
+            (line.offset_nm, other.offset_nm, line.u_offset_nm, other.u_offset_nm),
+            (line.slope, other.slope, line.u_slope, other.u_slope),
+        )
     )
 
 

@@ -23,6 +23,7 @@ from recipes.text.quantity import QuantityError, read_quantity, show
 from station.bench.request import trace_file
 from station.cli.bench.torque_ratio_text import line_blocks
 from station.cli.say import say
+from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RESULT
@@ -120,10 +121,10 @@ def _of_run(name: str, data: Path) -> Lines:
             f"{run.id}: the run measured no torque ratio; expected a complete run of a recipe with a step calibrate "
             "and a metric torque_ratio_slope or torque_ratio_offset"
         )
-    result = run.read_json(RESULT)
+    result = run.read(Result, RESULT)
     said = [f"{run.id}: {invalid}: its lines say little of the unit"] if (invalid := objection(result)) else []
-    if result.get("scenario"):
-        said.append(f"{run.id}: faults were injected ({result['scenario']}): its lines may be theirs")
+    if result.scenario:
+        said.append(f"{run.id}: faults were injected ({result.scenario}): its lines may be theirs")
     return Lines(run.id, run.id, dict(quadrants.fits.items()), notes=said)
 
 

@@ -138,7 +138,7 @@ def _of_runs(stored: StoredValues, by: str) -> GageDesign:
 def _tolerance(given: float | None, stored: StoredValues | None) -> float | None:
     if given is not None or stored is None:
         return given
-    low, high = stored.limits.get("min"), stored.limits.get("max")
+    low, high = stored.limits.min, stored.limits.max
     return None if low is None or high is None else high - low
 
 

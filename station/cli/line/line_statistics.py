@@ -15,6 +15,7 @@ from station.cli.csv_columns import CsvColumns, read_csv_columns
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import StoredValues, stored_values
 from station.cli.say import Grid, say
+from station.documents.result import Limits
 from station.errors import StationError
 from station.reports.result_text import limits_text, minus, unit_text
 
@@ -87,7 +88,7 @@ def capability_of(
     found = values_of(asked)
     lower, upper = limits
     if limits == (None, None) and found.stored is not None:
-        lower, upper = found.stored.limits.get("min"), found.stored.limits.get("max")
+        lower, upper = found.stored.limits.min, found.stored.limits.max
     if lower is None and upper is None:
         raise StationError(f"capability of {found.name}: {_no_limit(found)}")
     one = capability(found.values, lower, upper, subgroup, level)
@@ -98,7 +99,7 @@ def capability_of(
     ]
     blocks: list[str | Grid] = [
         f"{found.name}: {one.values} values, mean {figure(one.mean, found.unit)}, "
-        f"limit {limits_text({'min': lower, 'max': upper})} {unit_text(found.unit)}".rstrip(),
+        f"limit {limits_text(Limits(min=lower, max=upper))} {unit_text(found.unit)}".rstrip(),
         Grid(("spread", "standard deviation", "Cp, Pp", "Cpk, Ppk"), rows, right=(1, 2, 3)),
         f"{_intervals(one)} with {level:.0%} confidence",
         f"expected beyond limits: {_share(one.outside_fraction)} of the units, if they are normally distributed",

@@ -4,19 +4,50 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
-from analysis.line.spread import LEAST_RUNS, repeatability
+from analysis.line.spread import LEAST_RUNS, Repeatability, repeatability
 from recipes import Selection
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
+from station.documents.reading import plain
+from station.documents.result import Evaluation, MetricValue
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.reports.result_text import metric_name, number, unit_text
 from station.reports.result_view import definition_text, result_console
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MetricSpread:
+    """One side of a metric and how far it spreads; None where a run lacks the value."""
+
+    id: str
+    definition: str
+    unit: str
+    branch: str
+    estimator: str
+    band: float | None
+    torque_nm: float | None
+    choices: tuple[str, ...]
+    cycles: int | None
+    side: str
+    repeatability: Repeatability | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeated:
+    """Every metric over the runs of a unit."""
+
+    runs: tuple[str, ...]
+    serial: str | None
+    preset: str | None
+    selection: tuple[str, ...]
+    metrics: tuple[MetricSpread, ...]
 
 
 def repeat(names: list[str], recipe: str | None, selection: Selection, data: Path, *, as_json: bool) -> int:
@@ -33,21 +64,21 @@ def repeat(names: list[str], recipe: str | None, selection: Selection, data: Pat
         known_preset(selection.preset)
     results = [_result(name, recipe, selection, data) for name in _all_of(names, data)]
     _same_unit(results)
-    found = {
-        "runs": [result["run"] or result["record"] for result in results],
-        "serial": results[0]["serial"],
-        "preset": selection.preset,
-        "selection": selection.parts,
-        "metrics": _spreads(results),
-    }
+    found = Repeated(
+        runs=tuple(_source(result) for result in results),
+        serial=results[0].serial,
+        preset=selection.preset,
+        selection=tuple(selection.parts),
+        metrics=tuple(_spreads(results)),
+    )
     if as_json:
-        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(found), ensure_ascii=False) + "\n")
         return 0
     console = result_console()
-    console.print(f"{len(results)} runs: {', '.join(map(str, found['runs']))}", highlight=False, soft_wrap=True)
-    console.print(_table(found["metrics"]))
+    console.print(f"{len(results)} runs: {', '.join(found.runs)}", highlight=False, soft_wrap=True)
+    console.print(_table(found.metrics))
     console.print()
-    console.print(_definitions(found["metrics"]))
+    console.print(_definitions(results[0].metrics))
     return 0
 
 
@@ -65,7 +96,7 @@ def _all_of(names: list[str], data: Path) -> list[str]:
     return names
 
 
-def _result(name: str, recipe: str | None, selection: Selection, data: Path) -> dict[str, Any]:
+def _result(name: str, recipe: str | None, selection: Selection, data: Path) -> Evaluation:
     path = Path(name)
     if path.is_file():
         if recipe is None:
@@ -75,64 +106,79 @@ def _result(name: str, recipe: str | None, selection: Selection, data: Path) -> 
     if run.state() != "complete":
         raise StationError(f"{run.id}: the run is {run.state()}; expected complete runs. Leave it out")
     result = reevaluate(run, recipe, None, selection)
-    if result.get("altered"):
+    if result.altered:
         raise StationError(f"{run.id}: the record was altered and cannot be used. Leave it out")
     return result
 
 
-def _same_unit(results: list[dict[str, Any]]) -> None:
-    serials = list(dict.fromkeys(str(result["serial"]) for result in results))
+def _same_unit(results: Sequence[Evaluation]) -> None:
+    serials = list(dict.fromkeys(str(result.serial) for result in results))
     if len(serials) > 1:
         raise StationError(
             f"serial numbers {', '.join(serials)}: repeatability is of one unit. Name runs of one serial number",
         )
     for result in results[1:]:
-        for one, other in zip(results[0]["metrics"], result["metrics"], strict=False):
-            if _is(one) != _is(other) or len(results[0]["metrics"]) != len(result["metrics"]):
+        for one, other in zip(results[0].metrics, result.metrics, strict=False):
+            if _is(one) != _is(other) or len(results[0].metrics) != len(result.metrics):
                 raise StationError(
-                    f"{result['run'] or result['record']}: {metric_name(other)} where {results[0]['run']} has "
+                    f"{_source(result)}: {metric_name(other)} where {results[0].run} has "
                     f"{metric_name(one)}: evaluated by different definitions. Name one with --recipe, --preset or "
                     "--metric",
                 )
 
 
-def _is(metric: dict[str, Any]) -> tuple[object, ...]:
+def _source(result: Evaluation) -> str:
+    return str(result.run or result.record)
+
+
+def _is(metric: MetricValue) -> tuple[object, ...]:
     """Return what two numbers must share to be the same metric."""
-    return tuple(
-        str(metric[key]) for key in ("id", "branch", "estimator", "band", "torque_nm", "choices", "unit", "side")
-    )
+    kind = (metric.id, metric.branch, metric.estimator, metric.band, metric.torque_nm)
+    return (*kind, metric.choices, metric.unit, metric.side)
 
 
-def _spreads(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _spreads(results: Sequence[Evaluation]) -> list[MetricSpread]:
     """Return every side of every metric with its spread; without one where a run lacks the value."""
     found = []
-    for number_of, metric in enumerate(results[0]["metrics"]):
-        for side in metric["sides"]:
-            runs = [result["metrics"][number_of]["sides"][side]["per_cycle"] for result in results]
-            spread = repeatability(runs)._asdict() if all(runs) else None
-            kept = ("id", "definition", "unit", "branch", "estimator", "band", "torque_nm", "choices", "cycles")
-            found.append({**{key: metric[key] for key in kept}, "side": side, "repeatability": spread})
+    for number_of, metric in enumerate(results[0].metrics):
+        for side in metric.sides:
+            runs = [list(result.metrics[number_of].sides[side].per_cycle) for result in results]
+            found.append(
+                MetricSpread(
+                    id=metric.id,
+                    definition=metric.definition,
+                    unit=metric.unit,
+                    branch=metric.branch,
+                    estimator=metric.estimator,
+                    band=metric.band,
+                    torque_nm=metric.torque_nm,
+                    choices=metric.choices,
+                    cycles=metric.cycles,
+                    side=side,
+                    repeatability=repeatability(runs) if all(runs) else None,
+                )
+            )
     return found
 
 
-def _table(metrics: list[dict[str, Any]]) -> Table:
+def _table(metrics: Sequence[MetricSpread]) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("metric", no_wrap=True)
     for name in ("mean", "sd over runs", "sd over cycles", "between runs"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     for metric in metrics:
-        spread = metric["repeatability"] or {}
-        numbers = [number(spread.get(key)) for key in ("mean", "sd_runs", "sd_cycles", "sd_between")]
-        table.add_row(metric_name(metric), *numbers, unit_text(metric["unit"]))
+        one = metric.repeatability
+        figures = (None,) * 4 if one is None else (one.mean, one.sd_runs, one.sd_cycles, one.sd_between)
+        table.add_row(metric_name(metric), *map(number, figures), unit_text(metric.unit))
     return table
 
 
-def _definitions(metrics: list[dict[str, Any]]) -> Table:
+def _definitions(metrics: Sequence[MetricValue]) -> Table:
     """Return what each metric is, once for all of its sides."""
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     table.add_column(ratio=1)
-    texts = {metric_name({**metric, "side": "both"}): definition_text(metric) for metric in metrics}
+    texts = {metric_name(replace(metric, side="both")): definition_text(metric) for metric in metrics}
     for name, text in texts.items():
         table.add_row(Text.assemble(f"{name}: ", (text, "dim")))
     return table

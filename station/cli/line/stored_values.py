@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from station.cli.line.stored_metric import Ask, Kind, StoredMetric, StoredValue, read_metric
+from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
 from station.store.metric_rows import MetricRow, metric_rows
@@ -34,7 +35,7 @@ class StoredValues:
     unit: str
     name: str
     definition: str
-    limits: dict[str, float | None]
+    limits: Limits
     values: list[StoredValue]
     left_out: Counter[str] = field(default_factory=Counter)
     kinds: Counter[Kind] = field(default_factory=Counter)
@@ -92,7 +93,7 @@ def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> 
     side = ask.side or metric.side
     name = ask.metric if side == "both" else f"{ask.metric} side {side.replace('-', '−')}"
     values = [row.value for row in rows]
-    limits = {"min": metric.limit_min, "max": metric.limit_max}
+    limits = Limits(min=metric.limit_min, max=metric.limit_max)
     return StoredValues(ask, metric.unit, name, metric.definition, limits, values, left_out, pooled)
 
 
@@ -122,9 +123,9 @@ def _why_open(run: RunRecord, ask: Ask) -> str:
     """Return why a run that was not concluded does not count; '' for one that was not asked for."""
     try:
         manifest = run.manifest()
-        asked = ask.recipe in (None, manifest["recipe"]["name"]) and ask.serial in (None, manifest["serial"])
+        asked = ask.recipe in (None, manifest.recipe.name) and ask.serial in (None, manifest.serial)
         return f"that ended as {run.state()}" if asked else ""
-    except (RecordError, KeyError, TypeError, AttributeError):
+    except RecordError:
         return "damaged"
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from recipes import RecipeError
+from station.documents.reading import plain
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
@@ -39,44 +40,56 @@ def conclude_runs(name: str | None, data: Path, *, all_runs: bool, as_json: bool
     rows = [row for run in chosen if (row := _concluded(run, named=name is not None)) is not None]
     collected = [str(path) for path in collect(store)]
     if as_json:
-        sys.stdout.write(json.dumps({"runs": rows, "rings_removed": collected}, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps({"runs": plain(rows), "rings_removed": collected}, ensure_ascii=False) + "\n")
     else:
         lines = [_line(row) for row in rows] or ["every run is concluded"]
         lines += [f"{path}: removed, no run needs it any more" for path in collected]
         sys.stdout.write("\n".join(lines) + "\n")
-    return 1 if any(row["outcome"] in NOT_DONE for row in rows) else 0
+    return 1 if any(row.outcome in NOT_DONE for row in rows) else 0
 
 
-def _concluded(run: RunRecord, *, named: bool) -> dict[str, Any] | None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConcludedRow:
+    """What came of a run that was to be concluded; `error` says why it was not, or why it has no verdict."""
+
+    run: str
+    outcome: str = FAILED
+    records_brought: int = 0
+    state: str | None = None
+    verdict: str | None = None
+    error: str = ""
+
+
+def _concluded(run: RunRecord, *, named: bool) -> ConcludedRow | None:
     """Conclude one run and return what came of it; None for one that there is nothing to do with."""
-    row = {"run": run.id, "outcome": FAILED, "records_brought": 0, "state": None, "verdict": None, "error": ""}
+    row = ConcludedRow(run=run.id)
     try:
         if not to_be_concluded(run, again=named):
             manifest = run.manifest()
             outcome = CONCLUDED if is_sealed(manifest) else WITHOUT_VERDICT
-            outcome = STILL_RUNNING if manifest["state"] == "recording" else outcome
-            kept = {"outcome": outcome, "state": manifest["state"], "verdict": manifest["verdict"]}
-            return row | kept if named else None
-        row |= {"records_brought": recover(run, again=named)}
+            outcome = STILL_RUNNING if manifest.state == "recording" else outcome
+            kept = replace(row, outcome=outcome, state=manifest.state, verdict=manifest.verdict)
+            return kept if named else None
+        row = replace(row, records_brought=recover(run, again=named))
         manifest = run.manifest()
     except (StationError, RecipeError, OSError) as error:
-        return row | {"error": " ".join(str(error).split())}
+        return replace(row, error=" ".join(str(error).split()))
     if to_be_concluded(run):
-        return row | {"outcome": STILL_RUNNING if run.scanning() else OWNED}
+        return replace(row, outcome=STILL_RUNNING if run.scanning() else OWNED)
     outcome = CONCLUDED if is_sealed(manifest) else WITHOUT_VERDICT
-    why = "" if is_sealed(manifest) else str(manifest.get("trouble") or "")
-    return row | {"outcome": outcome, "state": manifest["state"], "verdict": manifest["verdict"], "error": why}
+    why = "" if is_sealed(manifest) else manifest.trouble or ""
+    return replace(row, outcome=outcome, state=manifest.state, verdict=manifest.verdict, error=why)
 
 
-def _line(row: dict[str, Any]) -> str:
+def _line(row: ConcludedRow) -> str:
     """Return one run as a line for a person."""
-    if row["outcome"] == CONCLUDED:
-        brought = f", {row['records_brought']} scans brought from memory" if row["records_brought"] else ""
-        return f"{row['run']}: {row['state']}, {row['verdict']}{brought}"
-    if row["outcome"] == STILL_RUNNING:
-        return f"{row['run']}: still running. Take it over: 'lostmotion resume {row['run']}'"
-    if row["outcome"] == OWNED:
-        return f"{row['run']}: another process is using it. Try again when it has ended"
-    if row["outcome"] == WITHOUT_VERDICT:
-        return f"{row['run']}: interrupted, without a verdict: {row['error']}"
-    return f"{row['run']}: not concluded: {row['error']}. Then run 'lostmotion conclude {row['run']}' again"
+    if row.outcome == CONCLUDED:
+        brought = f", {row.records_brought} scans brought from memory" if row.records_brought else ""
+        return f"{row.run}: {row.state}, {row.verdict}{brought}"
+    if row.outcome == STILL_RUNNING:
+        return f"{row.run}: still running. Take it over: 'lostmotion resume {row.run}'"
+    if row.outcome == OWNED:
+        return f"{row.run}: another process is using it. Try again when it has ended"
+    if row.outcome == WITHOUT_VERDICT:
+        return f"{row.run}: interrupted, without a verdict: {row.error}"
+    return f"{row.run}: not concluded: {row.error}. Then run 'lostmotion conclude {row.run}' again"

@@ -11,13 +11,16 @@ import contextlib
 import json
 import select
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from recipes import find_bench, load_bench
 from station.bench.request import Job, load_job, stored_job
 from station.cli.measure.run import EXIT_BENCH
+from station.documents.events import Alarm, LeftState
+from station.documents.manifest import LeftBy, Setup
+from station.documents.reading import left_out, plain
 from station.errors import BenchFaultError, RecordError, StationError
 from station.records.clocks import SCAN, WALL, clock_of
 from station.records.data_folder import Store
@@ -26,9 +29,11 @@ from station.records.program_file import PROGRAM, StoredProgram, plain_program
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
 from station.records.samples.check import check_bytes, sound_table
 from station.records.samples.samples import samples_bytes
+from station.records.samples.table import Table
 from station.run.conclusion import conclude
 from station.run.desk import Desk
 from station.run.ending import Ending
+from station.run.new_record import bench_source
 from station.run.pacing import pacing_of
 from station.run.way_back.guide import Guide
 from station.run.way_back.recover import recover as conclude_deserted
@@ -37,6 +42,21 @@ from station.version import software
 FOLDER = "recoveries"
 NO_FAULT = FAULT_BY_ID["brake_stays_closed"].number
 """Where a run was torn off without a fault: what goes on is the lock that was left closed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recovery:
+    """What a recovery came to: how the run left the bench, how it is left now, and whether the unit can be removed."""
+
+    bench: str | None = left_out()
+    run: str
+    fault: str | None = left_out()
+    before: LeftState | None
+    after: LeftState | None
+    released: bool
+    alarms: tuple[Alarm, ...] | None = left_out()
+    reasons: tuple[str, ...] | None = left_out()
+    record: str
 
 
 def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
@@ -61,14 +81,14 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
         stream.write(line + "\n")
         stream.flush()
 
-    say(f"Run {run.id} of {manifest['serial']} ended: {manifest['state']}, {before['text'] if before else ''}")
-    if manifest["state"] in ("complete", "stopped"):
+    say(f"Run {run.id} of {manifest.serial} ended: {manifest.state}, {before.text if before else ''}")
+    if manifest.state in ("complete", "stopped"):
         say("the run ended normally: unloaded, lock open, drive off. Nothing to recover")
         if as_json:
-            nothing = {"run": run.id, "before": before, "after": before, "released": True, "record": str(run.folder)}
-            sys.stdout.write(json.dumps(nothing, ensure_ascii=False) + "\n")
+            nothing = Recovery(run=run.id, before=before, after=before, released=True, record=str(run.folder))
+            sys.stdout.write(json.dumps(plain(nothing), ensure_ascii=False) + "\n")
         return 0
-    if manifest["bench"]["embedded"] and bench is None:
+    if manifest.bench.embedded and bench is None:
         raise StationError(
             f"{run.id}: its virtual bench ended with the run, so there is nothing to recover. Name a bench that is "
             "still running with --bench"
@@ -90,21 +110,21 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
             record.samples.touch()
             ending = Ending.refused_by(record, error)
         result = conclude(record, job, ending).result
-    after = result["left"]
-    released = result["state"] == "stopped" and after is not None and after["lock"] == "open"
-    report = {
-        "bench": job.bench.bench.name,
-        "run": run.id,
-        "fault": FAULT_BY_NUMBER[int(left["fault"])].id,
-        "before": before,
-        "after": after,
-        "released": released,
-        "alarms": result["alarms"],
-        "reasons": result["reasons"],
-        "record": result["record"],
-    }
+    after = result.left
+    released = result.state == "stopped" and after is not None and after.lock == "open"
+    report = Recovery(
+        bench=job.bench.bench.name,
+        run=run.id,
+        fault=FAULT_BY_NUMBER[left.fault].id,
+        before=before,
+        after=after,
+        released=released,
+        alarms=result.alarms,
+        reasons=result.reasons,
+        record=str(record.folder),
+    )
     if as_json:
-        sys.stdout.write(json.dumps(report, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(report), ensure_ascii=False) + "\n")
     for line in _last_words(report):
         say(line)
     return 0 if released else EXIT_BENCH
@@ -122,14 +142,14 @@ def _conclude_if_deserted(run: RunRecord) -> None:
         sys.stderr.write(f"WARNING  {run.id}: cannot be concluded now: {error}\n")
 
 
-def left_by(table: Any) -> dict[str, float]:
+def left_by(table: Table) -> LeftBy:
     """Return what the controller of a recovery has to know of the run before: its fault and its zeroes."""
     orders = table[-1]["orders"]
-    return {
-        "fault": int(orders["fault"]) or NO_FAULT,
-        "torque_in_tare_nm": float(orders["torque_in_tare_nm"]),
-        "torque_out_tare_nm": float(orders["torque_out_tare_nm"]),
-    }
+    return LeftBy(
+        fault=int(orders["fault"]) or NO_FAULT,
+        torque_in_tare_nm=float(orders["torque_in_tare_nm"]),
+        torque_out_tare_nm=float(orders["torque_out_tare_nm"]),
+    )
 
 
 def _last_run(store: Store, bench: str | None) -> RunRecord:
@@ -143,7 +163,7 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
             # It may be the one that left the bench as it is: a person is told before anything is asked.
             sys.stderr.write(f"WARNING  run {run.id} is passed over: {error}\n")
             continue
-        if clock_of(manifest) in (WALL, SCAN) and run.records() and name in (None, manifest["bench"]["name"]):
+        if clock_of(manifest.clock) in (WALL, SCAN) and run.records() and name in (None, manifest.bench.name):
             if run.state() == "recording":
                 raise StationError(f"{run.id}: this run is still in progress. Wait for its end, or stop it")
             return run
@@ -151,32 +171,22 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
     raise StationError(f"{where} has left a record: name the runs' folder with --data")
 
 
-def _create(data: Path, run: RunRecord, job: Job, left: dict[str, float]) -> RunRecord:
+def _create(data: Path, run: RunRecord, job: Job, left: LeftBy) -> RunRecord:
     of = run.manifest()
-    keep = ("recipe", "unit", "period_ns")
-    bench = job.bench.bench
-    manifest = {
-        **{key: of[key] for key in keep},
-        "clock": pacing_of(job).clock,
-        "software": software(),
-        "scenario": None,  # that of the run before is not injected again
-        "bench": {
-            "name": bench.name,
-            "revision": bench.revision,
-            "sha256": job.bench_source.sha256,
-            "file": str(job.bench_source.path),
-            "embedded": bench.embedded,
-            "public_key": bench.public_key,
-        },
-        "recovery_of": run.id,
-        "left": left,
-        "verdict": None,
-        "notes": [],
-        "ring": None,
-    }
+    setup = Setup(
+        recipe=of.recipe,
+        unit=of.unit,
+        period_ns=of.period_ns,
+        clock=pacing_of(job).clock,
+        software=software(),
+        scenario=None,  # that of the run before is not injected again
+        bench=bench_source(job),
+        recovery_of=run.id,
+        left=left,
+    )
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
-    record = Store(data / FOLDER).create(of["serial"], manifest, files, own=True)
+    record = Store(data / FOLDER).create(of.serial, setup, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record
 
@@ -191,10 +201,10 @@ def _typed() -> str | None:
     return sys.stdin.readline() if ready else None
 
 
-def _last_words(report: dict[str, Any]) -> list[str]:
-    after = report["after"]
-    left = f"{after['text']}: {after['next_action']}" if after else "the bench said nothing"
-    if report["released"]:
-        return [f"RELEASED  {left}", f"record {report['record']}"]
-    reasons = [f"  {reason}" for reason in report["reasons"]]
-    return [f"NOT RELEASED  {left}", *reasons, f"record {report['record']}"]
+def _last_words(report: Recovery) -> list[str]:
+    after = report.after
+    left = f"{after.text}: {after.next_action}" if after else "the bench said nothing"
+    if report.released:
+        return [f"RELEASED  {left}", f"record {report.record}"]
+    reasons = [f"  {reason}" for reason in report.reasons or ()]
+    return [f"NOT RELEASED  {left}", *reasons, f"record {report.record}"]

@@ -15,6 +15,8 @@ from recipes import Recipe
 from station.bench.request import Job, Source, load_job
 from station.bench.virtual_unit import VirtualUnit
 from station.cli.runs.show import stored_result
+from station.documents.reading import plain
+from station.documents.result import Result
 from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
 from station.records.chain.keys import own_key
@@ -22,7 +24,7 @@ from station.records.clocks import SCAN, VIRTUAL, Pacing
 from station.records.data_folder import Store, check_operator, check_serial
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
-from station.run.conclusion import Conclusion, conclude
+from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude
 from station.run.disk_space import refuse_full_disk
 from station.run.ending import DESK_REPORT, Ending
 from station.run.new_record import Wanted, new_record
@@ -67,11 +69,11 @@ class Options:
     """Whether scans follow each other without waiting for deadlines, on a bench that waits for them."""
 
 
-def exit_code(result: dict[str, Any]) -> int:
+def exit_code(result: Result) -> int:
     """Return the exit code of a result: 4 for a run that did not come to its end, else by its verdict."""
-    if result["state"] not in ("complete", "analyzed"):
+    if result.state not in ("complete", "analyzed"):
         return EXIT_BENCH
-    return EXIT_CODES[result["verdict"]]
+    return EXIT_CODES[result.verdict]
 
 
 def run(options: Options) -> int:
@@ -94,7 +96,7 @@ def run(options: Options) -> int:
     _put_in_order(Store(options.data), job)
     notes = recipe_notes(options.data, job)
     record = new_record(options.data, job, Wanted(serial, unit, scenario, options.operator, pacing.clock), notes=notes)
-    for note in record.manifest()["notes"]:
+    for note in record.manifest().notes:
         sys.stderr.write(f"WARNING  {note}\n")
     with contextlib.closing(record.lock), open_log(record.folder / "log.jsonl") as log:
         log.info(
@@ -117,7 +119,7 @@ def run(options: Options) -> int:
                 # `conclude` completes and concludes it.
                 waits = isinstance(error, RecordError)
                 waits |= record.has(DESK_REPORT) and isinstance(error, OSError | KeyboardInterrupt)
-                if not waits and record.manifest()["state"] == RECORDING:
+                if not waits and record.manifest().state == RECORDING:
                     record.update(state=INTERRUPTED, ended=now_text(), trouble=str(error))
             if isinstance(error, RecordError):
                 return no_record(record, error, as_json=options.json)
@@ -126,14 +128,12 @@ def run(options: Options) -> int:
         return finish(record, conclusion.result, shown, log, as_json=options.json)
 
 
-def finish(
-    record: RunRecord, result: dict[str, Any], shown: Callable[[], Shown] | None, log: Any, *, as_json: bool
-) -> int:
+def finish(record: RunRecord, result: Result, shown: Callable[[], Shown] | None, log: Any, *, as_json: bool) -> int:
     """Tell the result of a run that was just concluded, and its report where `shown` is given; return the exit code.
 
     The operator waits for the result, nobody for the report: that is made when the result is on the screen.
     """
-    log.info("run ended", state=result["state"], verdict=result["verdict"], reasons=result["reasons"])
+    log.info("run ended", state=result.state, verdict=result.verdict, reasons=list(result.reasons))
     print_result(result, as_json=as_json)
     bring_up_store(record.folder.parent)
     if shown is not None:
@@ -148,10 +148,10 @@ def report_wanted(recipe: Recipe, *, asked: bool | None) -> bool:
     return recipe.report == "always" if asked is None else asked
 
 
-def print_result(result: dict[str, Any], *, as_json: bool) -> None:
+def print_result(result: Result, *, as_json: bool) -> None:
     """Print a result for a person or for a program."""
     if as_json:
-        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(result), ensure_ascii=False) + "\n")
     else:
         show_result(result_console(), result)
     sys.stdout.flush()
@@ -186,10 +186,10 @@ def no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
     sys.stderr.write(f"{text}\n")
     if as_json:
         try:
-            stored = stored_result(record)
+            stored = plain(stored_result(record))
         except (OSError, StationError):  # a disk that takes nothing may give nothing back either
             stored = {"run": record.id, "record": str(record.folder)}
-        result = stored | {"state": "interrupted", "verdict": "NOT DECIDABLE", "reasons": [text]}
+        result = stored | {"state": INTERRUPTED, "verdict": NOT_DECIDABLE, "reasons": [text]}
         sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
     return EXIT_BENCH
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from recipes import OWN, Selection
 from station.bench.request import trace_file
@@ -13,6 +12,8 @@ from station.cli.measure.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
 from station.cli.runs.monte_carlo_table import check_draws, show_monte_carlo
 from station.cli.runs.show import stored_result
+from station.documents.reading import plain
+from station.documents.result import Evaluation, Result
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RunRecord
@@ -54,14 +55,14 @@ def analyze(
             return _incomplete(run, as_json=as_json)
         result = reevaluate(run, recipe, bench, selection, draws=draws)
     if as_json:
-        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(result), ensure_ascii=False) + "\n")
         return _code(result)
     console = result_console()
     heading = reevaluation_heading(result)
     if heading:
         console.print(heading, style="bold magenta", highlight=False, soft_wrap=True)
-    if draws and result["metrics"]:
-        show_monte_carlo(console, result["metrics"])
+    if draws and result.metrics:
+        show_monte_carlo(console, result.metrics)
     show_result(console, result)
     if heading:
         # The verdict is the last thing on the screen: whose it is stands below it as well.
@@ -69,8 +70,8 @@ def analyze(
     return _code(result)
 
 
-def _code(result: dict[str, Any]) -> int:
-    return EXIT_CODES[NOT_DECIDABLE] if result.get("altered") else exit_code(result)
+def _code(result: Result) -> int:
+    return EXIT_CODES[NOT_DECIDABLE] if result.altered else exit_code(result)
 
 
 def _incomplete(run: RunRecord, *, as_json: bool) -> int:
@@ -86,19 +87,19 @@ def _incomplete(run: RunRecord, *, as_json: bool) -> int:
     what = words.get(state, f"the run is {state}")
     sys.stderr.write(f"{run.id}: {what}: it has no complete trace to evaluate. See 'lostmotion show {run.id}'\n")
     if as_json:
-        sys.stdout.write(json.dumps(stored_result(run), ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(stored_result(run)), ensure_ascii=False) + "\n")
     return EXIT_CODES[NOT_DECIDABLE] if state in (INTERRUPTED, RECORDING, NOT_CONCLUDED) else EXIT_BENCH
 
 
-def reevaluation_heading(result: dict[str, Any]) -> str:
+def reevaluation_heading(result: Evaluation) -> str:
     """Return what stands above and below the result of another recipe or bench; '' for the run's own."""
-    if not result.get("reevaluated"):
+    if not result.reevaluated:
         return ""
-    recipe, original = result["recipe"], result["original_verdict"]
-    with_bench = result["reevaluated_bench"]
+    recipe, original = result.recipe, result.original_verdict
+    with_bench = result.reevaluated_bench
     bench = f" on bench {with_bench}" if with_bench else ""
-    selection = f" by the definitions of {', '.join(result['selection'])}" if result.get("selection") else ""
+    selection = f" by the definitions of {', '.join(result.selection)}" if result.selection else ""
     return (
-        f"RE-EVALUATED with {recipe['name']} rev {recipe['revision']} ({recipe['sha256'][:8]}){bench}{selection}, "
+        f"RE-EVALUATED with {recipe.name} rev {recipe.revision} ({recipe.sha256[:8]}){bench}{selection}, "
         f"not the run's own verdict ({original})"
     )

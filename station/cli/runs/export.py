@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from station.cli.out_file import refuse_records, writing
 from station.cli.runs.show import stored_result
+from station.documents.exported import ExportedRun
+from station.documents.reading import plain
 from station.errors import RecordError, StationError
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
@@ -18,38 +20,54 @@ from station.records.samples.samples import samples_bytes
 from station.records.samples.table import table_of
 from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.results.export import FORMATS, Column, columns_of, sidecar
-from station.results.export_origin import for_analysis
-
-COPIED = (
-    "id",
-    "serial",
-    "attempt",
-    "state",
-    "started",
-    "ended",
-    "clock",
-    "period_ns",
-    "recipe",
-    "bench",
-    "software",
-    "scenario",
-    "operator",
-)
+from station.results.export_origin import TraceNote, for_analysis
 
 
-def described(run: RunRecord) -> dict[str, Any]:
-    """Return what a file must say of its run to stand alone: identity, recipe, bench, software, verdict, metrics.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exported:
+    """What was written: the run, its file, and how much stands in it."""
+
+    run: str
+    file: str
+    format: str
+    scans: int
+    columns: int
+    bytes: int
+    altered: tuple[str, ...]
+
+
+def described(run: RunRecord, note: TraceNote | None) -> ExportedRun:
+    """Return what a file must say of its run to stand alone.
 
     A unit that was not real, and a scenario whose faults were injected, are part of its identity.
     """
     manifest, result = run.manifest(), stored_result(run)
-    head = {key: manifest[key] for key in COPIED if manifest.get(key) is not None}
-    unit = {"unit": manifest["unit"]["model"]}
-    unit |= {"virtual_unit": manifest["unit"]["virtual"]} if manifest["unit"].get("virtual") else {}
-    unit |= {"noise_seed": seed} if (seed := manifest["unit"].get("noise_seed")) is not None else {}
-    # Of an altered record the result decides nothing, and the file says so wherever it goes.
-    kept = ("verdict", "reasons", "metrics", "timing", "altered")
-    return head | unit | {key: result[key] for key in kept if key in result}
+    return ExportedRun(
+        id=manifest.id,
+        serial=manifest.serial,
+        attempt=manifest.attempt,
+        state=manifest.state,
+        started=manifest.started,
+        ended=manifest.ended,
+        clock=manifest.clock,
+        period_ns=manifest.period_ns,
+        recipe=manifest.recipe,
+        bench=manifest.bench,
+        software=manifest.software,
+        scenario=manifest.scenario,
+        operator=manifest.operator,
+        unit=manifest.unit.model,
+        virtual_unit=manifest.unit.virtual or None,
+        noise_seed=manifest.unit.noise_seed,
+        # Of an altered record the result decides nothing, and the file says so wherever it goes.
+        verdict=result.verdict,
+        reasons=result.reasons,
+        metrics=result.metrics,
+        timing=result.timing,
+        altered=result.altered,
+        trace=None if note is None else note.fingerprint,
+        recorded=None if note is None else note.recorded,
+    )
 
 
 def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json: bool) -> int:
@@ -77,20 +95,27 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     if not read_back.records:
         raise StationError(f"{run.id}: the run has no records: nothing was measured")
     table = table_of(content, layout)
-    measured, beside = for_analysis(run, table)
-    columns = columns_of(table, int(run.manifest()["period_ns"]), measured)
-    _write(path, file_format, columns, described(run) | beside)
-    found = {"run": run.id, "file": str(path), "format": file_format, "scans": read_back.records}
-    found |= {"columns": len(columns), "bytes": path.stat().st_size, "altered": list(altered)}
+    measured, note = for_analysis(run, table)
+    columns = columns_of(table, run.manifest().period_ns, measured)
+    _write(path, file_format, columns, described(run, note))
+    found = Exported(
+        run=run.id,
+        file=str(path),
+        format=file_format,
+        scans=read_back.records,
+        columns=len(columns),
+        bytes=path.stat().st_size,
+        altered=altered,
+    )
     if as_json:
-        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(found), ensure_ascii=False) + "\n")
     else:
-        told = f"{path}: {read_back.records} scans, {len(columns)} columns, {found['bytes']} bytes"
+        told = f"{path}: {read_back.records} scans, {len(columns)} columns, {found.bytes} bytes"
         sys.stdout.write("\n".join([*alteration_lines(altered), told]) + "\n")
     return EXIT_ALTERED if altered else 0
 
 
-def _write(path: Path, file_format: str, columns: list[Column], run: dict[str, Any]) -> None:
+def _write(path: Path, file_format: str, columns: list[Column], run: ExportedRun) -> None:
     """Write the file, and what stands beside it, completely or not at all; nothing is left of what failed.
 
     Raises:

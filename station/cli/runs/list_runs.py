@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
-from station.cli.runs.show import bare_row, row
+from station.cli.runs.show import row
+from station.documents.reading import plain
 from station.errors import StationError
 from station.records.run_record import NOT_CONCLUDED, RunRecord
-from station.run.run_list import print_runs
-from station.store.view import View, look_at, run_rows, without_collector
+from station.run.run_list import RunRow, print_runs
+from station.store.view import StoredRun, View, look_at, run_rows, without_collector
 
 NEWEST = 50
 """Runs that are read from their folders each time, so that nothing but folder and chain has a say in what they are."""
@@ -36,7 +36,7 @@ def list_runs(data: Path, limit: int | None, *, as_json: bool) -> int:
         left_out = 0 if limit is None else max(len(view.runs) - limit, 0)
         rows = list_rows(view, view.runs[left_out:])
     if as_json:
-        sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(rows), ensure_ascii=False) + "\n")
     elif not rows:
         sys.stdout.write(f"{data}: holds no runs\n")
     else:
@@ -47,17 +47,17 @@ def list_runs(data: Path, limit: int | None, *, as_json: bool) -> int:
     return 0
 
 
-def _below(rows: list[dict[str, Any]]) -> list[str]:
+def _below(rows: list[RunRow]) -> list[str]:
     """Return what is said of damaged runs, each with its damage, and how runs are concluded."""
-    lines = [f"damaged  {one['run']}: {one['error']}" for one in rows if one["state"] == "damaged"]
-    waiting = sum(one["state"] == NOT_CONCLUDED and not one["scanning"] for one in rows)
+    lines = [f"damaged  {one.run}: {one.error}" for one in rows if one.state == "damaged"]
+    waiting = sum(one.state == NOT_CONCLUDED and not one.scanning for one in rows)
     if waiting:
         what = "run is" if waiting == 1 else "runs are"
         lines.append(f"{waiting} {what} not concluded: 'lostmotion conclude --all' evaluates them")
     return lines
 
 
-def list_rows(view: View, runs: list[str]) -> list[dict[str, Any]]:
+def list_rows(view: View, runs: list[str]) -> list[RunRow]:
     """Return runs as rows of the list. The newest ones are read from their folders, older ones from the store."""
     view.chain.index()
     stored = run_rows(view, runs[:-NEWEST]) if len(runs) > NEWEST else {}
@@ -73,19 +73,27 @@ def list_rows(view: View, runs: list[str]) -> list[dict[str, Any]]:
     return rows
 
 
-def _missing_row(view: View, run: str) -> dict[str, Any]:
+def _missing_row(view: View, run: str) -> RunRow:
     created = next((entry.fields for entry in view.chain.entries_of(run)), {})
-    return bare_row(run, "missing") | {name: created.get(name) for name in ("serial", "attempt")}
+    return RunRow(run=run, state="missing", serial=created.get("serial"), attempt=created.get("attempt"))
 
 
-def _stored_row(view: View, stored: dict[str, Any]) -> dict[str, Any]:
-    altered = stored["altered"].splitlines()
-    if not view.trusted(stored["key"]):
-        altered.append(f"is signed by {stored['key']}, which this computer does not know")
-    shown = {name: stored[name] for name in ("run", "serial", "attempt", "recipe", "revision", "started", "records")}
-    shown |= {"state": "altered" if altered else stored["state"], "scanning": None}
-    shown |= {"verdict": None if altered else stored["verdict"]}
-    return shown | ({"altered": altered} if altered else {})
+def _stored_row(view: View, stored: StoredRun) -> RunRow:
+    altered = stored.altered.splitlines()
+    if not view.trusted(stored.key):
+        altered.append(f"is signed by {stored.key}, which this computer does not know")
+    return RunRow(
+        run=stored.run,
+        serial=stored.serial,
+        attempt=stored.attempt,
+        recipe=stored.recipe,
+        revision=stored.revision,
+        started=stored.started,
+        state="altered" if altered else stored.state,
+        verdict=None if altered else stored.verdict,
+        records=stored.records,
+        altered=tuple(altered) or None,
+    )
 
 
 def _notes(view: View, left_out: int) -> list[str]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 from rich.console import Console
 from rich.table import Table
 
+from station.documents.result import MetricValue, MonteCarlo
 from station.errors import StationError
+from station.reports.metric_sides import on_side
 from station.reports.result_text import metric_name, minus, number, unit_text
 
 LEAST_DRAWS = 50
@@ -29,10 +31,10 @@ def check_draws(draws: int) -> None:
         )
 
 
-def show_monte_carlo(console: Console, metrics: list[dict[str, Any]]) -> None:
+def show_monte_carlo(console: Console, metrics: Sequence[MetricValue]) -> None:
     """Print every side of every metric that was drawn, and what the columns are."""
-    rows = [metric | {"side": side} | found for metric in metrics for side, found in metric["sides"].items()]
-    drawn = [row for row in rows if row["monte_carlo"]]
+    rows = [on_side(metric, side, found) for metric in metrics for side, found in metric.sides.items()]
+    drawn = [(row, row.monte_carlo) for row in rows if row.monte_carlo is not None]
     if not drawn:
         console.print(NONE, highlight=False)
         return
@@ -41,11 +43,11 @@ def show_monte_carlo(console: Console, metrics: list[dict[str, Any]]) -> None:
     for name in ("value", "U", "u", "Monte Carlo u", "interval"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
-    for row in drawn:
-        table.add_row(*_cells(row))
+    for row, found in drawn:
+        table.add_row(*_cells(row, found))
     console.print(table)
-    console.print(MEANS.format(draws=drawn[0]["monte_carlo"]["draws"]), style="dim", highlight=False)
-    left = [metric_name(row) for row in rows if not row["monte_carlo"]]
+    console.print(MEANS.format(draws=drawn[0][1].draws), style="dim", highlight=False)
+    left = [metric_name(row) for row in rows if row.monte_carlo is None]
     if left:
         console.print(
             f"Without Monte Carlo, because they have no uncertainty budget: {', '.join(left)}", highlight=False
@@ -53,20 +55,19 @@ def show_monte_carlo(console: Console, metrics: list[dict[str, Any]]) -> None:
     console.print()
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
+def _cells(row: MetricValue, found: MonteCarlo) -> list[str]:
     """Return the texts of one row; those of a grade are of the backlash that it is the grade of."""
-    found = row["monte_carlo"]
-    u = sum(one["contribution"] ** 2 for one in row["budget"]) ** 0.5
+    u = sum(one.contribution**2 for one in row.budget) ** 0.5
     spread = 2.0 * u
-    graded = row["id"] == "grade"
+    graded = row.id == "grade"
     return [
         metric_name(row),
-        number(row["value"], None if graded else spread),
+        number(row.value, None if graded else spread),
         _two_digits(spread),
         _two_digits(u),
-        _two_digits(found["u"]),
-        f"{number(found['low'], spread)} … {number(found['high'], spread)}",
-        "arcmin of backlash" if graded else unit_text(row["unit"]),
+        _two_digits(found.u),
+        f"{number(found.low, spread)} … {number(found.high, spread)}",
+        "arcmin of backlash" if graded else unit_text(row.unit),
     ]
 
 

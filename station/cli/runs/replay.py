@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import sys
 import time
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from controller.controller import Controller
 from controller.decisions import DECISIONS_VERSION, changes_since
@@ -15,22 +15,23 @@ from definitions.program import Program
 from recipes import RecipeError
 from station.bench.request import Job, stored_job
 from station.cli.measure.run import EXIT_CODES
-from station.cli.runs.what_if import Question, what_if_lines
-from station.errors import StationError
+from station.cli.runs.what_if import Answer, Question, what_if_lines
+from station.documents.events import EventRow
+from station.documents.reading import document_in, left_out, plain
+from station.errors import RecordError, StationError
 from station.records.data_folder import Store
 from station.records.program_file import PROGRAM, program_differences
-from station.records.run_record import RunRecord
+from station.records.run_record import EVENTS, RunRecord
 from station.records.samples.samples import samples_bytes
 from station.records.samples.table import table_of
 from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
-from station.results.replay import Replayed, not_compared, replay
-from station.run.conclusion import NOT_DECIDABLE, finite
+from station.results.replay import FirstDiffering, Replayed, not_compared, replay
+from station.run.conclusion import NOT_DECIDABLE
 
 SAME, DIFFERS, BAD, UNDECIDED = 0, 1, 2, EXIT_CODES[NOT_DECIDABLE]
 FIRST_DECISIONS = 1
 """Version of the controller's decisions of runs that do not name it: it was not kept yet."""
 
-EVENTS = "events.jsonl"
 NOT_ASKED = "effects of another recipe are not computed for"
 NOT_ASKED_OF = {DIFFERS: "a replay that differs", BAD: "a damaged record", EXIT_ALTERED: "an altered record"}
 
@@ -60,57 +61,89 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
 def _replay(run: RunRecord, altered: tuple[str, ...], other: str | None, *, as_json: bool) -> int:
     job = stored_job(run)
     content, layout = samples_bytes(run), run.layout()
-    kept = run.manifest().get("left")
-    left = None if kept is None else Left(**kept)
+    kept = run.manifest().left
+    left = None if kept is None else Left(kept.fault, kept.torque_in_tare_nm, kept.torque_out_tare_nm)
     question = None if other is None else Question(other, run, job, left)
     controller = Controller(job.program, None, left) if question is None else question.controller
     started = time.perf_counter()
     found = replay(content, controller if question is None else question.beside, layout)
     seconds = time.perf_counter() - started
-    report = _report(run, job, controller, found) | {
-        "scans_per_s": round((found.identical + 1) / seconds),
-        "seconds": round(seconds, 3),
-        "altered": list(altered),
-    }
-    code = BAD if found.damage else SAME if found.same and not report["events_differ"] else DIFFERS
+    report = _report(run, job, controller, found, seconds, altered)
+    code = BAD if found.damage else SAME if found.same and not report.events_differ else DIFFERS
     if altered and code == SAME:
         code = EXIT_ALTERED
     if question is not None:
         if code == SAME:
-            report["what_if"] = question.answer(table_of(content, layout))
-            code = DIFFERS if report["what_if"]["changed"] else SAME
+            answer = question.answer(table_of(content, layout))
+            report = replace(report, what_if=answer)
+            code = DIFFERS if answer.changed else SAME
         else:
-            report["what_if_refused"] = f"{NOT_ASKED} {NOT_ASKED_OF[code]}"
+            report = replace(report, what_if_refused=f"{NOT_ASKED} {NOT_ASKED_OF[code]}")
             code = BAD if code == BAD else UNDECIDED
     if as_json:
-        sys.stdout.write(json.dumps(finite(report), ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(report), ensure_ascii=False) + "\n")
     else:
-        told = [*alteration_lines(altered), *_lines(report, found, int(run.manifest()["period_ns"]))]
+        told = [*alteration_lines(altered), *_lines(report, found, run.manifest().period_ns)]
         sys.stdout.write("\n".join(told) + "\n")
     return code
 
 
-def _report(run: RunRecord, job: Job, controller: Controller, found: Replayed) -> dict[str, Any]:
-    return {
-        "run": run.id,
-        "state": run.state(),
-        "identical_scans": found.identical,
-        "difference": None if found.difference is None else found.difference.to_dict(),
-        "damage": found.damage,
-        "cut_bytes": found.cut_bytes,
-        "decisions": _decisions(run),
-        "not_compared": not_compared(run.layout()),
-        "program_differs": _program_differences(run, job.program),
-        "events_differ": _event_differences(run, controller) if found.same else [],
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecidedBy:
+    """By which version of the controller's decisions a run was made, which one replays it, and what changed between."""
+
+    recorded: int
+    now: int
+    recorded_by: str
+    changes: tuple[str, ...]
 
 
-def _decisions(run: RunRecord) -> dict[str, Any]:
-    """Return by which version of the controller's decisions a run was made, and which one replays it."""
-    made_by = run.manifest().get("software") or {}
-    recorded = int(made_by.get("decisions", FIRST_DECISIONS))
-    found = {"recorded": recorded, "now": DECISIONS_VERSION, "recorded_by": str(made_by.get("version"))}
-    return found | {"changes": changes_since(recorded)}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayReport:
+    """What a replay found, as it is printed."""
+
+    run: str
+    state: str
+    identical_scans: int
+    difference: FirstDiffering | None
+    damage: str
+    cut_bytes: int
+    decisions: DecidedBy
+    not_compared: tuple[str, ...]
+    program_differs: tuple[str, ...]
+    events_differ: tuple[str, ...]
+    scans_per_s: int
+    seconds: float
+    altered: tuple[str, ...]
+    what_if: Answer | None = left_out()
+    what_if_refused: str | None = left_out()
+
+
+def _report(  # noqa: PLR0917 - what was replayed, by what, what came of it, and what is known of the record
+    run: RunRecord, job: Job, controller: Controller, found: Replayed, seconds: float, altered: tuple[str, ...]
+) -> ReplayReport:
+    return ReplayReport(
+        run=run.id,
+        state=run.state(),
+        identical_scans=found.identical,
+        difference=None if found.difference is None else found.difference.document(),
+        damage=found.damage,
+        cut_bytes=found.cut_bytes,
+        decisions=_decisions(run),
+        not_compared=tuple(not_compared(run.layout())),
+        program_differs=tuple(_program_differences(run, job.program)),
+        events_differ=tuple(_event_differences(run, controller)) if found.same else (),
+        scans_per_s=round((found.identical + 1) / seconds),
+        seconds=round(seconds, 3),
+        altered=altered,
+    )
+
+
+def _decisions(run: RunRecord) -> DecidedBy:
+    made_by = run.manifest().software
+    recorded = FIRST_DECISIONS if made_by.decisions is None else made_by.decisions
+    changes = tuple(changes_since(recorded))
+    return DecidedBy(recorded=recorded, now=DECISIONS_VERSION, recorded_by=made_by.version, changes=changes)
 
 
 def _program_differences(run: RunRecord, program: Program) -> list[str]:
@@ -136,7 +169,7 @@ def _event_differences(run: RunRecord, controller: Controller) -> list[str]:
     return [*unread, f"transitions differ: recorded {first[0]}, replayed {first[1]}"]
 
 
-def _told_transitions(run: RunRecord) -> tuple[list[tuple[Any, Any, Any]], list[str]]:
+def _told_transitions(run: RunRecord) -> tuple[list[tuple[int, str, str | None]], list[str]]:
     """Return the transitions in the run's own list of events, and what is wrong with the first line that is no event.
 
     Raises:
@@ -150,10 +183,10 @@ def _told_transitions(run: RunRecord) -> tuple[list[tuple[Any, Any, Any]], list[
     told, broken = [], []
     for number, line in enumerate(lines, start=1):
         try:
-            row = json.loads(line)
-            if row["kind"] == "transition":
-                told.append((row["scan"], row["state"], row["to"]))
-        except (ValueError, TypeError, KeyError):
+            event = document_in(EventRow, line, run.folder / EVENTS)
+            if event.kind == "transition":
+                told.append((event.scan, event.state, event.to))
+        except RecordError:
             broken.append(number)
     if not broken:
         return told, []
@@ -161,36 +194,36 @@ def _told_transitions(run: RunRecord) -> tuple[list[tuple[Any, Any, Any]], list[
     return told, [f"{EVENTS}: line {broken[0]} is not an event{more}"]
 
 
-def _decided_otherwise(decisions: dict[str, Any], *, same: bool) -> str:
+def _decided_otherwise(decisions: DecidedBy, *, same: bool) -> str:
     """Say that the run was made by another version of the controller's decisions, and what that means here."""
-    recorded, now, by = decisions["recorded"], decisions["now"], decisions["recorded_by"]
+    recorded, now, by = decisions.recorded, decisions.now, decisions.recorded_by
     head = f"Recorded by version {recorded} of the controller's decisions (lostmotion {by}), replayed by version {now}"
     if recorded > now:
         head += ", which is older"
-    changed = f" Decided otherwise since then: {'; '.join(decisions['changes'])}." if decisions["changes"] else ""
+    changed = f" Decided otherwise since then: {'; '.join(decisions.changes)}." if decisions.changes else ""
     means = "Both decide the same here." if same else f"A difference may be that. To tell, replay it with {by}."
     return f"{head}.{changed} {means}"
 
 
-def _lines(report: dict[str, Any], found: Replayed, period_ns: int) -> list[str]:
-    speed = f"{report['seconds']:.2f} s, {report['scans_per_s']} scans/s"
-    lines = [f"{report['run']} ({report['state']}): {found.identical} scans replayed identically ({speed})"]
+def _lines(report: ReplayReport, found: Replayed, period_ns: int) -> list[str]:
+    speed = f"{report.seconds:.2f} s, {report.scans_per_s} scans/s"
+    lines = [f"{report.run} ({report.state}): {found.identical} scans replayed identically ({speed})"]
     if found.cut_bytes:
         lines.append(
             f"{found.cut_bytes} bytes of a last, incomplete record are left out: it was cut while being written"
         )
-    decisions = report["decisions"]
-    if decisions["recorded"] != decisions["now"]:
+    decisions = report.decisions
+    if decisions.recorded != decisions.now:
         lines.append(_decided_otherwise(decisions, same=found.same))
-    lines += [f"order not compared: {text}" for text in report["not_compared"]]
+    lines += [f"order not compared: {text}" for text in report.not_compared]
     if found.damage:
         lines.append(f"the record is damaged: {found.damage}")
-    lines += [f"the recorded recipe becomes another program now: {text}" for text in report["program_differs"][:8]]
+    lines += [f"the recorded recipe becomes another program now: {text}" for text in report.program_differs[:8]]
     if found.difference is not None:
         lines += found.difference.lines(period_ns)
-    lines += report["events_differ"]
-    if "what_if_refused" in report:
-        lines.append(report["what_if_refused"])
-    if "what_if" in report:
-        lines += what_if_lines(report["what_if"], period_ns)
+    lines += report.events_differ
+    if report.what_if_refused is not None:
+        lines.append(report.what_if_refused)
+    if report.what_if is not None:
+        lines += what_if_lines(report.what_if, period_ns)
     return lines

@@ -70,7 +70,7 @@ def shown_of(run: RunRecord) -> Shown:
     """Return what is shown of a run: its stored result, and its evaluation where the record bears one."""
     result = stored_result(run)
     try:
-        if result["state"] == "complete" and not result.get("altered"):
+        if result.state == "complete" and not result.altered:
             found = complete_run(run)
             return Shown(found.job, result, found.result)
         job = stored_job(run)

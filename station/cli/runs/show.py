@@ -5,8 +5,9 @@ from __future__ import annotations
 import io
 import json
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from rich.box import HEAVY
 from rich.console import Console
@@ -14,6 +15,9 @@ from rich.errors import ConsoleError
 from rich.panel import Panel
 from rich.text import Text
 
+from station.documents.manifest import Manifest
+from station.documents.reading import plain
+from station.documents.result import Result
 from station.errors import RecordError
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.data_folder import Store
@@ -22,11 +26,10 @@ from station.records.run_ring import records_waiting
 from station.records.samples.samples import check_samples
 from station.records.seal import EXIT_ALTERED, alterations, is_sealed, vouched_for
 from station.reports.result_view import result_console, show_result
+from station.run.run_list import RunRow
 
 SHAPELESS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, ConsoleError)
 """What an altered result raises that cannot be shown; of one that nobody altered these are errors of the program."""
-
-ROW_KEYS = frozenset({"id", "value", "unit", "uncertainty", "branch", "side", "limits", "verdict"})
 
 
 def show(name: str, data: Path, *, as_json: bool) -> int:
@@ -38,27 +41,27 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
     """
     run = Store(data).find(name)
     found = stored_result(run)
-    code = EXIT_ALTERED if found.get("altered") else 0
+    code = EXIT_ALTERED if found.altered else 0
     if as_json:
-        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(found), ensure_ascii=False) + "\n")
         return code
     console = result_console()
     manifest = run.manifest()
-    by = f" by {manifest['operator']}" if manifest.get("operator") else ""
+    by = f" by {manifest.operator}" if manifest.operator else ""
     console.print(
-        f"{run.id}  attempt {manifest['attempt']}, started {manifest['started']}{by}, {run.records()} scans on disk",
+        f"{run.id}  attempt {manifest.attempt}, started {manifest.started}{by}, {run.records()} scans on disk",
         highlight=False,
         soft_wrap=True,
     )
     if is_sealed(manifest) and not vouched_for(run):
         console.print(f"no {CHAIN} beside this run: its run.json cannot be verified", style="yellow", highlight=False)
     show_result(console, found)
-    if found.get("altered"):
-        console.print(altered_banner(found["altered"]))
+    if found.altered:
+        console.print(altered_banner(found.altered))
     return code
 
 
-def altered_banner(altered: list[str]) -> Panel:
+def altered_banner(altered: Sequence[str]) -> Panel:
     """Return what nobody may overlook: this record is not what the run left."""
     text = Text(" RECORD ALTERED ", style="bold white on red", justify="center")
     for one in altered:
@@ -66,7 +69,7 @@ def altered_banner(altered: list[str]) -> Panel:
     return Panel(text, border_style="red", box=HEAVY, padding=(1, 2))
 
 
-def stored_result(run: RunRecord) -> dict[str, Any]:
+def stored_result(run: RunRecord) -> Result:
     """Return a run's result; for a run that was not concluded, what is known; for a doubtful record, no verdict.
 
     Of a record that does not read back, or is not as it was when the run was concluded, no row keeps its verdict.
@@ -75,15 +78,12 @@ def stored_result(run: RunRecord) -> dict[str, Any]:
     if not is_sealed(manifest):
         return _without_result(run, manifest, state)
     altered = alterations(run)
-    result = _without_result(run, manifest, state)
     try:
-        result |= run.read_json(RESULT)
-        # An altered result may be of any shape, and rows that cannot be shown must not keep the alteration from it.
-        result |= {"metrics": [one for one in result["metrics"] if set(one) >= ROW_KEYS]}
-        result |= {"record": str(run.folder)}  # where it is now: a data folder may have been copied or moved
-    except (RecordError, TypeError, ValueError):
+        # The record is where it is now: a data folder may have been copied or moved.
+        result = replace(run.read(Result, RESULT), record=str(run.folder), records=run.records())
+    except RecordError:
         result = _without_result(run, manifest, state)
-    read_back = check_samples(run, manifest.get("records"))
+    read_back = check_samples(run, manifest.records)
     doubts = [f"record altered: {one}" for one in altered]
     doubts += [f"the record is damaged: {problem}" for problem in read_back.problems]
     if not doubts:
@@ -91,25 +91,27 @@ def stored_result(run: RunRecord) -> dict[str, Any]:
     if not altered:
         return without_verdicts(result, doubts)
     try:
-        shown = without_verdicts(result | {"altered": list(altered)}, doubts)
+        shown = without_verdicts(replace(result, altered=altered), doubts)
         show_result(Console(file=io.StringIO()), shown)
     except SHAPELESS:
-        shown = without_verdicts(_without_result(run, manifest, state) | {"altered": list(altered)}, doubts)
+        shown = without_verdicts(replace(_without_result(run, manifest, state), altered=altered), doubts)
     return shown
 
 
-def without_verdicts(result: dict[str, Any], reasons: list[str]) -> dict[str, Any]:
+def without_verdicts(result: Result, reasons: Sequence[str]) -> Result:
     """Return a result that decides nothing, in no row either, and says why; its other reasons follow."""
-    metrics = [
-        metric
-        | {"verdict": None}
-        | {"sides": {side: found | {"verdict": None} for side, found in metric.get("sides", {}).items()}}
-        for metric in result["metrics"]
-    ]
-    return result | {"verdict": "NOT DECIDABLE", "reasons": [*reasons, *result["reasons"]], "metrics": metrics}
+    metrics = tuple(
+        replace(
+            metric,
+            verdict=None,
+            sides={side: replace(found, verdict=None) for side, found in metric.sides.items()},
+        )
+        for metric in result.metrics
+    )
+    return replace(result, verdict="NOT DECIDABLE", reasons=(*reasons, *result.reasons), metrics=metrics)
 
 
-def _without_result(run: RunRecord, manifest: dict[str, Any], state: str) -> dict[str, Any]:
+def _without_result(run: RunRecord, manifest: Manifest, state: str) -> Result:
     pid = run.scanning()
     on_disk, waiting = run.records(), records_waiting(run)
     rest = f", {waiting} more in memory" if waiting else ""
@@ -123,25 +125,24 @@ def _without_result(run: RunRecord, manifest: dict[str, Any], state: str) -> dic
         else f"not concluded: the supervisor process ended before the evaluation; {on_disk} scans on disk{rest}. "
         f"Run 'lostmotion conclude {run.id}'",
     }
-    trouble = manifest.get("trouble")
-    return {
-        "run": run.id,
-        "serial": manifest["serial"],
-        "recipe": {key: manifest["recipe"][key] for key in ("name", "revision", "sha256")},
-        "scenario": manifest.get("scenario"),
-        "operator": manifest.get("operator"),
-        "state": state,
-        "verdict": "NOT DECIDABLE",
-        "reasons": [reasons.get(state, f"the run ended as {state} without a result"), *([trouble] if trouble else [])],
-        "metrics": [],
-        "timing": None,
-        "alarms": [],
-        "record": str(run.folder),
-        "records": on_disk,
-    } | ({"waiting": waiting} if waiting else {})
+    why = [reasons.get(state, f"the run ended as {state} without a result"), manifest.trouble]
+    return Result(
+        run=run.id,
+        serial=manifest.serial,
+        recipe=manifest.recipe.head,
+        scenario=manifest.scenario,
+        operator=manifest.operator,
+        state=state,
+        verdict="NOT DECIDABLE",
+        reasons=tuple(text for text in why if text),
+        metrics=(),
+        record=str(run.folder),
+        records=on_disk,
+        waiting=waiting or None,
+    )
 
 
-def row(run: RunRecord, chain: Chain | None = None) -> dict[str, Any]:
+def row(run: RunRecord, chain: Chain | None = None) -> RunRow:
     """Return one run as a row of the list; a manifest that cannot be read is a row as well.
 
     An altered run has no verdict. Its samples are compared by their size alone: `show` and `analyze` read them.
@@ -150,24 +151,18 @@ def row(run: RunRecord, chain: Chain | None = None) -> dict[str, Any]:
     try:
         manifest = run.manifest()
         altered = alterations(run, samples=False, chain=chain)
-        found = {
-            "run": run.id,
-            "serial": manifest["serial"],
-            "attempt": manifest["attempt"],
-            "recipe": manifest["recipe"]["name"],
-            "revision": manifest["recipe"]["revision"],
-            "started": manifest["started"],
-            "state": "altered" if altered else run.state(),
-            "scanning": run.scanning() or None,
-            "verdict": None if altered else manifest["verdict"],
-            "records": run.records(),
-        }
-        return found | ({"altered": list(altered)} if altered else {})
+        return RunRow(
+            run=run.id,
+            serial=manifest.serial,
+            attempt=manifest.attempt,
+            recipe=manifest.recipe.name,
+            revision=manifest.recipe.revision,
+            started=manifest.started,
+            state="altered" if altered else run.state(),
+            scanning=run.scanning() or None,
+            verdict=None if altered else manifest.verdict,
+            records=run.records(),
+            altered=altered or None,
+        )
     except RecordError as error:
-        return bare_row(run.id, "damaged") | {"records": run.records(), "error": str(error)}
-
-
-def bare_row(run: str, state: str) -> dict[str, Any]:
-    """Return the row of a run of which nothing else is known."""
-    unknown = dict.fromkeys(("serial", "attempt", "recipe", "revision", "started", "verdict"))
-    return {"run": run, **unknown, "state": state, "records": 0}
+        return RunRow(run=run.id, state="damaged", records=run.records(), error=str(error))

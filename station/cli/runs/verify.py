@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from recipes import find_bench, load_bench
 from station.cli.measure.recover import FOLDER as RECOVERIES
+from station.documents.reading import left_out, plain
 from station.errors import StationError
 from station.own_place import own_place
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
@@ -33,10 +35,10 @@ def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_
     folders = [data, *([data / RECOVERIES] if (data / RECOVERIES).is_dir() else [])]
     found = {folder: verify_folder(folder, named, samples=samples) for folder in folders}
     if as_json:
-        whole = _as_json(data, found[data])
+        whole = _checked(data, found[data])
         if len(folders) > 1:
-            whole["recoveries"] = _as_json(folders[1], found[folders[1]])
-        sys.stdout.write(json.dumps(whole, ensure_ascii=False) + "\n")
+            whole = replace(whole, recoveries=_checked(folders[1], found[folders[1]]))
+        sys.stdout.write(json.dumps(plain(whole), ensure_ascii=False) + "\n")
     else:
         for folder, one in found.items():
             sys.stdout.writelines(f"{line}\n" for line in _lines(folder, one))
@@ -53,18 +55,34 @@ def _key_of(bench: str | None) -> tuple[str, ...]:
     return (key,)
 
 
-def _as_json(folder: Path, one: Verified) -> dict[str, Any]:
-    return {
-        "data": str(folder),
-        "chain": one.chain.id if one.chain.there else None,
-        "entries": one.walk.entries,
-        "keys": dict(one.walk.keys),
-        "runs": one.runs,
-        "concluded": one.concluded,
-        "passed": not one.problems,
-        "warning": one.trust.warning or None,
-        "problems": [problem.as_json() for problem in one.problems],
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedFolder:
+    """What `verify` prints of a data folder; `keys`: how many entries each public key signed."""
+
+    data: str
+    chain: str | None
+    entries: int
+    keys: Mapping[str, int]
+    runs: int
+    concluded: int
+    passed: bool
+    warning: str | None
+    problems: tuple[Mapping[str, str], ...]
+    recoveries: CheckedFolder | None = left_out()
+
+
+def _checked(folder: Path, one: Verified) -> CheckedFolder:
+    return CheckedFolder(
+        data=str(folder),
+        chain=one.chain.id if one.chain.there else None,
+        entries=one.walk.entries,
+        keys=dict(one.walk.keys),
+        runs=one.runs,
+        concluded=one.concluded,
+        passed=not one.problems,
+        warning=one.trust.warning or None,
+        problems=tuple(problem.as_json() for problem in one.problems),
+    )
 
 
 def _lines(folder: Path, one: Verified) -> list[str]:

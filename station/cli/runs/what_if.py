@@ -2,23 +2,69 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from analysis.trace.errors import AnalysisError
 from controller.controller import Controller
 from controller.held_lock import Left
 from recipes import Recipe, check
 from station.bench.request import Job, Source, recipe_path
+from station.documents.result import Judged, MetricValue, Result
+from station.documents.timing import Timing
 from station.errors import StationError
-from station.records.program_file import StoredProgram, plain_program
-from station.records.run_record import RESULT, RunRecord
+from station.records.program_file import StoredProgram
+from station.records.run_record import RESULT, TIMING, RunRecord
 from station.records.samples.table import Table
-from station.results.divergence import Beside
+from station.results.divergence import Beside, FirstDifference
+from station.results.judged import judged_in
 from station.results.trace_origin import check_recipe_fits
-from station.results.what_if import ShadowWatch, interlock_changes, judge, same_load, tare_changes, verdict_changes
+from station.results.what_if import (
+    InterlockChange,
+    MetricChange,
+    ShadowWatch,
+    Stored,
+    interlock_changes,
+    judge,
+    same_load,
+    tare_changes,
+    verdict_changes,
+)
 from station.run.conclusion import NOT_DECIDABLE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherRecipe:
+    """The recipe that is asked about."""
+
+    name: str
+    revision: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdicts:
+    """The verdict as recorded and by the other recipe, and why the other one; None for a run without any."""
+
+    recorded: str | None
+    other: str | None
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What another recipe would have changed in a run; `exact`: its controller would have ordered the same."""
+
+    recipe: OtherRecipe
+    refused: tuple[str, ...]
+    same_load: bool
+    divergence: FirstDifference | None
+    exact: bool
+    interlocks: tuple[InterlockChange, ...]
+    tares: tuple[str, ...]
+    metrics: tuple[MetricChange, ...]
+    verdict: Verdicts
+    changed: bool
 
 
 class Question:
@@ -50,8 +96,8 @@ class Question:
         self.controller = Controller(job.program, self._shadow, left)
         self.beside = Beside(self.controller, Controller(self._other.program, None, left))
 
-    def answer(self, table: Table) -> dict[str, Any]:
-        """Return what the other recipe would have changed, as plain data.
+    def answer(self, table: Table) -> Answer:
+        """Return what the other recipe would have changed.
 
         Args:
             table: all records of the run, which was replayed identically and is not altered.
@@ -59,55 +105,59 @@ class Question:
         """
         run, own, other = self._run, self._own.program, self._other
         manifest, divergence = run.manifest(), self.beside.divergence
-        recorded = run.read_json(RESULT) if run.has(RESULT) else {"verdict": None, "reasons": [], "metrics": []}
-        verdict, reasons, metrics = recorded["verdict"], [], []
-        if run.state() == "complete":
+        recorded = run.read(Result, RESULT) if run.has(RESULT) else None
+        before = None if recorded is None else recorded.verdict
+        verdict: str | None = before
+        reasons: Sequence[str] = ()
+        metrics: tuple[MetricChange, ...] = ()
+        if run.state() == "complete" and recorded is not None:
             judged = self._judged(table, recorded)
-            verdict, reasons, metrics = judged["verdict"], judged["reasons"], verdict_changes(recorded, judged)
+            verdict, reasons = judged.verdict, judged.reasons
+            metrics = verdict_changes(recorded.metrics, judged.metrics)
         refused = [str(one) for one in check(other.recipe, other.bench, other.recipe_source.path, run.day())]
         against = [f"a run would refuse the recipe: {one}" for one in refused]
         if divergence is not None:
             # What was recorded from there on is no measurement by the other recipe, whatever it looks like.
-            when = divergence.at(int(manifest["period_ns"]))
+            when = divergence.at(manifest.period_ns)
             against.insert(0, f"the run would have gone another way from {when} on: {divergence.cause}")
         if against:
             verdict, reasons = NOT_DECIDABLE, against
         alike = same_load(own, other.program)
-        found: dict[str, Any] = {
-            "recipe": {"name": other.recipe.recipe.name, "revision": other.recipe.recipe.revision},
-            "refused": refused,
-            "same_load": alike,
-            "divergence": None if divergence is None else divergence.to_dict(int(manifest["period_ns"])),
-            "exact": divergence is None,
-            "interlocks": interlock_changes(table, self._shadow, divergence),
-            "tares": tare_changes(table, own, other.program),
-            "metrics": metrics,
-            "verdict": {"recorded": recorded["verdict"], "other": verdict, "reasons": reasons},
-        }
-        other_way = divergence is not None or refused or not alike or found["interlocks"] or found["tares"]
-        return found | {"changed": bool(other_way or metrics or verdict != recorded["verdict"])}
+        interlocks, tares = interlock_changes(table, self._shadow, divergence), tare_changes(table, own, other.program)
+        other_way = divergence is not None or refused or not alike or interlocks or tares
+        return Answer(
+            recipe=OtherRecipe(name=other.recipe.recipe.name, revision=other.recipe.recipe.revision),
+            refused=tuple(refused),
+            same_load=alike,
+            divergence=None if divergence is None else divergence.document(manifest.period_ns),
+            exact=divergence is None,
+            interlocks=interlocks,
+            tares=tuple(tares),
+            metrics=metrics,
+            verdict=Verdicts(recorded=before, other=verdict, reasons=tuple(reasons)),
+            changed=bool(other_way or metrics or verdict != before),
+        )
 
-    def _judged(self, table: Table, recorded: dict[str, Any]) -> dict[str, Any]:
+    def _judged(self, table: Table, recorded: Result) -> Judged:
         """Return the other recipe's result; what spoke against the run besides its recipe speaks against this too."""
         own = self._result(self._own, table, [])
-        objections = [reason for reason in recorded["reasons"] if reason not in own["reasons"]]
-        if own["verdict"] != recorded["verdict"] and not objections:
-            said = f"the run's own verdict is {recorded['verdict']}, evaluated anew it is {own['verdict']}"
+        objections = [reason for reason in recorded.reasons if reason not in own.reasons]
+        if own.verdict != recorded.verdict and not objections:
+            said = f"the run's own verdict is {recorded.verdict}, evaluated anew it is {own.verdict}"
             objections = [f"{said}: the software is not the one that made it"]
         return self._result(self._other, table, objections)
 
-    def _result(self, job: Job, table: Table, objections: list[str]) -> dict[str, Any]:
+    def _result(self, job: Job, table: Table, objections: list[str]) -> Judged:
         run = self._run
         # Which ramps are measured, and which only condition the unit, is the recipe's word: no order tells them apart.
         asked = job is self._other and self.beside.divergence is None
-        segments = plain_program(job.program)["segments"] if asked else StoredProgram.of(run).segments
-        stored = {"segments": segments, "timing": run.read_json("timing.json"), "id": run.id}
+        segments = job.program.segments if asked else StoredProgram.of(run).segments
+        stored = Stored(segments, run.read(Timing, TIMING), run.id)
         try:
             found = judge(table, job.recipe, job.bench, stored, objections)
         except (AnalysisError, StationError) as error:
-            return {"verdict": NOT_DECIDABLE, "reasons": [str(error)], "metrics": []}
-        judged: dict[str, Any] = json.loads(json.dumps(found.to_dict()))
-        return judged
+            return Judged(verdict=NOT_DECIDABLE, reasons=(str(error),))
+        return judged_in(found)
 
 
 def _check_period(recipe: Recipe, path: Path, own: Recipe, run: RunRecord) -> None:
@@ -120,54 +170,53 @@ def _check_period(recipe: Recipe, path: Path, own: Recipe, run: RunRecord) -> No
         )
 
 
-def what_if_lines(found: dict[str, Any], period_ns: int) -> list[str]:
+def what_if_lines(found: Answer, period_ns: int) -> list[str]:
     """Return what the other recipe would have changed, for a person: what is exact first, then what is not."""
-    recipe, divergence, verdict = found["recipe"], found["divergence"], found["verdict"]
-    lines = [f"with {recipe['name']} revision {recipe['revision']}:"]
-    lines += [f"  a run would refuse it: {one}" for one in found["refused"]]
-    if not found["same_load"]:
+    recipe, divergence, verdict = found.recipe, found.divergence, found.verdict
+    lines = [f"with {recipe.name} revision {recipe.revision}:"]
+    lines += [f"  a run would refuse it: {one}" for one in found.refused]
+    if not found.same_load:
         text = "it commands another load; what that would have done to the unit is not known"
         same = "its load profile is another one, but orders the same as far as the run went"
         lines.append(f"  {same if divergence is None else text}")
     if divergence is not None:
-        when = f"scan {divergence['scan']} ({divergence['t_s']:.3f} s, {divergence['state']})"
-        lines.append(f"  first difference at {when}: {divergence['cause']}")
+        when = f"scan {divergence.scan} ({divergence.t_s:.3f} s, {divergence.state})"
+        lines.append(f"  first difference at {when}: {divergence.cause}")
         lines.append("  the run would have been different from there on")
-    lines += [_interlock_line(one, period_ns) for one in found["interlocks"] if one["exact"]]
-    inexact = [_interlock_line(one, period_ns) for one in found["interlocks"] if not one["exact"]]
-    told = [*(f"  {text}" for text in found["tares"]), *(_metric_line(one) for one in found["metrics"])]
-    if found["exact"]:
+    lines += [_interlock_line(one, period_ns) for one in found.interlocks if one.exact]
+    inexact = [_interlock_line(one, period_ns) for one in found.interlocks if not one.exact]
+    told = [*(f"  {text}" for text in found.tares), *(_metric_line(one) for one in found.metrics)]
+    if found.exact:
         lines += told
     elif inexact or told:
         lines.append("  not exact: asked of the load that was recorded, not of the one that would have been:")
         lines += [f"  {line}" for line in (*inexact, *told)]
-    if verdict["recorded"] != verdict["other"]:
-        why = f": {verdict['reasons'][0]}" if verdict["reasons"] else ""
-        lines.append(f"  verdict: {verdict['recorded']} as recorded, {verdict['other']} with the other recipe{why}")
-    if not found["changed"]:
+    if verdict.recorded != verdict.other:
+        why = f": {verdict.reasons[0]}" if verdict.reasons else ""
+        lines.append(f"  verdict: {verdict.recorded} as recorded, {verdict.other} with the other recipe{why}")
+    if not found.changed:
         lines.append("  nothing would have changed")
     return lines
 
 
-def _interlock_line(one: dict[str, Any], period_ns: int) -> str:
-    scans = [scan for scan in (one["recorded_scan"], one["other_scan"]) if scan is not None]
-    when = f"scan {min(scans)} ({min(scans) * period_ns * 1e-9:.3f} s, {one['state']}, {one['torque_out_nm']:g} N·m)"
+def _interlock_line(one: InterlockChange, period_ns: int) -> str:
+    when = f"scan {one.first_scan} ({one.first_scan * period_ns * 1e-9:.3f} s, {one.state}, {one.torque_out_nm:g} N·m)"
     text = {
         "new": f"would have been raised at {when}",
         "gone": f"would not have been raised; the run raised it at {when}",
-        "moved": f"would have been raised at scan {one['other_scan']} instead of {one['recorded_scan']}",
-    }[one["change"]]
-    return f"  interlock {one['id']} ({one['reaction']}) {text}"
+        "moved": f"would have been raised at scan {one.other_scan} instead of {one.recorded_scan}",
+    }[one.change]
+    return f"  interlock {one.id} ({one.reaction}) {text}"
 
 
-def _metric_line(change: dict[str, Any]) -> str:
-    def side(metric: dict[str, Any] | None) -> str:
+def _metric_line(change: MetricChange) -> str:
+    def side(metric: MetricValue | None) -> str:
         if metric is None:
             return "not asked for"
-        limits = metric.get("limits") or {}
-        bounds = [f"{name} {limits[name]:g}" for name in ("min", "max") if limits.get(name) is not None]
-        value = "no value" if metric["value"] is None else f"{metric['value']:.4g} {metric['unit']}"
-        return f"{value} ({', '.join(bounds) or 'no limit'}): {metric['verdict'] or 'not judged'}"
+        pairs = (("min", metric.limits.min), ("max", metric.limits.max))
+        bounds = [f"{name} {limit:g}" for name, limit in pairs if limit is not None]
+        value = "no value" if metric.value is None else f"{metric.value:.4g} {metric.unit}"
+        return f"{value} ({', '.join(bounds) or 'no limit'}): {metric.verdict or 'not judged'}"
 
-    branch = f" {change['branch']}" if change["branch"] else ""
-    return f"  {change['id']}{branch}: {side(change['recorded'])} -> {side(change['other'])}"
+    branch = f" {change.branch}" if change.branch else ""
+    return f"  {change.id}{branch}: {side(change.recorded)} -> {side(change.other)}"

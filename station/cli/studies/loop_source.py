@@ -84,17 +84,15 @@ def _of_file(path: Path) -> Source:
     origin.check_complete()
     if origin.objections:
         raise StationError(f"{path}: {origin.objections[0]}; it was not evaluated")
-    return Source(str(path), trace, "" if origin.changed else str(origin.run["serial"]), origin.virtual)
+    return Source(str(path), trace, "" if origin.changed else origin.run.serial, origin.virtual)
 
 
 def _of_run(run: RunRecord) -> Source:
     found = complete_run(run)
     manifest = run.manifest()
-    virtual = clock_of(manifest) == VIRTUAL or bool((manifest.get("unit") or {}).get("virtual"))
+    virtual = clock_of(manifest.clock) == VIRTUAL or bool(manifest.unit.virtual)
     method = method_of(found.job.recipe, found.job.bench)
-    return Source(
-        run.id, found.trace, str(manifest["serial"]), virtual, method, found.result, figures_of(found.job.bench)
-    )
+    return Source(run.id, found.trace, manifest.serial, virtual, method, found.result, figures_of(found.job.bench))
 
 
 def loop_of(source: Source) -> LoopSamples:

@@ -16,12 +16,14 @@ from errno import ENOSPC
 from pathlib import Path
 from typing import Any
 
+from station.documents.manifest import ChainPlace
+from station.documents.reading import plain
 from station.durable import open_file, refused, sync_folder
 from station.errors import RecordError
 from station.records.chain.entries import CREATED, LOST, START, Entry, entry_of, signed_entry, text_in_line
 from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, keys_in, leave_in_folder, own_key
-from station.records.chain.old_index import MANIFEST, before_the_chain
+from station.records.chain.old_index import MANIFEST, BeforeChain, before_the_chain
 from station.wall_clock import now_text
 
 CHAIN = "chain.jsonl"
@@ -96,9 +98,12 @@ class Chain:
         return chain_seen_in(self.data) or folder_id(self.data)
 
     @property
-    def before(self) -> dict[str, Any] | None:
+    def before(self) -> BeforeChain | None:
         """What the chain keeps of the runs before it."""
-        return None if self.start is None else self.start.fields["before"]
+        said = None if self.start is None else self.start.fields["before"]
+        if said is None:
+            return None
+        return BeforeChain(bytes=said["bytes"], sha256=said["sha256"], unconcluded=tuple(said["unconcluded"]))
 
     def _first_lines(self) -> list[bytes]:
         """Return where the start may stand: behind lines that a power failure has torn, in the first line else."""
@@ -172,11 +177,11 @@ class ChainWriter:
             self._go_on()
 
     @property
-    def next_place(self) -> dict[str, Any]:
+    def next_place(self) -> ChainPlace:
         """Chain, counter and previous hash of the entry that is written next, as run.json keeps them."""
         last = self.last
         assert last is not None  # noqa: S101 - for the type checker: a chain has begun
-        return {"id": self.chain.id, "counter": last.counter + 1, "previous": last.sha256}
+        return ChainPlace(id=self.chain.id, counter=last.counter + 1, previous=last.sha256)
 
     @property
     def newest_run(self) -> str:
@@ -215,7 +220,8 @@ class ChainWriter:
         replaces = None if head is None else {"chain": head.chain, "counter": head.counter, "sha256": head.sha256}
         self._pinned = (self._key.public,)
         leave_in_folder(self._data, self._key.public)
-        self.append(START, chain=secrets.token_hex(16), before=before_the_chain(self._data), replaces=replaces)
+        before = plain(before_the_chain(self._data))
+        self.append(START, chain=secrets.token_hex(16), before=before, replaces=replaces)
         if head is not None:
             self.warnings.append(
                 f"{self.path}: was not there, but this computer had seen {head.counter} entries of a chain in this "

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 INDEX = "index.jsonl"
 """Name of the file, beside the folders of the runs."""
@@ -16,39 +16,57 @@ INDEX = "index.jsonl"
 MANIFEST = "run.json"
 
 
-def index_lines(content: bytes, run_id: str) -> list[dict[str, Any]]:
-    """Return the lines of an index that name a run."""
-    return [line for line in _lines(content) if line.get("run") == run_id]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IndexLine:
+    """One line of an index: run, SHA-256 of its run.json, verdict."""
+
+    run: str | None = None
+    sha256: str | None = None
+    verdict: str | None = None
 
 
-def before_the_chain(data: Path) -> dict[str, Any] | None:
-    """Return what a chain keeps of the runs that were there before it; None for a folder without any.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeforeChain:
+    """What a chain keeps of the runs that were there before it.
 
-    `bytes` and `sha256` of the index, and in `unconcluded` the runs that no line of it names.
+    Size and SHA-256 of the index, and the runs that no line of it names.
     """
+
+    bytes: int
+    sha256: str
+    unconcluded: tuple[str, ...]
+
+
+def index_lines(content: bytes, run_id: str) -> list[IndexLine]:
+    """Return the lines of an index that name a run."""
+    return [line for line in _lines(content) if line.run == run_id]
+
+
+def before_the_chain(data: Path) -> BeforeChain | None:
+    """Return what a chain keeps of the runs that were there before it; None for a folder without any."""
     content = index_content(data)
-    named = {str(line.get("run")) for line in _lines(content)}
+    named = {line.run for line in _lines(content)}
     there = sorted(path.parent.name for path in data.glob(f"*/{MANIFEST}"))
     if not content and not there:
         return None
-    return {
-        "bytes": len(content),
-        "sha256": hashlib.sha256(content).hexdigest(),
-        "unconcluded": [name for name in there if name not in named],
-    }
+    return BeforeChain(
+        bytes=len(content),
+        sha256=hashlib.sha256(content).hexdigest(),
+        unconcluded=tuple(name for name in there if name not in named),
+    )
 
 
-def index_kept(data: Path, before: dict[str, Any] | None) -> bytes | None:
+def index_kept(data: Path, before: BeforeChain | None) -> bytes | None:
     """Return the index as the chain keeps it; None where it is not that any more."""
     if before is None:
         return None
-    content = index_content(data)[: int(before["bytes"])]
-    return content if hashlib.sha256(content).hexdigest() == before["sha256"] else None
+    content = index_content(data)[: before.bytes]
+    return content if hashlib.sha256(content).hexdigest() == before.sha256 else None
 
 
 def runs_in(content: bytes) -> set[str]:
     """Return the runs that an index names."""
-    return {str(line.get("run")) for line in _lines(content)}
+    return {line.run for line in _lines(content) if line.run is not None}
 
 
 def index_content(data: Path) -> bytes:
@@ -59,7 +77,7 @@ def index_content(data: Path) -> bytes:
         return b""
 
 
-def _lines(content: bytes) -> list[dict[str, Any]]:
+def _lines(content: bytes) -> list[IndexLine]:
     found = []
     for text in content.splitlines():
         try:
@@ -67,5 +85,6 @@ def _lines(content: bytes) -> list[dict[str, Any]]:
         except ValueError:
             continue
         if isinstance(line, dict):
-            found.append(line)
+            texts = {name: value for name, value in line.items() if isinstance(value, str)}
+            found.append(IndexLine(run=texts.get("run"), sha256=texts.get("sha256"), verdict=texts.get("verdict")))
     return found

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from station.documents.timing import Disk
 from station.durable import Appender
 from station.errors import RecordError
 from station.records.ring.reader import RingReader
@@ -43,9 +44,9 @@ class DiskTimes:
     refused: int = 0
     """Times that the disk took nothing."""
 
-    def as_json(self) -> dict[str, float]:
-        """Return plain data, times to the millisecond."""
-        return {name: round(value, 3) for name, value in vars(self).items()}
+    def document(self, from_record: int | None = None) -> Disk:
+        """Return it for the proof of timing, times to the millisecond; `from_record` as in `Disk`."""
+        return Disk(**{name: round(value, 3) for name, value in vars(self).items()}, from_record=from_record)
 
 
 class RecordWriter:

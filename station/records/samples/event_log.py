@@ -6,14 +6,15 @@ run whose scan process was killed tells its story as well; the controller's own 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 
 from definitions.faults import FAULT_BY_NUMBER, Fault
 from definitions.image import Command, Reaction, State
 from drivers.servo_drive.emcy import explain_emcy
+from station.documents.events import Alarm, AlarmValues, EventRow, Note
 from station.records.samples.table import Table
 from station.records.samples.zeroes import from_zero
 
@@ -33,30 +34,42 @@ def state_name(state: int) -> str:
     return name_of(State, state)
 
 
-def _row(table: Table, index: Any, kind: str) -> dict[str, Any]:
-    return {"scan": int(table["scan"][index]), "kind": kind}
-
-
-def _transitions(table: Table) -> list[dict[str, Any]]:
+def _transitions(table: Table, period_ns: int) -> list[EventRow]:
     # Every controller begins in idle: a stop in the very first scan is a transition too.
     states = np.concatenate(([State.IDLE], table["orders"]["state"])).astype(np.int16)
-    found = []
-    for index in np.flatnonzero(np.diff(states)):
-        event = _row(table, index, "transition")
-        found.append(event | {"state": state_name(states[index]), "to": state_name(states[index + 1])})
-    return found
-
-
-def _commands(table: Table) -> list[dict[str, Any]]:
-    commands, states = table["image"]["command"], table["orders"]["state"]
     return [
-        _row(table, index, "command")
-        | {"state": state_name(states[index]), "text": name_of(Command, int(commands[index]))}
-        for index in np.flatnonzero(commands)
+        EventRow(
+            scan=scan,
+            kind="transition",
+            state=state_name(states[index]),
+            to=state_name(states[index + 1]),
+            t_s=_time_s(scan, period_ns),
+        )
+        for index in np.flatnonzero(np.diff(states))
+        for scan in [int(table["scan"][index])]
     ]
 
 
-def _alarms(table: Table) -> list[dict[str, Any]]:
+def _time_s(scan: int, period_ns: int) -> float:
+    return round(scan * period_ns * 1e-9, 6)
+
+
+def _commands(table: Table, period_ns: int) -> list[EventRow]:
+    commands, states = table["image"]["command"], table["orders"]["state"]
+    return [
+        EventRow(
+            scan=scan,
+            kind="command",
+            state=state_name(states[index]),
+            text=name_of(Command, int(commands[index])),
+            t_s=_time_s(scan, period_ns),
+        )
+        for index in np.flatnonzero(commands)
+        for scan in [int(table["scan"][index])]
+    ]
+
+
+def _alarms(table: Table, period_ns: int) -> list[Alarm]:
     alarms = table["orders"]["alarms"]
     if not len(alarms):
         return []
@@ -68,7 +81,7 @@ def _alarms(table: Table) -> list[dict[str, Any]]:
     for index in np.flatnonzero(fresh):
         bits = int(fresh[index])
         numbers = [number for number in range(bits.bit_length()) if bits >> number & 1]
-        found += [_alarm(table, int(index), number) | {"first": number == first_out} for number in numbers]
+        found += [_alarm(table, int(index), number, period_ns, first=number == first_out) for number in numbers]
     return found
 
 
@@ -79,42 +92,46 @@ def _unknown(number: int) -> Fault:
     return Fault(number, f"unknown_fault_{number}", Reaction.NONE, 0, text, cause, action)
 
 
-def _alarm(table: Table, index: int, number: int) -> dict[str, Any]:
+def _alarm(table: Table, index: int, number: int, period_ns: int, *, first: bool) -> Alarm:
     record = table[index]
     orders, image = record["orders"], record["image"]
     fault = FAULT_BY_NUMBER.get(number) or _unknown(number)
     reaction = fault.reaction or int(orders["reaction"])
     was = table["orders"]["state"][max(index - 1, 0)]
-    event = _row(table, index, "alarm") | {
-        "state": state_name(was),
-        "id": fault.id,
-        "reaction": name_of(Reaction, reaction),
-        "text": fault.text,
-        "cause": fault.cause,
-        "next_action": fault.next_action,
-        "values": {
-            "torque_out_nm": round(float(from_zero(record, "torque_out_nm")), 3),
-            "torque_in_nm": round(float(from_zero(record, "torque_in_nm")), 5),
-            "reference_torque_nm": round(float(orders["reference_torque_nm"]), 3),
-            "brake_current_a": round(float(image["brake_current_a"]), 3),
-        },
-    }
-    code = int(image["drive_emcy_code"])
-    if fault.id in DRIVE_ALARMS and code:
-        told = explain_emcy(code)
-        event["detail"] = f"emergency code 0x{code:04X}: {told.cause}; {told.next_action}"
-    return event
+    scan, code = int(table["scan"][index]), int(image["drive_emcy_code"])
+    told = explain_emcy(code) if fault.id in DRIVE_ALARMS and code else None
+    return Alarm(
+        scan=scan,
+        state=state_name(was),
+        id=fault.id,
+        reaction=name_of(Reaction, reaction),
+        text=fault.text,
+        cause=fault.cause,
+        next_action=fault.next_action,
+        values=AlarmValues(
+            torque_out_nm=round(float(from_zero(record, "torque_out_nm")), 3),
+            torque_in_nm=round(float(from_zero(record, "torque_in_nm")), 5),
+            reference_torque_nm=round(float(orders["reference_torque_nm"]), 3),
+            brake_current_a=round(float(image["brake_current_a"]), 3),
+        ),
+        detail=None if told is None else f"emergency code 0x{code:04X}: {told.cause}; {told.next_action}",
+        first=first,
+        t_s=_time_s(scan, period_ns),
+    )
 
 
-def events_of(table: Table, period_ns: int, notes: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def events_of(table: Table, period_ns: int, notes: Sequence[Note]) -> list[EventRow | Alarm]:
     """Return all events in order of time; `notes` are the controller's own, as its process reported them."""
-    found = [*_commands(table), *_alarms(table), *_transitions(table), *notes]
-    for event in found:
-        event["t_s"] = round(event["scan"] * period_ns * 1e-9, 6)
-    return sorted(found, key=lambda event: int(event["scan"]))
+    said = [
+        EventRow(scan=one.scan, kind=one.kind, state=one.state, text=one.text, t_s=_time_s(one.scan, period_ns))
+        for one in notes
+    ]
+    found: list[EventRow | Alarm]
+    found = [*_commands(table, period_ns), *_alarms(table, period_ns), *_transitions(table, period_ns), *said]
+    return sorted(found, key=lambda event: event.scan)
 
 
-def alarms_in(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def alarms_in(events: Sequence[EventRow | Alarm]) -> list[Alarm]:
     """Return the alarms among events in order of time; of the same scan, the one that caused the reaction first."""
-    alarms = [event for event in events if event["kind"] == "alarm"]
-    return sorted(alarms, key=lambda event: (event["scan"], not event["first"]))
+    alarms = [event for event in events if isinstance(event, Alarm)]
+    return sorted(alarms, key=lambda event: (event.scan, not event.first))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from definitions.image import State
 from definitions.program import Program
 from definitions.units import ARCMIN_PER_RAD
+from station.documents.events import Alarm
 from station.records.samples.table import Table
 from station.records.samples.zeroes import from_zero, output_torque_nm
 
@@ -58,7 +59,7 @@ class History:
         return np.union1d(every, tail)
 
 
-def history_of(table: Table, program: Program, *, angle_out: bool, alarm: dict[str, object] | None) -> History | None:
+def history_of(table: Table, program: Program, *, angle_out: bool, alarm: Alarm | None) -> History | None:
     """Return the samples of a run; None when it ended before its zeroes were taken.
 
     Args:
@@ -87,8 +88,8 @@ def history_of(table: Table, program: Program, *, angle_out: bool, alarm: dict[s
         windup_arcmin=sign * (at_input - at_output),
         locked_arcmin=locked if angle_out or not program.loading_input else None,
         state=kept["orders"]["state"].astype(np.int64),
-        alarm_s=None if alarm is None else float(str(alarm["t_s"])),
-        alarm_text="" if alarm is None else str(alarm["text"]),
+        alarm_s=None if alarm is None else float(alarm.t_s),
+        alarm_text="" if alarm is None else alarm.text,
     )
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from station.documents.manifest import PackedSamples
 from station.durable import open_file, read_from_disk, refused, write_durable
 from station.errors import RecordError
 from station.records.run_record import PACKED, RunRecord
@@ -57,9 +58,9 @@ def checked_samples(run: RunRecord, expected: int | None = None) -> tuple[ReadBa
 
 
 def _checked(run: RunRecord, content: bytes, expected: int | None) -> ReadBack:
-    kept = run.manifest()["samples"] if run.is_packed() else None
+    kept = run.manifest().samples
     read_back = check_bytes(content, expected, run.layout())
-    if kept is None or kept["sha256"] == hashlib.sha256(content).hexdigest():
+    if kept is None or kept.sha256 == hashlib.sha256(content).hexdigest():
         return read_back
     return ReadBack(read_back.records, (*read_back.problems, f"{PACKED}: holds other records than those recorded"))
 
@@ -85,10 +86,10 @@ def channel_values(run: RunRecord, wanted: Sequence[tuple[str, str]]) -> list[np
     return [np.array((rows if group == "record" else rows[group])[name]) for group, name in wanted]
 
 
-def pack_samples(run: RunRecord, content: bytes, *, sound: bool) -> dict[str, Any]:
+def pack_samples(run: RunRecord, content: bytes, *, sound: bool) -> PackedSamples | None:
     """Pack the samples beside the raw ones and read them back; return what the manifest has to say of them.
 
-    Nothing is returned, and the samples stay raw, where the disk refuses the packed file or it does not give back the
+    None is returned, and the samples stay raw, where the disk refuses the packed file or it does not give back the
     recorded bytes: the raw file is as good a record.
 
     content: the raw samples. sound: False for those that are not what was written; they stay as they are.
@@ -96,8 +97,8 @@ def pack_samples(run: RunRecord, content: bytes, *, sound: bool) -> dict[str, An
     path, layout = run.folder / PACKED, run.layout()
     if not (sound and _written(path, content, layout)):
         run.remove(PACKED)
-        return {}
-    return {"samples": {"file": PACKED, "sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}}
+        return None
+    return PackedSamples(file=PACKED, sha256=hashlib.sha256(content).hexdigest(), bytes=len(content))
 
 
 def _written(path: Path, content: bytes, layout: Layout) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 from analysis.evaluation.pipeline import Result
 from analysis.loop.branches import Branch
 from analysis.loop.method import Method
+from station.documents.result import MetricValue, SideValue
 from station.reports.figures.loop_plot import GRID, INK, LOADING, MEAN, STYLE
 from station.reports.result_text import limits_text, number
 
@@ -38,7 +40,7 @@ POINTS_AT: tuple[str, ...] = ("stiffness_at", "spring_constant")
 COLOURS = ("#b00020", "#1b7f3b", "#7b1fa2", "#c2571a", "#00796b", "#5d4037", "#9e9d24", "#37474f")
 
 
-def stiffness_figure(result: Result, method: Method, metrics: list[dict[str, Any]]) -> Figure | None:
+def stiffness_figure(result: Result, method: Method, metrics: Sequence[MetricValue]) -> Figure | None:
     """Return the figure; None where the loop carries neither a fit nor loading branches to the reference torque."""
     curves, reference = result.curves, method.reference_nm
     with mpl.rc_context(STYLE):
@@ -102,31 +104,31 @@ def _span_nm(name: str, method: Method) -> tuple[float, float] | None:
     return low * method.reference_nm, high * method.reference_nm
 
 
-def _metrics(axes: Axes, metrics: list[dict[str, Any]], method: Method) -> list[float]:
+def _metrics(axes: Axes, metrics: Sequence[MetricValue], method: Method) -> list[float]:
     """Draw every stiffness metric over the torque where it holds, both sides; return their heights."""
     drawn: list[float] = []
-    stiff = [one for one in metrics if one["id"] in (*SPANS, *SEGMENTS, *POINTS_AT)]
+    stiff = [one for one in metrics if one.id in (*SPANS, *SEGMENTS, *POINTS_AT)]
     for place, metric in enumerate(stiff):
         colour = COLOURS[place % len(COLOURS)]
-        sides = metric.get("sides") or {metric["side"]: metric}
-        span = _span_nm(metric["id"], method)
+        sides: Mapping[str, SideValue | MetricValue] = metric.sides or {metric.side: metric}
+        span = _span_nm(metric.id, method)
         said = []
         for name, found in sides.items():
-            if found["value"] is None or name not in ("+", "-"):
+            if found.value is None or name not in ("+", "-"):
                 continue
             side = 1.0 if name == "+" else -1.0
-            value = float(found["value"])
+            value = float(found.value)
             if span is not None:
                 axes.plot([side * span[0], side * span[1]], [value, value], color=colour, linewidth=2)
             else:
-                at = metric.get("torque_nm") or method.reference_nm
+                at = metric.torque_nm or method.reference_nm
                 axes.plot([side * at], [value], color=colour, marker="o", markersize=6, linestyle="")
             drawn.append(value)
-            said.append(number(value, found.get("uncertainty") or 0.005 * value))
+            said.append(number(value, found.uncertainty or 0.005 * value))
         if said:
-            branch = f" {metric['branch']}" if metric["id"] == "stiffness_50_100" else ""
-            limit = limits_text(metric["limits"])
-            label = " ".join([metric["id"] + branch, *metric.get("choices", [])])
+            branch = f" {metric.branch}" if metric.id == "stiffness_50_100" else ""
+            limit = limits_text(metric.limits)
+            label = " ".join([metric.id + branch, *metric.choices])
             text = f"{label}\n{' and '.join(said)}{f'   ({limit})' if limit else ''}"
             marker = {"linewidth": 2} if span is not None else {"marker": "o", "linestyle": ""}
             axes.plot([], [], color=colour, label=text, **marker)

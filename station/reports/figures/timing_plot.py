@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from station.documents.timing import Timing
 from station.reports.figures.loop_plot import GRID, LIMIT, LOADING, STYLE
 
 SIZE_INCH = (8.4, 2.4)
 
 
-def timing_figure(proof: dict[str, Any]) -> Figure | None:
+def timing_figure(proof: Timing) -> Figure | None:
     """Return histograms of lateness and work over the scan period; None where a run has none, as in virtual time."""
-    histograms = proof.get("histograms_us") or {}
-    period_us = float(proof.get("period_ns", 0)) / 1000.0
+    histograms = proof.histograms_us or {}
+    period_us = proof.period_ns / 1000.0
     named = [(name, histograms[name]) for name in ("lateness", "work") if histograms.get(name)]
     if not named:
         return None

@@ -11,9 +11,11 @@ from reportlab.lib.pagesizes import A4
 from reportlab.lib.units import mm
 from reportlab.platypus import SimpleDocTemplate, Spacer, Table
 
+from station.documents.manifest import Manifest
+from station.documents.result import Result
 from station.reports.content import CHECK_HEADS, FAILED, Content
-from station.reports.headline import badges, ending_text, headline, is_note, remaining_reasons
-from station.reports.html_page import FIRST, completed, explained, metric_groups, rule_text, side_text
+from station.reports.headline import badges, ending_text, headline, remaining_reasons
+from station.reports.html_page import FIRST, MetricGroup, explained, metric_groups, rule_text, side_text
 from station.reports.pdf_pages.evidence import budget_parts, evaluation_parts, provenance_parts, timing_parts
 from station.reports.pdf_pages.layout import (
     BADGE_COLOUR,
@@ -38,14 +40,13 @@ PICTURE_SHARE = 0.84
 
 
 def report_pdf(
-    result: dict[str, Any],
-    run: dict[str, Any],
+    result: Result,
+    run: Manifest,
     content: Content,
     pictures: dict[str, bytes],
     conditions: dict[str, str],
 ) -> bytes:
     """Return the report as PDF; arguments as of `report_html`. The same record gives the same bytes."""
-    result = completed(result)
     first = [name for name in FIRST if name in pictures]
     story = [
         *_top(result, run, content),
@@ -68,9 +69,9 @@ def report_pdf(
         rightMargin=MARGIN_PT - FRAME_PT,
         topMargin=14 * mm,
         bottomMargin=16 * mm,
-        title=f"{result['serial']} {said}",
+        title=f"{result.serial} {said}",
         author="lostmotion",
-        subject=str(result["run"]),
+        subject=str(result.run),
         invariant=1,
     )
 
@@ -78,27 +79,27 @@ def report_pdf(
         canvas.setFont(BODY, 7)
         canvas.setFillColor(SOFT)
         beside = "".join(f"   {badge}" for badge in badges(result))
-        canvas.drawString(MARGIN_PT, 9 * mm, f"{result['run']}   {said[:70]}{beside}")
+        canvas.drawString(MARGIN_PT, 9 * mm, f"{result.run}   {said[:70]}{beside}")
         canvas.drawRightString(A4[0] - MARGIN_PT, 9 * mm, f"page {page.page}")
 
     document.build(story, onFirstPage=footer, onLaterPages=footer)
     return stream.getvalue()
 
 
-def _top(result: dict[str, Any], run: dict[str, Any], content: Content) -> list[Any]:
+def _top(result: Result, run: Manifest, content: Content) -> list[Any]:
     head = headline(result)
     colour = VERDICT_COLOURS[head.style]
     box = [
         paragraph(head.text, "verdict"),
         *([paragraph(head.verdict, bold=True, colour=white)] if head.verdict else []),
     ]
-    started = str(run["started"])[:19].replace("T", " ")
+    started = run.started[:19].replace("T", " ")
     what = [
-        paragraph(str(result["serial"]), "title"),
-        paragraph(f"{run['unit']['model']}, attempt {result['attempt'] or run.get('attempt')}, {started} UTC", "text"),
+        paragraph(str(result.serial), "title"),
+        paragraph(f"{run.unit.model}, attempt {result.attempt or run.attempt}, {started} UTC", "text"),
         paragraph(
-            f"{result['recipe']['name']} revision {result['recipe']['revision']} on bench {run['bench']['name']} "
-            f"revision {run['bench'].get('revision')}; run {ending_text(result)}",
+            f"{result.recipe.name} revision {result.recipe.revision} on bench {run.bench.name} "
+            f"revision {run.bench.revision}; run {ending_text(result)}",
             "soft",
         ),
         *(paragraph(badge, "text", bold=True, colour=BADGE_COLOUR) for badge in badges(result)),
@@ -109,15 +110,15 @@ def _top(result: dict[str, Any], run: dict[str, Any], content: Content) -> list[
                     ("LEFTPADDING", (0, 0), (-1, -1), 10), ("TOPPADDING", (0, 0), (0, 0), 8),
                     ("BOTTOMPADDING", (0, 0), (0, 0), 10)])  # fmt: skip
     parts: list[Any] = []
-    if result["altered"]:
+    if result.altered:
         said = "\n".join(
-            ("RECORD ALTERED. The files differ from those of the run. No verdict is given.", *result["altered"])
+            ("RECORD ALTERED. The files differ from those of the run. No verdict is given.", *result.altered)
         )
         parts += [paragraph(said, "text", bold=True, colour=VERDICT_COLOURS["FAIL"]), Spacer(1, 6)]
     parts.append(table)
     reasons = [line for reason in remaining_reasons(result) for line in str(reason).splitlines() if line.strip()]
-    if result["left"]:
-        reasons.append(f"{result['left']['text']}: {result['left']['next_action']}")
+    if result.left is not None:
+        reasons.append(f"{result.left.text}: {result.left.next_action}")
     parts += [Spacer(1, 5), *(paragraph(f"• {reason}", "text") for reason in reasons)]
     if content.checks_line:
         parts += [Spacer(1, 3), paragraph(content.checks_line, "text", bold=content.checks[0][-1] == FAILED)]
@@ -125,31 +126,30 @@ def _top(result: dict[str, Any], run: dict[str, Any], content: Content) -> list[
     return parts
 
 
-def _names(metric: dict[str, Any]) -> list[Any]:
+def _names(group: MetricGroup) -> list[Any]:
     """Return title and name of a metric; an older result has no titles."""
-    if not metric["title"]:
-        return [paragraph(metric["name"], bold=True)]
-    return [paragraph(metric["title"], bold=True), paragraph(metric["name"], "soft")]
+    title = group.metric.title
+    return [paragraph(title, bold=True), paragraph(group.name, "soft")] if title else [paragraph(group.name, bold=True)]
 
 
-def _metrics(result: dict[str, Any], content: Content) -> list[Any]:
-    if not result["metrics"]:
+def _metrics(result: Result, content: Content) -> list[Any]:
+    if not result.metrics:
         return []
     rows: list[Sequence[Any]] = []
-    for metric in metric_groups(result["metrics"]):
-        sides = metric["rows"]
-        guarded = [guarded_text(side, result["decision"]) for side in sides]
-        limit = "\n".join(text for text in (limits_text(metric["limits"]), *guarded) if text)
-        values = "\n".join(number(side["value"], side["uncertainty"]) for side in sides)
+    for group in metric_groups(result.metrics):
+        metric, sides = group.metric, group.rows
+        guarded = [guarded_text(side, result.decision) for side in sides]
+        limit = "\n".join(text for text in (limits_text(metric.limits), *guarded) if text)
+        values = "\n".join(number(side.value, side.uncertainty) for side in sides)
         rows.append(
             (
-                _names(metric),
+                _names(group),
                 paragraph("\n".join(side_text(side) for side in sides), "soft"),
                 paragraph(values, "right", bold=True),
                 paragraph("\n".join(spread_text(side) for side in sides), "soft"),
-                unit_text(metric["unit"]),
+                unit_text(metric.unit),
                 limit,
-                [_tag(side["verdict"]) for side in sides],
+                [_tag(side.verdict) for side in sides],
                 paragraph(explained(metric), "soft"),
             )
         )
@@ -175,18 +175,18 @@ def _checks(content: Content) -> list[Any]:
     return [*heading("Validity checks", table), table]
 
 
-def _alarms(result: dict[str, Any]) -> list[Any]:
-    if not result["alarms"]:
+def _alarms(result: Result) -> list[Any]:
+    if not result.alarms:
         return []
     rows = []
     colours = []
-    for place, alarm in enumerate(result["alarms"], start=1):
-        first = "First cause: " if alarm.get("first") and not is_note(alarm) else ""
-        detail = f" {alarm['detail']}." if alarm.get("detail") else ""
-        what = f"{first}{alarm['text']}. {alarm['cause']}.{detail}"
-        reaction = str(alarm["reaction"]).replace("_", " ")
-        rows.append((f"{alarm['t_s']:.3f} s", str(alarm["state"]), what, reaction, str(alarm["next_action"])))
-        colours.append(("BACKGROUND", (0, place), (-1, place), WASH if is_note(alarm) else RED))
+    for place, alarm in enumerate(result.alarms, start=1):
+        first = "First cause: " if alarm.first and not alarm.is_note else ""
+        detail = f" {alarm.detail}." if alarm.detail else ""
+        what = f"{first}{alarm.text}. {alarm.cause}.{detail}"
+        reaction = alarm.reaction.replace("_", " ")
+        rows.append((f"{alarm.t_s:.3f} s", alarm.state, what, reaction, alarm.next_action))
+        colours.append(("BACKGROUND", (0, place), (-1, place), WASH if alarm.is_note else RED))
     heads = ("time", "state", "what happened", "reaction", "what to do next")
     table = grid(heads, rows, (15, 16, 60, 15, 50), colours)
     return [*heading("Alarms and notes", table), table]

@@ -7,6 +7,8 @@ from typing import Any
 
 from reportlab.platypus import KeepTogether, Spacer
 
+from station.documents.manifest import Manifest
+from station.documents.result import Result
 from station.records.clocks import CLOCK_TEXTS, SCAN, WALL, clock_of
 from station.reports.budget_rows import BUDGET_HEADS, BudgetTable
 from station.reports.content import Content
@@ -33,14 +35,14 @@ def _budget(budget: BudgetTable) -> list[Any]:
     return [title, grid(BUDGET_HEADS, budget.rows, (62, 21, 25, 18, 27, 12), wide)]
 
 
-def evaluation_parts(result: dict[str, Any], content: Content, pictures: dict[str, bytes]) -> list[Any]:
+def evaluation_parts(result: Result, content: Content, pictures: dict[str, bytes]) -> list[Any]:
     """Return what the stages did, the method, the fits and the picture of their residuals, as far as they are there."""
     parts: list[Any] = []
     if content.stages:
         rows = [(name, "\n".join(part for part in (text, figures) if part)) for name, text, figures in content.stages]
         parts.append(grid(("stage", "what it did"), rows, (30, 130)))
     else:
-        parts += [paragraph(f"• {note}") for note in result["notes"]]
+        parts += [paragraph(f"• {note}") for note in result.notes]
     if content.method or content.fits:
         parts += [Spacer(1, 4), grid(("", ""), [*content.method, *content.fits], (45, 115))]
     if content.lines:
@@ -51,22 +53,20 @@ def evaluation_parts(result: dict[str, Any], content: Content, pictures: dict[st
     return [*heading("How it was evaluated", parts[0]), *parts] if parts else []
 
 
-def timing_parts(
-    result: dict[str, Any], run: dict[str, Any], content: Content, pictures: dict[str, bytes]
-) -> list[Any]:
+def timing_parts(result: Result, run: Manifest, content: Content, pictures: dict[str, bytes]) -> list[Any]:
     """Return how the scan kept its periods: figures, picture and tables; nothing for a run without a scan."""
-    timing = result["timing"]
-    if not timing.get("scans"):
+    timing = result.timing
+    if timing is None or not timing.scans:
         return []
     parts = [paragraph(f"{timing_line(timing)}.", "text")]
     if "timing.png" in pictures:
         parts += [Spacer(1, 4), picture(pictures["timing.png"])]
     parts += _timing_tables(content.timing)
-    if clock_of(run) in (WALL, SCAN):
-        realtime = timing.get("realtime") or {}
+    if clock_of(run.clock) in (WALL, SCAN):
+        realtime = timing.realtime
         rows = [
-            (str(name), f"{'granted' if realtime.get(name) else 'refused'}: {text}")
-            for name, text in (realtime.get("details") or {}).items()
+            (name, f"{'granted' if realtime.granted(name) else 'refused'}: {text}")
+            for name, text in realtime.details.items()
         ]
         parts += [grid(("", ""), rows, (30, 130))] if rows else []
     return section("Timing", *parts)
@@ -97,26 +97,24 @@ def _numbers(heads: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequen
     return grid(heads, shown, widths, right=set(range(len(heads))) - words)
 
 
-def provenance_rows(result: dict[str, Any], run: dict[str, Any], conditions: dict[str, str]) -> list[tuple[str, str]]:
+def provenance_rows(result: Result, run: Manifest, conditions: dict[str, str]) -> list[tuple[str, str]]:
     """Return what was run, when, by whom and with what: name and text."""
-    recipe, bench, unit = run["recipe"], run["bench"], run["unit"]
+    recipe, bench, unit = run.recipe, run.bench, run.unit
     return [
-        ("run", str(result["run"])),
-        ("started, ended", f"{run['started']}, {run['ended']}"),
-        ("recipe", f"{recipe['name']} revision {recipe['revision']}, SHA-256 {recipe['sha256']}"),
-        ("bench", f"{bench['name']} revision {bench.get('revision')}, SHA-256 {bench['sha256']}"),
-        *([("operator", str(run["operator"]))] if run.get("operator") else []),
-        *([("virtual unit", virtual_unit(unit))] if unit.get("virtual") else []),
-        *([("faults injected", str(run["scenario"]))] if run.get("scenario") else []),
-        ("clock", CLOCK_TEXTS.get(clock_of(run), clock_of(run))),
-        *software_rows(run["software"]),
+        ("run", str(result.run)),
+        ("started, ended", f"{run.started}, {run.ended}"),
+        ("recipe", f"{recipe.name} revision {recipe.revision}, SHA-256 {recipe.sha256}"),
+        ("bench", f"{bench.name} revision {bench.revision}, SHA-256 {bench.sha256}"),
+        *([("operator", run.operator)] if run.operator else []),
+        *([("virtual unit", virtual_unit(unit))] if unit.virtual else []),
+        *([("faults injected", run.scenario)] if run.scenario else []),
+        ("clock", CLOCK_TEXTS.get(clock_of(run.clock), clock_of(run.clock))),
+        *software_rows(run.software),
         *conditions.items(),
     ]
 
 
-def provenance_parts(
-    result: dict[str, Any], run: dict[str, Any], content: Content, conditions: dict[str, str]
-) -> list[Any]:
+def provenance_parts(result: Result, run: Manifest, content: Content, conditions: dict[str, str]) -> list[Any]:
     """Return what was run by whom and with what, and the checksums to check it again by."""
     rows = provenance_rows(result, run, conditions)
     rows += [(f"calibration {name}", text) for name, text in content.calibrations]
@@ -126,6 +124,6 @@ def provenance_parts(
         sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]
         table = grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))
         parts += [*heading("To check it again", table), table]
-        word = "analyze" if result["metrics"] else "show"
-        parts.append(paragraph(f"lostmotion {word} {result['run']} reads these files again.", "soft"))
+        word = "analyze" if result.metrics else "show"
+        parts.append(paragraph(f"lostmotion {word} {result.run} reads these files again.", "soft"))
     return parts

@@ -81,4 +81,4 @@ def _load(run: RunRecord, *, as_json: bool) -> Progress:
     from station.run.screen.progress import progress_of  # noqa: PLC0415 - as above
 
     job = stored_job(run)
-    return progress_of(job, run.manifest()["serial"], as_json=as_json)
+    return progress_of(job, run.manifest().serial, as_json=as_json)

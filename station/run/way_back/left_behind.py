@@ -33,7 +33,7 @@ def conclude_own(store: Store, bench: str, say: Say) -> None:
     started = time.monotonic()
     for run in _newest(store):
         with suppress(RecordError):  # a damaged manifest is told by `list`, and is no matter of this run
-            if run.manifest()["bench"]["name"] != bench or not to_be_concluded(run) or run.scanning():
+            if run.manifest().bench.name != bench or not to_be_concluded(run) or run.scanning():
                 continue
             if time.monotonic() - started > BEGIN_WITHIN_S:
                 say(f"{run.id}: not concluded yet. Run 'lostmotion conclude --all'")
@@ -50,8 +50,8 @@ def _conclude(run: RunRecord, say: Say) -> None:
     if not to_be_concluded(run):
         manifest = run.manifest()
         say(
-            f"concluded {run.id}, whose supervisor process ended: {manifest['state']}, "
-            f"{manifest['verdict'] or 'without a verdict'}"
+            f"concluded {run.id}, whose supervisor process ended: {manifest.state}, "
+            f"{manifest.verdict or 'without a verdict'}"
         )
 
 
@@ -61,8 +61,8 @@ def collect(store: Store) -> list[Path]:
     for run in _newest(store):
         with suppress(RecordError):
             manifest = run.manifest()
-            if manifest["ring"] is not None and not is_sealed(manifest):
-                needed.add(str(manifest["ring"]))
+            if manifest.ring is not None and not is_sealed(manifest):
+                needed.add(manifest.ring)
     return collect_rings(needed)
 
 

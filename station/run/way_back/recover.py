@@ -12,11 +12,12 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from definitions.image import Command
+from station.documents.scan_report import ScanReport
+from station.documents.timing import Disk
 from station.durable import Appender, refused
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState, StopCause
@@ -53,7 +54,7 @@ def to_be_concluded(run: RunRecord, *, again: bool = False) -> bool:
     Such a one has its samples and no checksums: its recipe could not be read, or its desk failed.
     """
     manifest = run.manifest()
-    undecided = manifest["state"] == INTERRUPTED and not is_sealed(manifest)
+    undecided = manifest.state == INTERRUPTED and not is_sealed(manifest)
     return run.deserted() or (again and undecided)
 
 
@@ -143,7 +144,7 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
     ended = Ended(ring.written, ring.lost, ring.stopped_because, cause_name(ring), finished=finished)
     if taken_over:
         # What the desk before measured went with it; its part of the record is bounded by this one's start.
-        disk = writer.times.as_json() | {"from_record": on_disk}
+        disk = writer.times.document(from_record=on_disk)
         ended = replace(ended, desk_died=TAKEN_OVER.format(on_disk), disk=disk)
     run.update(trouble=ended.because or DESK_DIED)
     _conclude(run, ended)
@@ -165,18 +166,18 @@ class Ended:
     cause: str = ""
     finished: bool = False
     desk_died: str = DESK_DIED
-    disk: dict[str, float] = field(default_factory=dict)
+    disk: Disk | None = None
 
 
-def _counts(run: RunRecord, ended: Ended, said: dict[str, Any], kept: Ending | None) -> tuple[int, int, str]:
+def _counts(run: RunRecord, ended: Ended, said: ScanReport, kept: Ending | None) -> tuple[int, int, str]:
     """Return how many records ought to be on disk, how many were lost, and what stands against believing it.
 
     Ring, scan report and desk are asked, and the highest word counts. The file is no witness of its own completeness.
     """
-    lost = max(ended.lost, int(said.get("lost", 0)), 0 if kept is None else kept.lost)
+    lost = max(ended.lost, said.lost, 0 if kept is None else kept.lost)
     # the report counts the lost ones too
     counted = [] if ended.written is None else [ended.written]
-    counted += [int(said["written"]) - lost] if "written" in said else []
+    counted += [] if said.written is None else [said.written - lost]
     counted += [] if kept is None else [kept.written]
     return (max(counted), lost, "") if counted else (run.records(), lost, UNCOUNTED)
 
@@ -189,19 +190,19 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
     from station.run.conclusion import conclude  # noqa: PLC0415
 
     said, kept = scan_report(run), Ending.kept_in(run)
-    finished = ended.finished or said.get("state") == "finished"
+    finished = ended.finished or said.state == "finished"
     if ended.written is None:
         _complete_on_disk(run)
     written, lost, uncounted = _counts(run, ended, said, kept)
     kept = kept or Ending(
         written=written,
         lost=lost,
-        realtime=said.get("realtime", {"details": {}}),
-        notes=said.get("notes", []),
+        realtime=said.realtime,
+        notes=said.notes,
         trouble=uncounted if finished else BOTH_DIED,
-        counters=said.get("counters", {}),
-        times=said.get("times", {}),
-        pace=said.get("pace"),
+        counters=said.counters or {},
+        times=said.times,
+        pace=said.pace,
         stopped_because=ended.because,
         stopped_by=ended.cause,
         desk_died=ended.desk_died if finished else "",

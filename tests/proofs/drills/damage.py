@@ -106,7 +106,7 @@ class Folder:
         for number, kind in enumerate(kinds):  # all of them before one is concluded: a chain begins behind them
             run = RunRecord(Path(shutil.copytree(golden, self.data / f"20260301T00000{number}.000Z-{kind}")))
             clock = "real" if kind in ("left", "waits") else "virtual"
-            manifest = run.manifest() | {"id": run.id, "serial": kind, "attempt": 1, "clock": clock}
+            manifest = run.read_json("run.json") | {"id": run.id, "serial": kind, "attempt": 1, "clock": clock}
             del manifest["chain"]
             run.write_json("run.json", manifest)
             runs.append(run)

@@ -25,6 +25,7 @@ from station.cli.runs.metrics import metrics
 from station.errors import StationError
 from station.reports.figures.stiffness_plot import stiffness_figure
 from station.results.evaluation import method_fields, method_of, wanted_of
+from station.results.judged import judged_in
 
 ROOT = Path(__file__).parents[3]
 TRACE = str(ROOT / "tests/data/loop_published_curve.csv")
@@ -140,7 +141,7 @@ def test_the_stiffness_curve_shows_what_was_chosen() -> None:
     method = Method(ratio=121, rated_torque_nm=412, stiffness_break_t1_nm=60.0, stiffness_break_t2_nm=240.0)
     wanted = [MetricWanted("k1"), MetricWanted("k3"), MetricWanted("spring_constant", fit="three_region")]
     result = analyse(read_trace(Path(TRACE)), method, wanted)
-    figure = stiffness_figure(result, method, [metric.to_dict() for metric in result.metrics])
+    figure = stiffness_figure(result, method, judged_in(result).metrics)
     assert figure is not None
     (axes,) = figure.axes
     named = [text.get_text().split("\n")[0] for text in axes.get_legend().get_texts()]
@@ -209,11 +210,11 @@ def test_single_metrics_are_reported_with_their_choices(printed: Print) -> None:
 def test_nothing_passes_by_a_single_metric_that_leaves_out_what_the_recipe_limits(tmp_path: Path) -> None:
     recipe = simple_acceptance(tmp_path, RECIPE)
     found = elsewhere(Path(TRACE), recipe, "virtual", Selection(metrics=("backlash_width_3pct",)))
-    assert [(one["id"], one["verdict"]) for one in found["metrics"]] == [("backlash_width_3pct", "PASS")]
-    assert found["verdict"] == "NOT DECIDABLE"
-    assert found["reasons"][0].startswith("metric backlash_width_3pct leaves out what the recipe has limits for: ")
+    assert [(one.id, one.verdict) for one in found.metrics] == [("backlash_width_3pct", "PASS")]
+    assert found.verdict == "NOT DECIDABLE"
+    assert found.reasons[0].startswith("metric backlash_width_3pct leaves out what the recipe has limits for: ")
     both = elsewhere(Path(TRACE), recipe, "virtual", Selection(metrics=("backlash_width_3pct", "windup")))
-    assert "metric backlash_width_3pct, metric windup leave out what" in both["reasons"][0]
+    assert "metric backlash_width_3pct, metric windup leave out what" in both.reasons[0]
 
 
 def test_a_single_metric_of_the_command_line_is_refused_with_its_place() -> None:

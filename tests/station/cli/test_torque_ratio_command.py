@@ -134,7 +134,7 @@ def test_a_target_that_no_line_reaches_is_refused(target: str, told: str) -> Non
     with pytest.raises(StationError, match=r"--target: found .*; allowed is") as refused:
         command(PUBLISHED, "--target", target)
     assert told in str(refused.value)
-    assert errors_of(refused.value)[0]["option"] == "--target"
+    assert errors_of(refused.value)[0].option == "--target"
 
 
 def test_points_of_loading_and_unloading_in_one_table_are_told(tmp_path: Path) -> None:

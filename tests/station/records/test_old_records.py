@@ -17,8 +17,9 @@ from lostmotion_command import ROOT, here
 from old_runs import CONCLUDED, NAMES, run_of, unpack, with_channels
 
 from definitions.image import IMAGE_FIELDS
+from station.documents.reading import of_plain
 from station.errors import RecordError
-from station.records.program_file import StoredProgram
+from station.records.program_file import ProgramEntries, StoredProgram
 from station.records.run_record import RunRecord
 from station.records.samples.layout import CURRENT, Channel, Layout, layout_in
 from station.records.samples.packed import column_name
@@ -219,7 +220,7 @@ def test_a_deserted_old_run_is_concluded_by_its_own_layout(data: Path) -> None:
     run = run_of(data, "deserted")
     content = run.samples.read_bytes()
     recover(run)
-    assert run.manifest()["state"] == "interrupted"
+    assert run.manifest().state == "interrupted"
     assert (run.is_packed(), run.samples.read_bytes()) == (False, content)
     assert here("show", str(run.folder), "--json").json["verdict"] == "NOT DECIDABLE"
 
@@ -257,9 +258,12 @@ def test_a_description_reads_back_as_the_layout_that_it_describes() -> None:
 
 
 def test_a_program_says_what_is_missing_in_it() -> None:
-    program = StoredProgram({"period_s": 0.001, "segments": [{"index": 0}]}, Path("program.json"))
-    assert (program["period_s"], program["loading_input"]) == (0.001, True)
+    place = Path("program.json")
+    program = StoredProgram(of_plain(ProgramEntries, {"period_s": 0.001}, place), place)
+    assert (program.period_s, program.loading_input) == (0.001, True)
     with pytest.raises(RecordError, match="release_torque_nm"):
-        _ = program["release_torque_nm"]
-    with pytest.raises(RecordError, match=r"segments\[0\] has no role, direction, cycle"):
+        _ = program.release_torque_nm
+    with pytest.raises(RecordError, match="segments"):
         _ = program.segments
+    with pytest.raises(RecordError, match=r"segments\[0\].role: is missing.*direction: is missing.*cycle: is missing"):
+        of_plain(ProgramEntries, {"segments": [{"index": 0}]}, place)

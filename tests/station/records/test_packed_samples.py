@@ -22,13 +22,14 @@ from stored_runs import store_run
 import station.records.samples.packed
 import station.records.samples.samples
 from station.cli.runs.show import stored_result
+from station.documents.manifest import PackedSamples
 from station.errors import RecordError
 from station.records.run_record import PACKED, SAMPLES, RunRecord
 from station.records.samples.layout import CURRENT
 from station.records.samples.packed import column_name, packed, unpacked, unpacked_parts
 from station.records.samples.samples import channel_values, check_samples, pack_samples, read_samples
 from station.records.samples.table import AbsentChannelError, table_of
-from station.records.seal import alterations, seal
+from station.records.seal import alterations, fingerprint, seal
 
 PLACE = Path("samples.parquet")
 AWKWARD = (0.0, -0.0, np.nan, -np.nan, np.inf, -np.inf, 5e-324, 0.1, -1e308)
@@ -115,7 +116,7 @@ def run(tmp_path: Path) -> RunRecord:
 
 def sealed(run: RunRecord) -> RunRecord:
     content = run.samples.read_bytes()
-    seal(run, records=50, **pack_samples(run, content, sound=True))
+    seal(run, records=50, samples=pack_samples(run, content, sound=True))
     return run
 
 
@@ -124,8 +125,8 @@ def test_a_sealed_run_has_the_packed_file_alone_and_the_hash_of_what_was_recorde
     sealed(run)
     manifest = run.manifest()
     digest = hashlib.sha256(content).hexdigest()
-    assert manifest["samples"] == {"file": PACKED, "sha256": digest, "bytes": len(content)}
-    assert (run.has(SAMPLES), SAMPLES in manifest["files"], PACKED in manifest["files"]) == (False, False, True)
+    assert manifest.samples == PackedSamples(file=PACKED, sha256=digest, bytes=len(content))
+    assert (run.has(SAMPLES), SAMPLES in manifest.files, PACKED in manifest.files) == (False, False, True)
     assert recorded(run.folder) == content
     assert (check_samples(run, 50).sound, run.records()) == (True, 50)
 
@@ -137,7 +138,7 @@ def test_the_raw_file_stays_until_the_line_is_in_the_chain(run: RunRecord, monke
     content = run.samples.read_bytes()
     monkeypatch.setattr("station.records.chain.chain_file.ChainWriter.append", refused)
     with pytest.raises(RecordError, match="no line"):
-        seal(run, records=50, **pack_samples(run, content, sound=True))
+        seal(run, records=50, samples=pack_samples(run, content, sound=True))
     assert run.samples.read_bytes() == content
 
 
@@ -153,7 +154,7 @@ def test_samples_stay_raw_where_the_packed_file_is_not_the_same(
         monkeypatch.setattr(station.records.samples.samples, "write_durable", refuse)
     elif how == "other bytes":
         monkeypatch.setattr(station.records.samples.samples, "packed", lambda _: packed(table_of(records(50, seed=9))))
-    assert pack_samples(run, content, sound=how != "not sound") == {}
+    assert pack_samples(run, content, sound=how != "not sound") is None
     assert (run.has(PACKED), run.samples.read_bytes() == content) == (False, True)
 
 
@@ -161,13 +162,10 @@ def test_other_samples_in_the_packed_file_are_found_twice(run: RunRecord) -> Non
     sealed(run)
     flip(run, 5 * CURRENT.record_bytes + 40)
     assert any(one.startswith(PACKED) for one in alterations(run))
-    files = run.manifest()["files"]
-    content = (run.folder / PACKED).read_bytes()
-    files[PACKED] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
-    run.update(files=files)
+    run.update(files={**run.manifest().files, PACKED: fingerprint(run.folder / PACKED)})
     assert not any(one.startswith(PACKED) for one in alterations(run))
     assert "holds other records than those recorded" in check_samples(run, 50).problems[0]
-    assert stored_result(run)["verdict"] == "NOT DECIDABLE"
+    assert stored_result(run).verdict == "NOT DECIDABLE"
 
 
 def test_a_raw_file_that_somebody_puts_beside_is_no_evidence(run: RunRecord) -> None:

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from station_samples import IMAGE, MANIFEST, ORDERS
+from station_samples import IMAGE, ORDERS, SETUP
 
 import station.records.data_folder
 import station.records.ring.ring
@@ -36,7 +36,7 @@ def _rings_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def new_run(store: Store, serial: str = "SN1") -> RunRecord:
     return store.create(
-        serial, MANIFEST, {"recipe.yaml": b"text", "bench.yaml": b"text", "profiles/drive.yaml": b"profile"}
+        serial, SETUP, {"recipe.yaml": b"text", "bench.yaml": b"text", "profiles/drive.yaml": b"profile"}
     )
 
 
@@ -51,13 +51,13 @@ def test_a_new_run_holds_what_was_known_before_it_started(tmp_path: Path) -> Non
     assert (run.folder / "recipe.yaml").read_bytes() == b"text"
     assert (run.folder / "profiles" / "drive.yaml").read_bytes() == b"profile"
     assert run.state() == "recording"
-    assert run.manifest()["attempt"] == 1
+    assert run.manifest().attempt == 1
 
 
 def test_attempts_of_a_serial_are_numbered_and_kept(tmp_path: Path) -> None:
     store = Store(tmp_path)
     runs = [new_run(store, serial) for serial in ("A", "B", "A", "A/", "A_", "A")]
-    assert [run.manifest()["attempt"] for run in runs] == [1, 1, 2, 1, 1, 3]
+    assert [run.manifest().attempt for run in runs] == [1, 1, 2, 1, 1, 3]
     assert len({run.id for run in runs}) == 6
 
 
@@ -66,7 +66,7 @@ def test_runs_created_at_once_get_folders_and_attempts_of_their_own(tmp_path: Pa
     with ThreadPoolExecutor(8) as pool:
         runs = list(pool.map(lambda _: new_run(store), range(16)))
     assert len({run.id for run in runs}) == 16
-    assert sorted(run.manifest()["attempt"] for run in runs) == list(range(1, 17))
+    assert sorted(run.manifest().attempt for run in runs) == list(range(1, 17))
 
 
 def test_run_ids_sort_by_time(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_any_serial_stays_inside_the_folder(tmp_path: Path, serial: str) -> None
     store = Store(tmp_path)
     run = new_run(store, check_serial(serial))
     assert run.folder.parent == tmp_path
-    assert run.manifest()["serial"] == serial
+    assert run.manifest().serial == serial
     assert store.find(serial).id == run.id
 
 
@@ -131,7 +131,7 @@ def test_a_scan_process_is_told_while_it_lives(tmp_path: Path) -> None:
     assert run.scanning() == 0
     run.write_json("scan-report.json", {"state": "running", "pid": os.getpid(), "birth": process_birth(os.getpid())})
     assert run.scanning() == os.getpid()
-    assert f"still running (pid {os.getpid()})" in stored_result(run)["reasons"][0]
+    assert f"still running (pid {os.getpid()})" in stored_result(run).reasons[0]
     run.write_json("scan-report.json", {"state": "running", "pid": os.getpid(), "birth": "another's"})
     assert run.scanning() == 0
 
@@ -261,8 +261,8 @@ def test_a_damaged_run_does_not_keep_its_serial_from_being_measured(tmp_path: Pa
     store = Store(tmp_path)
     first, damaged = new_run(store), new_run(store)
     (damaged.folder / "run.json").write_text(damage)
-    assert new_run(store).manifest()["attempt"] == 3
-    assert first.manifest()["attempt"] == 1
+    assert new_run(store).manifest().attempt == 3
+    assert first.manifest().attempt == 1
     for look in (damaged.manifest, damaged.state):
         with pytest.raises(RecordError, match="is damaged"):
             look()
@@ -320,5 +320,5 @@ def test_an_operator_has_a_name(name: str) -> None:
 def test_who_measured_stands_in_the_record(tmp_path: Path) -> None:
     job = load_job("rv-40e-121-quick", None)
     record = new_record(tmp_path, job, Wanted("S1", None, None, "Ada L.", clock="virtual"), notes=[])
-    assert record.manifest()["operator"] == "Ada L."
+    assert record.manifest().operator == "Ada L."
     record.lock.close()

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from station_samples import IMAGE, MANIFEST, ORDERS
+from station_samples import IMAGE, ORDERS, SETUP
 
 from station.records.data_folder import Store
 from station.records.ring.ring import ScanState, create
@@ -49,7 +49,7 @@ def owner() -> Iterator[Callable[[Path], subprocess.Popen[str]]]:
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[RunRecord]:
     """A run with three records in its ring, whose desk cannot be seen from here."""
-    record = Store(tmp_path / "runs").create("SN1", MANIFEST, {"recipe.yaml": b"no recipe", "bench.yaml": b"no bench"})
+    record = Store(tmp_path / "runs").create("SN1", SETUP, {"recipe.yaml": b"no recipe", "bench.yaml": b"no bench"})
     ring = create(tmp_path, 16)
     writer = RingWriter(ring)
     for scan in range(3):
@@ -95,7 +95,7 @@ def test_looking_at_a_run_does_not_own_it(run: RunRecord) -> None:
 
 
 def test_a_new_run_is_owned_before_it_can_be_seen(tmp_path: Path) -> None:
-    record = Store(tmp_path).create("SN1", MANIFEST, {}, own=True)
+    record = Store(tmp_path).create("SN1", SETUP, {}, own=True)
     assert RunLock(record.folder).taken()
     record.lock.close()
     assert not RunLock(record.folder).taken()

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from station_samples import IMAGE, MANIFEST, ORDERS
+from station_samples import IMAGE, ORDERS, SETUP
 
 from station.errors import RecordError
 from station.records.data_folder import Store
@@ -35,7 +35,7 @@ def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def run(tmp_path: Path) -> RunRecord:
     """A run with three records in its ring, desk and scan process dead."""
-    found = Store(tmp_path / "runs").create("S", MANIFEST, {"recipe.yaml": b"r", "bench.yaml": b"b"})
+    found = Store(tmp_path / "runs").create("S", SETUP, {"recipe.yaml": b"r", "bench.yaml": b"b"})
     ring = create(tmp_path, 8, run=found.folder)
     writer = RingWriter(ring)
     for scan in range(3):
@@ -47,7 +47,7 @@ def run(tmp_path: Path) -> RunRecord:
 
 
 def ring(run: RunRecord) -> Path:
-    return Path(run.manifest()["ring"])
+    return Path(run.manifest().ring)
 
 
 def alive(run: RunRecord) -> None:
@@ -154,7 +154,7 @@ def test_the_header_is_read_without_touching_the_ring(run: RunRecord) -> None:
 
 
 def test_a_run_gets_no_ring_but_its_own(run: RunRecord, tmp_path: Path) -> None:
-    other = Store(tmp_path / "runs").create("T", MANIFEST, {})
+    other = Store(tmp_path / "runs").create("T", SETUP, {})
     other.update(ring=str(ring(run)))
     with pytest.raises(RecordError, match=f"ring: found the ring of run {run.id}; allowed is its own"):
         ring_of(other)
@@ -172,9 +172,9 @@ from pathlib import Path
 import station.records.ring.ring as ring
 from station.records.data_folder import Store
 from station.wall_clock import WallClock
-from station_samples import MANIFEST
+from station_samples import SETUP
 ring.SHARED_MEMORY = Path({str(memory)!r})
-run = Store(Path({str(tmp_path / "runs")!r})).create("S", MANIFEST, {{}}, own=True)
+run = Store(Path({str(tmp_path / "runs")!r})).create("S", SETUP, {{}}, own=True)
 ring.create(run.folder, 8, run=run.folder)
 os.kill(os.getpid(), signal.SIGKILL)
 """

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from made_documents import timing
 
 from station.records.timing_proof import FRAMES_ON_THEIR_WAY, objections_to_clock
 
@@ -26,4 +27,5 @@ WHOLE = {"unit": "P1", "frames_received": 1000, "frames_sent_by_bench": 1000}
     ],
 )
 def test_only_a_virtual_unit_is_judged_by_the_scan_clock(clock: str, pace: dict[str, Any], objections: int) -> None:
-    assert len(objections_to_clock({"clock": clock, "pace": pace})) == objections
+    assert len(objections_to_clock(timing(clock=clock, pace=pace))) == objections
+    assert len(objections_to_clock(timing(clock=clock))) == (clock == "scan")

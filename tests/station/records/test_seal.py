@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,11 @@ import pytest
 from lostmotion_command import here
 from run_copies import alone
 from run_samples import as_recorded, flip
-from station_samples import MANIFEST
+from station_samples import SETUP
 
 from station.cli.runs.show import row, stored_result
+from station.documents.reading import plain
+from station.documents.result import MetricValue
 from station.durable import as_json
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.walk import walk
@@ -37,8 +39,8 @@ def sealed(original: Path, tmp_path: Path) -> RunRecord:
 
 
 def test_a_copied_folder_says_where_it_is_and_not_where_it_was(original: Path, sealed: RunRecord) -> None:
-    assert stored_result(sealed)["record"] == str(sealed.folder)
-    assert str(original) not in json.dumps(stored_result(sealed))
+    assert stored_result(sealed).record == str(sealed.folder)
+    assert str(original) not in json.dumps(plain(stored_result(sealed)))
 
 
 def edit(name: str, old: str, new: str) -> Callable[[RunRecord], None]:
@@ -57,7 +59,7 @@ def flip_sample(run: RunRecord) -> None:
 def another_verdict_everywhere(run: RunRecord) -> None:
     """What somebody does who knows about the checksums, and not about the chain."""
     edit("result.json", '"verdict": "PASS"', '"verdict": "FAIL"')(run)
-    manifest = run.manifest()
+    manifest = run.read_json("run.json")
     del manifest["files"]
     run.write_json("run.json", manifest)
     seal_without_line(run)
@@ -94,13 +96,13 @@ ALTERATIONS: dict[str, tuple[Callable[[RunRecord], None], str]] = {
 }
 
 
-def row_verdicts(metrics: list[dict[str, Any]]) -> set[str | None]:
-    return {row["verdict"] for one in metrics for row in (one, *one.get("sides", {}).values())}
+def row_verdicts(metrics: Sequence[MetricValue]) -> set[str | None]:
+    return {row.verdict for one in metrics for row in (one, *one.sides.values())}
 
 
 def test_a_concluded_run_names_what_its_verdict_rests_on(sealed: RunRecord) -> None:
     assert alterations(sealed) == ()
-    files = sealed.manifest()["files"]
+    files = sealed.manifest().files
     assert set(files) >= {"samples.parquet", "recipe.yaml", "bench.yaml", "program.json", "events.jsonl", "timing.json"}
     assert set(files) >= {"calibration.json", "result.json"}
     assert {f"profiles/{path.name}" for path in sealed.folder.glob("profiles/*")} <= set(files)
@@ -108,8 +110,8 @@ def test_a_concluded_run_names_what_its_verdict_rests_on(sealed: RunRecord) -> N
     assert (created.kind, entry.kind) == ("created", "sealed")
     assert created.signed
     assert entry.signed
-    assert entry.fields["created"] == created.counter == sealed.manifest()["chain"]["counter"]
-    assert stored_result(sealed)["verdict"] == "PASS"
+    assert entry.fields["created"] == created.counter == sealed.manifest().chain.counter
+    assert stored_result(sealed).verdict == "PASS"
 
 
 @pytest.mark.parametrize("name", ALTERATIONS)
@@ -117,13 +119,13 @@ def test_an_altered_record_decides_nothing_and_names_the_file(sealed: RunRecord,
     alter, file = ALTERATIONS[name]
     alter(sealed)
     shown = stored_result(sealed)
-    assert shown["verdict"] == "NOT DECIDABLE"
-    assert shown["reasons"][0].startswith("record altered: ")
-    assert any(one.startswith(file) for one in shown["altered"])
-    assert row_verdicts(shown["metrics"]) <= {None}
+    assert shown.verdict == "NOT DECIDABLE"
+    assert shown.reasons[0].startswith("record altered: ")
+    assert any(one.startswith(file) for one in shown.altered)
+    assert row_verdicts(shown.metrics) <= {None}
     listed = row(sealed)
     if name != "a sample":  # the list compares the size of the samples alone
-        assert (listed["state"], listed["verdict"]) == ("altered", None)
+        assert (listed.state, listed.verdict) == ("altered", None)
 
 
 def test_show_and_list_say_it_to_a_person(sealed: RunRecord) -> None:
@@ -146,13 +148,13 @@ def test_a_damaged_record_leaves_no_row_its_verdict(sealed: RunRecord) -> None:
     manifest = sealed.manifest()
     content = sealed.samples.read_bytes()
     seal(sealed)
-    assert "samples.parquet" in manifest["files"].keys() - sealed.manifest()["files"].keys()
+    assert "samples.parquet" in manifest.files.keys() - sealed.manifest().files.keys()
     assert sealed.samples.read_bytes() == content
     shown = stored_result(sealed)
-    assert "altered" not in shown
-    assert shown["verdict"] == "NOT DECIDABLE"
-    assert "fail their CRC" in shown["reasons"][0]
-    assert row_verdicts(shown["metrics"]) == {None}
+    assert shown.altered is None
+    assert shown.verdict == "NOT DECIDABLE"
+    assert "fail their CRC" in shown.reasons[0]
+    assert row_verdicts(shown.metrics) == {None}
 
 
 @pytest.mark.parametrize(
@@ -189,12 +191,12 @@ def test_an_altered_result_of_any_shape_is_shown_as_altered(
 
 
 def test_a_run_that_was_not_concluded_has_no_verdict_to_believe(tmp_path: Path) -> None:
-    run = Store(tmp_path).create("S", MANIFEST, {})
+    run = Store(tmp_path).create("S", SETUP, {})
     run.update(desk={"pid": 1, "birth": "gone"})
     run.write_bytes("result.json", as_json({"verdict": "PASS", "reasons": [], "metrics": []}))
     assert alterations(run) == ()
-    assert stored_result(run)["verdict"] == "NOT DECIDABLE"
-    assert row(run)["state"] == "not concluded"
+    assert stored_result(run).verdict == "NOT DECIDABLE"
+    assert row(run).state == "not concluded"
 
 
 def test_a_record_copied_elsewhere_stands_alone_but_says_that_no_chain_vouches_for_it(
@@ -209,7 +211,7 @@ def test_a_record_copied_elsewhere_stands_alone_but_says_that_no_chain_vouches_f
 
 def test_runs_that_end_at_once_do_not_tear_the_chain(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    runs = [store.create("S", MANIFEST, {}) for _ in range(24)]
+    runs = [store.create("S", SETUP, {}) for _ in range(24)]
     with ThreadPoolExecutor(12) as pool:
         list(pool.map(lambda run: seal(run, verdict="PASS", state="complete"), runs))
     found = walk(Chain(tmp_path))

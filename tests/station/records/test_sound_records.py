@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from station_samples import IMAGE, ORDERS
 
 from definitions.image import Image, Orders, State
 from station.records.left_state import left_state
+from station.records.program_file import ProgramEntries, StoredProgram
 from station.records.samples.check import check_bytes, sound_table
 from station.records.samples.event_log import events_of
 from station.records.samples.scan_record import RECORD_BYTES, pack
 
-PROGRAM = {"period_s": 0.001, "has_torque_out": True, "release_torque_nm": 8.0, "segments": []}
+ENTRIES = ProgramEntries(period_s=0.001, has_torque_out=True, release_torque_nm=8.0, segments=())
+PROGRAM = StoredProgram(ENTRIES, Path("program.json"))
 QUIET = ORDERS._replace(state=int(State.RAMP_POS), fault=0, alarms=0)
 UNKNOWN_STATE, UNKNOWN_FAULT, UNKNOWN_COMMAND = 130, 62, 77
 
@@ -55,10 +59,10 @@ def test_numbers_that_this_version_does_not_know_are_named() -> None:
     assert check_bytes(content).problems == ()
     table = sound_table(content)
     events = events_of(table, 1_000_000, [])
-    (alarm,) = (event for event in events if event["kind"] == "alarm")
-    assert (alarm["id"], alarm["reaction"], alarm["first"]) == ("unknown_fault_62", "quick_stop", True)
-    assert [event["to"] for event in events if event["kind"] == "transition"][-1] == "unknown state 130"
-    assert {event["text"] for event in events if event["kind"] == "command"} == {"unknown command 77"}
+    (alarm,) = (event for event in events if event.kind == "alarm")
+    assert (alarm.id, alarm.reaction, alarm.first) == ("unknown_fault_62", "quick_stop", True)
+    assert [event.to for event in events if event.kind == "transition"][-1] == "unknown state 130"
+    assert {event.text for event in events if event.kind == "command"} == {"unknown command 77"}
     left = left_state(table, PROGRAM)
     assert left is not None
-    assert left["drive"] == "off"
+    assert left.drive == "off"

@@ -1,54 +1,29 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from made_documents import BENCH, alarm, left, result, timing
 from rich.console import Console
 
+from station.documents.events import LeftState
+from station.documents.result import Result
 from station.records.left_state import left_action, left_text
 from station.records.ring.ring import StopCause
 from station.reports.headline import STOPPED_BY, badges, headline, remaining_reasons, virtual_badges
 from station.reports.result_view import show_result, way_back_command
 
-ALARM = {
-    "first": True,
-    "id": "guard_open",
-    "reaction": "quick_stop",
-    "t_s": 7.342,
-    "state": "calibrate",
-    "text": "Guard opened",
-    "cause": "open",
-    "next_action": "Close it",
-}
-LEFT = {
-    "torque_nm": -9.71,
-    "torque_known": True,
-    "lock": "closed",
-    "lock_known": True,
-    "drive": "off",
-    "drive_known": True,
-    "release_torque_nm": 8.24,
-}
+CELL = BENCH | {"name": "cell-3", "embedded": False}
+REAL = {"model": "RV", "virtual": None}
 
 
-def result(**changes: Any) -> dict[str, Any]:
-    plain = {
-        "serial": "SN1",
-        "recipe": {"name": "inverse", "revision": 1},
-        "state": "complete",
-        "verdict": "PASS",
-        "reasons": [],
-        "metrics": [],
-        "alarms": [],
-        "bench": {"name": "virtual", "embedded": True},
-        "unit": {"virtual": "P1"},
-        "clock": "real",
-    }
-    return plain | changes
+def told(one: LeftState) -> LeftState:
+    return replace(one, text=left_text(one), next_action=left_action(one))
 
 
-def printed(found: dict[str, Any]) -> str:
+def printed(found: Result) -> str:
     stream = io.StringIO()
     show_result(Console(file=stream, width=110), found)
     return stream.getvalue()
@@ -60,10 +35,10 @@ def printed(found: dict[str, Any]) -> str:
         ({}, ("VIRTUAL BENCH",)),
         ({"clock": "virtual"}, ("VIRTUAL BENCH", "VIRTUAL TIME")),
         (
-            {"clock": "virtual", "bench": {"name": "cell-3", "embedded": False}},
+            {"clock": "virtual", "bench": CELL},
             ("SIMULATED BENCH cell-3", "VIRTUAL TIME"),
         ),
-        ({"bench": {"name": "cell-3", "embedded": False}, "unit": {"virtual": None}}, ()),
+        ({"bench": CELL, "unit": REAL}, ()),
         ({"bench": None, "unit": None, "clock": None, "timing": None}, ()),
     ],
 )
@@ -77,8 +52,8 @@ def test_injected_faults_are_told_beside_the_verdict_and_by_name() -> None:
     text = printed(result(scenario="scenarios/slow-amplifier.yaml"))
     assert "VIRTUAL BENCH    FAULTS INJECTED" in text
     assert "note   faults were injected: scenarios/slow-amplifier.yaml" in text
-    assert badges(result(unit={"virtual": None}, scenario="line.yaml")) == ("FAULTS INJECTED",)
-    named = printed(result(scenario="x.yaml", notes=["faults were injected: slow amplifier"], stages=[{}]))
+    assert badges(result(unit=REAL, scenario="line.yaml")) == ("FAULTS INJECTED",)
+    named = printed(result(scenario="x.yaml", notes=["faults were injected: slow amplifier"], stages=[{"stage": "a"}]))
     assert named.count("faults were injected") == 1
     assert "FAULTS" not in printed(result(scenario=None)).upper()
 
@@ -87,9 +62,9 @@ def test_a_fault_is_the_headline_and_the_verdict_stands_below() -> None:
     found = result(
         state="fault",
         verdict="NOT DECIDABLE",
-        alarms=[ALARM],
+        alarms=[alarm()],
         reasons=["Guard opened: open. Close it"],
-        left=LEFT | {"text": left_text(LEFT), "next_action": left_action(LEFT)},
+        left=told(left()),
     )
     assert headline(found)[:2] == ("BENCH FAULT: Guard opened", "NOT DECIDABLE")
     assert remaining_reasons(found) == ["open. Close it"]
@@ -107,7 +82,7 @@ def test_a_stop_and_a_bench_that_did_not_open_are_headlines_too() -> None:
         assert said == f"STOPPED: {words}"
         assert ("operator" in said) is (cause == "operator")
     assert {cause.name.lower() for cause in StopCause if cause} == set(STOPPED_BY) - {"operator"}
-    refused = result(state="fault", verdict="NOT DECIDABLE", timing={"scans": 0})
+    refused = result(state="fault", verdict="NOT DECIDABLE", timing=timing(scans=0))
     assert headline(refused).text == "BENCH FAULT: the bench could not be opened"
     assert headline(result(state="interrupted", verdict="NOT DECIDABLE")).text == "INTERRUPTED"
     assert headline(result(verdict="FAIL")) == ("FAIL", "", "FAIL")
@@ -125,8 +100,8 @@ def test_a_stop_and_a_bench_that_did_not_open_are_headlines_too() -> None:
     ],
 )
 def test_what_to_do_follows_from_how_the_bench_was_left(changes: dict[str, Any], advice: str) -> None:
-    assert advice in left_action(LEFT | changes)
-    assert ("when last heard of" in left_text(LEFT | changes)) == ("known" in "".join(changes))
+    assert advice in left_action(left(**changes))
+    assert ("when last heard of" in left_text(left(**changes))) == ("known" in "".join(changes))
 
 
 @pytest.mark.parametrize(
@@ -136,16 +111,9 @@ def test_what_to_do_follows_from_how_the_bench_was_left(changes: dict[str, Any],
         ({"record": "runs/x"}, "lostmotion recover"),
         ({"state": "stopped"}, ""),
         ({"clock": "virtual"}, ""),
-        ({"bench": {"embedded": True}}, ""),
+        ({"bench": BENCH}, ""),
     ],
 )
 def test_a_fault_on_a_real_bench_names_the_way_back(changes: dict[str, Any], command: str) -> None:
-    left = LEFT | {"text": left_text(LEFT), "next_action": left_action(LEFT)}
-    there = {
-        "bench": {"embedded": False},
-        "clock": "real",
-        "record": "/srv/line/runs/x",
-        "left": left,
-        "state": "fault",
-    }
+    there = {"bench": CELL, "clock": "real", "record": "/srv/line/runs/x", "left": told(left()), "state": "fault"}
     assert way_back_command(result(**there | changes)) == command

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from made_documents import alarm, metric, timing
 
 from analysis.evaluation.pipeline import Curves, Result
 from analysis.evaluation.verdict import Verdict
@@ -43,7 +44,7 @@ def test_the_history_goes_on_to_the_last_scan() -> None:
     rows["image"]["torque_out_nm"] = [0, 1, 2, 3, 4, 4]
     rows["orders"]["torque_out_tare_nm"] = 0.5
     rows["image"]["angle_out_rad"] = 1e-4
-    found = history_of(table, PROGRAM, angle_out=True, alarm={"t_s": 0.004, "text": "Guard opened"})
+    found = history_of(table, PROGRAM, angle_out=True, alarm=alarm(t_s=0.004))
     assert found is not None
     assert found.torque_nm.tolist() == [0.5, 1.5, 2.5, 3.5]
     assert found.state.tolist()[-1] == State.FAULT
@@ -103,9 +104,11 @@ def test_the_picture_of_stiffness_shows_metrics_where_they_hold() -> None:
     curves = Curves((branches[0],), (branches[1],), Branch(torque, torque / 100.0), None)
     result = Result((), Verdict.PASS, (), Decision(), curves, None, (), ())
     sides = {side: {"value": 100.0, "uncertainty": 0.5} for side in ("+", "-")}
-    metric = {"branch": "load", "side": "+", "limits": {"min": 95.0, "max": None}, "sides": sides, "torque_nm": None}
+    shown = [
+        metric(id=name, side="+", limits={"min": 95.0}, sides=sides) for name in ("stiffness_lsq", "spring_constant")
+    ]
     method = method_of(JOB.recipe, JOB.bench)
-    figure = stiffness_figure(result, method, [metric | {"id": "stiffness_lsq"}, metric | {"id": "spring_constant"}])
+    figure = stiffness_figure(result, method, shown)
     assert figure is not None
     lines = {tuple(np.round(line.get_xdata(), 3)) for line in figure.axes[0].lines}
     assert {(82.4, 329.6), (-82.4, -329.6), (412.0,), (-412.0,)} <= lines
@@ -115,8 +118,7 @@ def test_the_picture_of_stiffness_shows_metrics_where_they_hold() -> None:
 
 def test_timing_is_drawn_where_it_was_measured() -> None:
     rows = [(1.0, 900), (20.5, 99), (1500.0, 1)]
-    proof = {"period_ns": 1_000_000, "histograms_us": {"lateness": rows, "work": rows}}
-    figure = timing_figure(proof)
+    figure = timing_figure(timing(histograms_us={"lateness": rows, "work": rows}))
     assert figure is not None
     assert [sum(bar.get_height() for bar in axes.patches) for axes in figure.axes] == [1000, 1000]
-    assert timing_figure({"period_ns": 1_000_000}) is None
+    assert timing_figure(timing()) is None

@@ -1,41 +1,32 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from test_headline import ALARM, LEFT, result
+from made_documents import alarm, left, manifest, metric, result, timing
+from test_headline import told
 
 from recipes import shipped_recipes
 from station.bench.request import load_job
-from station.records.left_state import left_action, left_text
+from station.documents.result import DecisionRule
 from station.records.samples.history import conditions_of
 from station.records.samples.layout import CURRENT
 from station.records.samples.table import Table
 from station.reports.html_page import report_html
 from station.reports.result_text import guarded_text
 
-RUN = {
-    "started": "2026-01-02T03:04:05.000+00:00",
-    "ended": "2026-01-02T03:05:05.000+00:00",
-    "recipe": {"name": "inverse", "revision": 1, "sha256": "00"},
-    "bench": {"name": "virtual", "revision": 1, "sha256": "11"},
-    "unit": {"model": "RV", "virtual": "P1"},
-    "clock": "virtual",
-    "software": {"name": "lostmotion", "version": "1", "python": "3", "platform": "here"},
-}
+RUN = manifest()
 
 
 def page(conditions: dict[str, str] | None = None, **changes: Any) -> str:
-    plain = result(clock="virtual", **({"run": "id", "attempt": 1, "notes": []} | changes))
-    plain |= {"decision": {"rule": "simple", "guard_factor": 0.0}}
-    plain.setdefault("timing", {"scans": 10, "missed": 0, "clock": "virtual", "period_ns": 1_000_000})
-    return report_html(plain, RUN, [], {}, {}, conditions=conditions).decode()
+    shown = result(**{"clock": "virtual", "attempt": 1, "timing": timing()} | changes)
+    return report_html(shown, RUN, [], {}, {}, conditions=conditions).decode()
 
 
 def test_a_fault_heads_the_report_and_it_says_how_the_bench_was_left() -> None:
-    left = LEFT | {"text": left_text(LEFT), "next_action": left_action(LEFT)}
-    late = ALARM | {"id": "late", "reaction": "hold", "first": False, "text": "Samples late"}
-    text = page(state="fault", verdict="NOT DECIDABLE", alarms=[ALARM, late], left=left)
+    late = alarm(id="late", reaction="hold", first=False, text="Samples late")
+    text = page(state="fault", verdict="NOT DECIDABLE", alarms=[alarm(), late], left=told(left()))
     for part in ("BENCH FAULT: Guard opened<small>NOT DECIDABLE", "VIRTUAL BENCH", "VIRTUAL TIME", "lock closed"):
         assert part in text
     assert "ended in a fault" in text
@@ -45,8 +36,9 @@ def test_a_fault_heads_the_report_and_it_says_how_the_bench_was_left() -> None:
 
 
 def test_a_bench_that_did_not_open_has_a_bullet_per_device_and_no_timing() -> None:
-    timing = {"scans": 0, "missed": 0, "clock": "virtual", "period_ns": 1_000_000}
-    text = page(state="fault", verdict="NOT DECIDABLE", reasons=["drive: silent\nbrake: silent"], timing=timing)
+    text = page(
+        state="fault", verdict="NOT DECIDABLE", reasons=["drive: silent\nbrake: silent"], timing=timing(scans=0)
+    )
     assert "<li>drive: silent</li>" in text
     assert "<li>brake: silent</li>" in text
     assert "<h2>Timing</h2>" not in text
@@ -55,11 +47,9 @@ def test_a_bench_that_did_not_open_has_a_bullet_per_device_and_no_timing() -> No
 def test_what_was_asked_of_the_machine_and_what_is_in_its_way_is_in_the_report() -> None:
     realtime = {"fifo": False, "mlock": True, "details": {"fifo": "not <permitted>", "mlock": "all pages"}}
     realtime["machine"] = [{"name": "kernel", "in_order": False, "found": "no realtime kernel", "mend": "install one"}]
-    plain = result(clock="real", run="id", attempt=1, notes=[], decision={"rule": "simple", "guard_factor": 0.0})
-    timing = {"scans": 10, "missed": 0, "clock": "real", "period_ns": 1_000_000, "oldest_sample_scans": 1}
     late = {"p50": 1.0, "p99": 2.0, "p999": 3.0, "max": 4.0}
-    plain["timing"] = timing | {"realtime": realtime, "lateness_us": late, "work_us": late}
-    text = report_html(plain, RUN | {"clock": "real"}, [], {}, {}).decode()
+    found = timing(clock="real", realtime=realtime, lateness_us=late, work_us=late)
+    text = report_html(result(attempt=1, timing=found), manifest(clock="real"), [], {}, {}).decode()
     assert "<dt>fifo</dt><dd>refused: not &lt;permitted&gt;</dd>" in text
     assert "<dt>mlock</dt><dd>granted: all pages</dd>" in text
     assert "no realtime kernel; remedy: install one" in text
@@ -81,7 +71,8 @@ def test_temperatures_and_zeroes_are_in_the_report() -> None:
 
 
 def test_guard_banded_limits_are_numbers() -> None:
-    metric = {"uncertainty": 0.1, "limits": {"min": None, "max": 1.0}}
-    assert guarded_text(metric, {"rule": "guard_band", "guard_factor": 0.5}) == "accept ≤ 0.950"
-    assert guarded_text(metric, {"rule": "simple", "guard_factor": 0.0}) == ""
-    assert guarded_text(metric | {"uncertainty": None}, {"rule": "guard_band", "guard_factor": 0.5}) == ""
+    limited = metric(uncertainty=0.1, limits={"min": None, "max": 1.0})
+    guard_band = DecisionRule(rule="guard_band", guard_factor=0.5)
+    assert guarded_text(limited, guard_band) == "accept ≤ 0.950"
+    assert guarded_text(limited, DecisionRule()) == ""
+    assert guarded_text(replace(limited, uncertainty=None), guard_band) == ""

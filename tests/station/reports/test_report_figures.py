@@ -8,6 +8,7 @@ import io
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from html import unescape
 from pathlib import Path
@@ -16,9 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 from lostmotion_command import here
+from made_documents import made, metric
 from printed_numbers import last_digit, prints
 
 from analysis.loop.branches import Branch
+from station.documents.result import Result
 from station.records.run_record import RunRecord
 from station.reports.budget_rows import budget_tables
 from station.reports.figures.loop_plot import width_text
@@ -73,15 +76,15 @@ def test_every_side_has_its_budget_and_gives_its_u(
     recipe: str, shipped_run: Any, page_of: Callable[[str], str]
 ) -> None:
     record, page = shipped_run(recipe).record, page_of(recipe)
-    metrics = RunRecord(record).read_json("result.json")["metrics"]
-    known = [row for metric in metrics for row in side_rows(metric) if row["uncertainty"] is not None]
+    metrics = RunRecord(record).read(Result, "result.json").metrics
+    known = [row for one in metrics for row in side_rows(one) if row.uncertainty is not None]
     found = budgets(page)
     assert list(found) == [metric_name(row) for row in known]
     assert len(found) > len(metrics)
     for row in known:
         stated, rows = found[metric_name(row)]
         single = [one for one in rows if one[1]]
-        assert len(single) == len(row["budget"])
+        assert len(single) == len(row.budget)
         expanded = 2.0 * math.hypot(*(figure(one[4]) for one in single))
         total = next(one for one in rows if one[0].startswith("all"))
         printed, computed = re.search(r"± ([0-9.]+)", stated), re.search(r"U = 2·u = ([0-9.e−]+)", total[0])
@@ -89,13 +92,13 @@ def test_every_side_has_its_budget_and_gives_its_u(
         assert computed is not None
         assert figure(computed[1]) == pytest.approx(expanded, rel=1e-3)
         assert figure(total[4]) == pytest.approx(expanded / 2.0, rel=1e-3)
-        if row["id"] == "grade":
+        if row.id == "grade":
             assert total[4].endswith(" arcmin")
             assert "of the backlash that is graded" in total[0]
         else:
             # of contributions that were printed: each is as wrong as its own rounding
             assert figure(printed[1]) == pytest.approx(expanded, rel=1e-3, abs=0.51 * last_digit(printed[1]))
-            assert expanded == pytest.approx(row["uncertainty"], rel=1e-3)
+            assert expanded == pytest.approx(row.uncertainty, rel=1e-3)
         summed = [one for one in rows if not one[1] and not one[0].startswith("all")]
         large = rows[: len(rows) - len(summed) - 1 - (int(summed[0][0].split()[0]) if summed else 0)]
         assert 2.0 * math.hypot(*(figure(one[4]) for one in large + summed)) == pytest.approx(expanded, rel=1e-3)
@@ -135,11 +138,11 @@ def test_the_lines_of_the_torque_ratio_are_fitted_again(page: str, quick_run: An
         assert prints(row[4], line["u_slope"])
         assert prints(row[3], line["u_offset_nm"])
         assert prints(row[5], line["correlation"])
-    metrics = {one["id"]: one["sides"] for one in RunRecord(quick_run.record).read_json("result.json")["metrics"]}
+    metrics = {one.id: one.sides for one in RunRecord(quick_run.record).read(Result, "result.json").metrics}
     for sign, name, turn in (("+", "load positive", 1.0), ("-", "load negative", -1.0)):
         slope, offset = fitted[name]
-        assert slope == pytest.approx(metrics["torque_ratio_slope"][sign]["value"], rel=1e-8)
-        assert turn * offset == pytest.approx(metrics["torque_ratio_offset"][sign]["value"], rel=1e-7)
+        assert slope == pytest.approx(metrics["torque_ratio_slope"][sign].value, rel=1e-8)
+        assert turn * offset == pytest.approx(metrics["torque_ratio_offset"][sign].value, rel=1e-7)
 
 
 WITHOUT_VERDICT = {
@@ -160,11 +163,11 @@ def test_the_loop_of_a_page_has_values_and_no_verdict(
     again = here("analyze", str(tmp_path / "loop.csv"), "--recipe", str(tmp_path / "recipe.yaml"), "--json").json
     assert again["verdict"] == "NOT DECIDABLE"
     assert any(reason.startswith(WITHOUT_VERDICT[recipe]) for reason in again["reasons"])
-    values = {metric_name(row): row["value"] for metric in again["metrics"] for row in side_rows(metric)}
-    for metric in RunRecord(record).read_json("result.json")["metrics"]:
-        if not metric["id"].startswith("torque_ratio"):
-            for row in side_rows(metric):
-                assert values[metric_name(row)] == pytest.approx(row["value"], rel=1e-4), metric_name(row)
+    values = {metric_name(row): row.value for one in made(Result, again).metrics for row in side_rows(one)}
+    for one in RunRecord(record).read(Result, "result.json").metrics:
+        if not one.id.startswith("torque_ratio"):
+            for row in side_rows(one):
+                assert values[metric_name(row)] == pytest.approx(row.value, rel=1e-4), metric_name(row)
 
 
 def side(value: float, share: float) -> dict[str, Any]:
@@ -181,23 +184,24 @@ def side(value: float, share: float) -> dict[str, Any]:
 
 def test_the_side_that_judges_comes_first_each_with_its_own_figures() -> None:
     sides = {"+": side(1.0, 1.0), "-": side(3.0, 1.0)}
-    metric = {"id": "backlash", "branch": "width", "side": "+", "unit": "arcmin", "definition": "width"}
-    metric |= {"limits": {"min": None, "max": 5.0}, "coverage_factor": 2.0, "sides": sides} | sides["+"]
-    tables = budget_tables([metric])
+    limits = {"min": None, "max": 5.0}
+    shown = {"id": "backlash", "branch": "width", "side": "+", "definition": "width", "coverage_factor": 2.0}
+    found = metric(**shown, limits=limits, sides=sides, **sides["+"])
+    tables = budget_tables([found])
     assert [(one.metric, one.expanded) for one in tables] == [
         ("backlash side −", "3.00 ± 0.60 arcmin"),
         ("backlash side +", "1.00 ± 0.20 arcmin"),
     ]
     assert [one.rows[0][4] for one in tables] == ["0.3 arcmin", "0.1 arcmin"]
-    assert explained(metric) == "width. cycles (side −) 3.000, 3.000; s = 0.03. cycles (side +) 1.000, 1.000; s = 0.01"
+    assert explained(found) == "width. cycles (side −) 3.000, 3.000; s = 0.03. cycles (side +) 1.000, 1.000; s = 0.01"
 
 
 def test_an_energy_is_told_in_joules_too() -> None:
-    metric = {"id": "hysteresis_energy", "branch": "width", "side": "both", "unit": "N·m·arcmin", "definition": "area"}
-    metric |= {"limits": {}, "value": 312.0, "uncertainty": 2.7, "value_j": 312.0 * math.pi / 10_800, "verdict": None}
-    assert explained(metric) == "area. In joules: 0.09076 ± 0.00079 J"
-    assert explained(metric | {"uncertainty": None}) == "area. In joules: 0.09076 J"
-    assert explained(metric | {"value": 0.0, "value_j": 0.0}) == "area. In joules: 0 J"
+    named = {"id": "hysteresis_energy", "branch": "width", "unit": "N·m·arcmin", "definition": "area"}
+    found = metric(**named, value=312.0, uncertainty=2.7, value_j=312.0 * math.pi / 10_800)
+    assert explained(found) == "area. In joules: 0.09076 ± 0.00079 J"
+    assert explained(replace(found, uncertainty=None)) == "area. In joules: 0.09076 J"
+    assert explained(replace(found, value=0.0, value_j=0.0)) == "area. In joules: 0 J"
 
 
 def test_the_picture_has_the_width_that_the_table_has() -> None:

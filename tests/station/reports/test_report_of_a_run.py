@@ -5,12 +5,14 @@ from __future__ import annotations
 import base64
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from lostmotion_command import here
+from made_documents import checks, made, metric, result, stages
 from patient import GOLDEN_RECIPE
 from run_copies import alone
 
@@ -22,6 +24,7 @@ from station.cli.runs.evaluate_anew import reevaluate
 from station.cli.studies import model as command_model
 from station.cli.studies import play_model as command_play_model
 from station.cli.studies.model import Asked, fixed_values
+from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_conditions import housing_temperature_c, lock_position_deg
@@ -92,9 +95,9 @@ def test_the_report_stands_alone_and_is_the_same_when_made_again(run: RunRecord,
     )
     for title in titles:
         assert f"<h2>{title}</h2>" in page
-    for name, found in run.manifest()["files"].items():
+    for name, found in run.manifest().files.items():
         assert name in page
-        assert found["sha256"] in page
+        assert found.sha256 in page
 
 
 def test_a_reader_can_compute_the_metrics_again_from_the_report_alone(run: RunRecord, tmp_path: Path) -> None:
@@ -105,18 +108,18 @@ def test_a_reader_can_compute_the_metrics_again_from_the_report_alone(run: RunRe
     again = {(one["id"], one["branch"]): one for one in done.json["metrics"]}
     stored = [one for one in run.read_json("result.json")["metrics"] if not one["id"].startswith("torque_ratio")]
     assert len(stored) >= 5
-    for metric in stored:
-        found = again[metric["id"], metric["branch"]]
-        for side, value in metric["sides"].items():
-            assert found["sides"][side]["value"] == pytest.approx(value["value"], rel=2e-5), metric["id"]
+    for one in stored:
+        found = again[one["id"], one["branch"]]
+        for side, value in one["sides"].items():
+            assert found["sides"][side]["value"] == pytest.approx(value["value"], rel=2e-5), one["id"]
 
 
 def test_who_measured_is_told_wherever_a_person_reads(run: RunRecord, tmp_path: Path) -> None:
     assert "<dt>operator</dt><dd>A. Tester</dd>" in report(run, tmp_path / "out")
-    result, shown = run.read_json("result.json"), run.manifest()
+    result, shown = run.read(Result, "result.json"), run.manifest()
     rows = provenance_rows(result, shown, {})
     assert ("operator", "A. Tester") in rows
-    assert "operator" not in dict(provenance_rows(result, shown | {"operator": None}, {}))
+    assert "operator" not in dict(provenance_rows(result, replace(shown, operator=None), {}))
     done = here("show", run.id, "--data", str(run.folder.parent))
     assert " by A. Tester, " in done.out
 
@@ -133,7 +136,7 @@ def test_an_altered_record_is_reported_as_altered(run: RunRecord, tmp_path: Path
 
 def test_a_run_without_a_result_has_a_report(run: RunRecord, tmp_path: Path) -> None:
     (run.folder / "result.json").unlink()
-    manifest = {key: value for key, value in run.manifest().items() if key != "files"}
+    manifest = {key: value for key, value in run.read_json("run.json").items() if key != "files"}
     run.write_json("run.json", manifest | {"state": "interrupted", "verdict": None})
     run = alone(run)
     page = report(run, tmp_path / "out")
@@ -146,7 +149,7 @@ def test_a_record_of_an_older_version_has_a_report(run: RunRecord) -> None:
     old = {key: value for key, value in run.read_json("result.json").items() if key not in ("gates", "stages", "notes")}
     keys = ("budget", "uncertainty_kind", "per_cycle", "sides", "estimator")
     old["metrics"] = [{key: value for key, value in one.items() if key not in keys} for one in old["metrics"]]
-    html, pdf = illustrate(run, Shown(found.job, old, found.result))
+    html, pdf = illustrate(run, Shown(found.job, made(Result, old), found.result))
     assert b"Validity checks" not in html
     assert pdf.startswith(b"%PDF-")
 
@@ -171,9 +174,9 @@ def test_a_report_that_cannot_be_written_is_told(run: RunRecord, tmp_path: Path)
 
 
 def test_a_run_evaluated_again_is_still_virtual(run: RunRecord) -> None:
-    result = reevaluate(run, None, None)
-    assert virtual_badges(result) == ("VIRTUAL BENCH", "VIRTUAL TIME")
-    assert virtual_badges(result | {"clock": "real", "timing": {}}) == ("VIRTUAL BENCH",)
+    found = reevaluate(run, None, None)
+    assert virtual_badges(found) == ("VIRTUAL BENCH", "VIRTUAL TIME")
+    assert virtual_badges(replace(found, clock="real", timing=None)) == ("VIRTUAL BENCH",)
 
 
 def test_conditions_are_read_from_the_records(run: RunRecord) -> None:
@@ -272,7 +275,7 @@ def test_gates_budgets_and_stages_become_rows() -> None:
         {"id": "drift", "figure": None, "limit": 2.0, "unit": "%", "passed": None, "text": unmeasured},
         {"id": "c", "figure": 3.0, "limit": 2.0, "unit": "1", "passed": False, "text": "too much"},
     ]
-    assert check_rows(gates) == (
+    assert check_rows(checks(*gates)) == (
         ("", "c", "too much: 3, limit 2", "FAILED"),
         ("", "a", "fine: 1 %, limit 2 %", "passed"),
         (CHECKS["drift"].title, "drift", "not measured: no sensor", "not applicable"),
@@ -298,8 +301,7 @@ def test_gates_budgets_and_stages_become_rows() -> None:
             "share": 1.0,
         },
     ]
-    metric = {"id": "windup", "branch": "mean", "side": "both", "value": 9.0, "uncertainty": 0.2, "unit": "arcmin"}
-    (table,) = budget_tables([metric | {"budget": budget}, metric])
+    (table,) = budget_tables([metric(uncertainty=0.2, budget=budget), metric(uncertainty=0.2)])
     assert (table.metric, table.expanded) == ("windup", "9.00 ± 0.20 arcmin")
     assert table.rows == (
         ("gain", "normal, k = 2", "0.001", "−9", "0.1 arcmin", "100.0%"),
@@ -307,19 +309,20 @@ def test_gates_budgets_and_stages_become_rows() -> None:
         ("all: u = √Σ contribution², U = 2·u = 0.2 arcmin", "", "", "", "0.1 arcmin", "100.0%"),
     )
     assert table.small == (("small", "–", "1e−09 rad", "1", "1e−09 arcmin", "0.0%"),)
-    assert shown_checks({"metrics": [], "gates": gates}) == gates[2:]
-    assert shown_checks({"metrics": [metric], "gates": gates}) == gates
-    stages = [
+    assert shown_checks(result(gates=gates)) == list(checks(*gates[2:]))
+    assert shown_checks(result(metrics=[metric()], gates=gates)) == list(checks(*gates))
+    rows = [
         {"stage": "drift", "text": "none", "figures": {"slope_here": {"value": 0.5, "unit": "arcmin/min"}}},
         {"name": "fits", "text": "made"},
     ]
-    assert stage_rows(stages) == (("drift", "none", "slope here 0.5 arcmin/min"), ("fits", "made", ""))
+    assert stage_rows(stages(*rows)) == (("drift", "none", "slope here 0.5 arcmin/min"), ("fits", "made", ""))
 
 
 def test_the_kind_of_uncertainty_is_a_sentence() -> None:
-    metric = {"id": "windup", "branch": "mean", "side": "both", "uncertainty": 0.1, "budget": [{"share": 1.0}]}
-    alone = metric | {"id": "lost_motion", "budget": [], "uncertainty_kind": "repeatability"}
-    texts = [uncertainty_kind(one) for one in ([metric], [metric, alone], [alone], [metric | {"uncertainty": None}])]
+    known = metric(uncertainty=0.1, budget=[{"quantity": "q", "share": 1.0}])
+    alone = replace(known, id="lost_motion", budget=(), uncertainty_kind="repeatability")
+    unknown = replace(known, uncertainty=None)
+    texts = [uncertainty_kind(one) for one in ([known], [known, alone], [alone], [unknown])]
     assert len(set(texts)) == len(texts)
     assert all(text.endswith(".") for text in texts)
     assert "lost_motion" in texts[1]

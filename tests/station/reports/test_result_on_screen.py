@@ -5,20 +5,23 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from lostmotion_command import here
+from made_documents import checks, metric, result
 from rich.console import Console
 
 from definitions.checks import CHECKS
+from station.documents.reading import plain
 from station.reports.content import checks_line
 from station.reports.headline import remaining_reasons
 from station.reports.html_page import rule_text
 from station.reports.result_notes import MOST_NOTES, check_lines, note_lines, summary_lines
 from station.reports.result_view import titled_name
-from station.run.run_list import print_runs
+from station.run.run_list import RunRow, print_runs
 
 ROOT = Path(__file__).parents[3]
 GATES = [
@@ -29,34 +32,30 @@ GATES = [
 
 
 def test_each_failed_check_is_one_line_with_title_figure_limit_and_id() -> None:
-    (line,) = check_lines({"gates": GATES})
+    (line,) = check_lines(result(gates=GATES))
     assert all(part in line for part in (CHECKS["drift"].title, "0.31 %", "0.1 %", "drift"))
-    assert check_lines({}) == []
-    unknown = check_lines({"gates": [GATES[0] | {"id": "of_an_older_version"}]})
+    assert check_lines(result()) == []
+    unknown = check_lines(result(gates=[GATES[0] | {"id": "of_an_older_version"}]))
     assert unknown == ["0.31 %, limit 0.1 %  of_an_older_version"]
 
 
 def test_checks_are_counts() -> None:
-    assert checks_line(GATES) == "1 check failed, 1 check passed, 1 not applicable"
-    assert checks_line([GATES[1]] * 29 + [GATES[2]] * 6) == "29 checks passed, 6 not applicable"
+    assert checks_line(checks(*GATES)) == "1 check failed, 1 check passed, 1 not applicable"
+    assert checks_line(checks(*[GATES[1]] * 29, *[GATES[2]] * 6)) == "29 checks passed, 6 not applicable"
     assert checks_line([]) == ""
-    metrics = [{"uncertainty": None, "id": "windup"}]
-    assert checks_line(GATES) in summary_lines({"metrics": metrics, "gates": GATES})
-    assert summary_lines({"metrics": [], "gates": GATES}) == []
+    assert checks_line(checks(*GATES)) in summary_lines(result(metrics=[metric()], gates=GATES))
+    assert summary_lines(result(gates=GATES)) == []
 
 
 def test_a_metric_on_screen_has_its_title_with_its_id_below() -> None:
-    row = {"id": "windup", "title": "Wind-up", "branch": "mean", "side": "both"}
-    assert titled_name(row).plain == "Wind-up\nwindup"
-    assert titled_name({**row, "title": ""}).plain == "windup"
+    assert titled_name(metric(title="Wind-up")).plain == "Wind-up\nwindup"
+    assert titled_name(metric(title="")).plain == "windup"
 
 
 def test_reasons_are_shown_by_title_with_the_id_behind() -> None:
-    metric = {"id": "windup", "title": "Wind-up", "sides": {}}
     reasons = ["windup, side -: 9 arcmin", "measurement invalid: drift: 2 %", "measurement invalid: lost", "gone: 1"]
-    result = {"state": "complete", "metrics": [metric], "reasons": reasons}
     title = CHECKS["drift"].title
-    assert remaining_reasons(result) == [
+    assert remaining_reasons(result(metrics=[metric(title="Wind-up")], reasons=reasons)) == [
         "Wind-up, side − [windup]: 9 arcmin",
         f"Measurement invalid. {title} [drift]: 2 %",
         *reasons[2:],
@@ -70,19 +69,25 @@ def test_notes_that_matter_are_warnings_and_corrections() -> None:
         {"stage": "fixture", "text": "nothing to subtract", "applied": False},
     ]
     notes = ["recipe x is not the one of run y", "drift taken out", "binned", "nothing to subtract"]
-    assert note_lines({"notes": notes, "stages": stages}) == ["recipe x is not the one of run y", "drift taken out"]
-    assert note_lines({"notes": notes}) == ["recipe x is not the one of run y"]
-    many = {"notes": [f"recipe {number}" for number in range(9)]}
+    assert note_lines(result(notes=notes, stages=stages)) == ["recipe x is not the one of run y", "drift taken out"]
+    assert note_lines(result(notes=notes)) == ["recipe x is not the one of run y"]
+    many = result(notes=[f"recipe {number}" for number in range(9)])
     assert len(note_lines(many)) == MOST_NOTES + 1
-    assert note_lines({}) == []
+    assert note_lines(result()) == []
 
 
-def rows() -> list[dict[str, Any]]:
-    one: dict[str, Any] = {"run": "20260102T030405.678Z-SN-0000001", "serial": "SN-0000001", "attempt": 1}
-    one |= {"recipe": "rv-40e-121-inverse", "revision": 1, "state": "complete", "verdict": "NOT DECIDABLE"}
-    one |= {"records": 154142, "scanning": None}
-    damaged = one | {"run": "x", "serial": None, "recipe": None, "state": "damaged", "verdict": None, "attempt": None}
-    return [one, one | {"state": "altered", "verdict": None}, damaged]
+def rows() -> list[RunRow]:
+    one = RunRow(
+        run="20260102T030405.678Z-SN-0000001",
+        serial="SN-0000001",
+        attempt=1,
+        recipe="rv-40e-121-inverse",
+        revision=1,
+        state="complete",
+        verdict="NOT DECIDABLE",
+        records=154142,
+    )
+    return [one, replace(one, state="altered", verdict=None), RunRow(run="x", state="damaged", records=154142)]
 
 
 @pytest.mark.parametrize(("width", "fits"), [(130, True), (80, True), (50, True), (80, False)])
@@ -120,12 +125,12 @@ def test_wider_validity_limits_stand_above_the_other_notes() -> None:
         {"id": "repeat", "figure": 0.1, "limit": 2.0, "unit": "%", "passed": True, "text": "repeat"},
         {"id": "points_per_bin", "figure": 9.0, "limit": 1.0, "unit": "samples", "passed": True, "text": "points"},
     ]
-    first, *_ = note_lines({"gates": gates, "stages": [{"name": "a", "text": "b"}], "notes": ["other"]})
+    first, *_ = note_lines(result(gates=gates, stages=[{"name": "a", "text": "b"}], notes=["other"]))
     assert first == (
         "validity limits wider than usual in the recipe (usual ones in brackets): drift 100 % (1 %), "
         "points_per_bin 1 samples (3 samples)"
     )
-    assert note_lines({"gates": gates[1:2]}) == []
+    assert note_lines(result(gates=gates[1:2])) == []
 
 
 @pytest.mark.parametrize("rule", ["simple", "guard_band"])
@@ -133,24 +138,24 @@ def test_what_simple_acceptance_decides_within_its_uncertainty_is_said(rule: str
     def side(value: float, uncertainty: float | None) -> dict[str, Any]:
         return {"value": value, "uncertainty": uncertainty, "verdict": "PASS"}
 
-    metric: dict[str, Any] = {"id": "backlash_width_3pct", "branch": "both", "torque_nm": None}
-    metric |= {"limits": {"min": None, "max": 1.0}, "sides": {"+": side(0.97, 0.16), "-": side(0.97, 0.02)}}
-    free = metric | {"id": "windup", "limits": {"min": None, "max": None}, "sides": {"both": side(9.0, 0.1)}}
-    unknown = metric | {"id": "lost_motion", "sides": {"both": side(0.99, None)}}
-    result = {"decision": {"rule": rule, "guard_factor": 0.0}, "metrics": [metric, free, unknown]}
+    limits = {"min": None, "max": 1.0}
+    sides = {"+": side(0.97, 0.16), "-": side(0.97, 0.02)}
+    both = metric(id="backlash_width_3pct", branch="both", limits=limits, sides=sides)
+    free = metric(id="windup", branch="both", sides={"both": side(9.0, 0.1)})
+    unknown = metric(id="lost_motion", branch="both", limits=limits, sides={"both": side(0.99, None)})
+    found = result(decision={"rule": rule, "guard_factor": 0.0}, metrics=[both, free, unknown])
     said = (
         "decided within the uncertainty of the limit (rule simple ignores U): "
         "backlash_width_3pct side + 0.97 ± 0.16 (limit ≤ 1)"
     )
-    assert note_lines(result) == ([said] if rule == "simple" else [])
-    assert (said[1:] in rule_text(result)) == (rule == "simple")
+    assert note_lines(found) == ([said] if rule == "simple" else [])
+    assert (said[1:] in rule_text(found)) == (rule == "simple")
 
 
 def sided(name: str, *sides: str, limit: float | None = 108.0, **changes: Any) -> dict[str, Any]:
     """A metric of a result whose sides are those; the first one is its headline."""
     row = {"value": 115.0, "uncertainty": 0.5, "verdict": "PASS"}
-    found: dict[str, Any] = {"id": name, "branch": "mean", "torque_nm": None, "choices": [], "side": sides[0]}
-    found |= {"limits": {"min": limit, "max": None}, "sides": dict.fromkeys(sides, row)}
+    found = plain(metric(id=name, side=sides[0], limits={"min": limit, "max": None}, sides=dict.fromkeys(sides, row)))
     return found | changes
 
 
@@ -172,6 +177,6 @@ def sided(name: str, *sides: str, limit: float | None = 108.0, **changes: Any) -
 )
 def test_what_was_judged_on_one_side_of_two_is_said(metrics: list[dict[str, Any]], said: str) -> None:
     """The other side of such a metric may be weak, and the verdict is a PASS: a reader must see what it did not see."""
-    result = {"decision": {"rule": "guard_band", "guard_factor": 1.0}, "metrics": metrics}
-    assert note_lines(result) == ([f"judged on one side only: {said}"] if said else [])
-    assert (f"one side only: {said}." in rule_text(result)) == bool(said)
+    found = result(decision={"rule": "guard_band", "guard_factor": 1.0}, metrics=metrics)
+    assert note_lines(found) == ([f"judged on one side only: {said}"] if said else [])
+    assert (f"one side only: {said}." in rule_text(found)) == bool(said)

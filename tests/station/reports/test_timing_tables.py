@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from made_documents import made, manifest, result, timing
 from rich.console import Console
 from scan_marks import scan
-from test_headline import result
-from test_report import RUN
 
+from station.documents.reading import plain
+from station.documents.result import Result
+from station.documents.timing import Timing
 from station.records.run_record import RunRecord
 from station.records.scan_times import GAPS_KEPT, ScanTimes
 from station.reports.content import Content
@@ -36,13 +38,12 @@ def proof(gaps: int = 1) -> dict[str, Any]:
     for further in range(1, gaps):
         scan(times, 10 * further, lateness_us=1500 + further)
         scan(times, 10 * further + 2, missed=1)
-    block = {"clock": "real", "period_ns": 1_000_000, "scans": 100, "missed": times.missed, "oldest_sample_scans": 1}
-    realtime = {"details": {}}
-    return block | {"lateness_us": LATE, "work_us": LATE, "realtime": realtime} | times.to_dict()
+    counted = times.to_dict()
+    return plain(timing(clock="real", scans=100, missed=times.missed, lateness_us=LATE, work_us=LATE, **counted))
 
 
 def test_each_missed_period_has_its_scan_and_what_took_the_time() -> None:
-    found = timing_tables(proof(gaps=2))
+    found = timing_tables(made(Timing, proof(gaps=2)))
     assert found.missed == (
         ("3", "0.003 s", "2", "long write", "10", "20", "20", "2500", "20"),
         ("10", "0.010 s", "1", "woken late", "1501", "20", "20", "20", "20"),
@@ -64,14 +65,14 @@ def test_each_missed_period_has_its_scan_and_what_took_the_time() -> None:
     ],
 )
 def test_more_missed_periods_than_fit_are_counted(gaps: int, more: str) -> None:
-    found = timing_tables(proof(gaps))
+    found = timing_tables(made(Timing, proof(gaps)))
     assert (len(found.missed), found.more) == (MISSED_SHOWN, more)
     assert found.missed[0][0] == "3", "the longest gaps are shown"
     times = [float(row[1].split()[0]) for row in found.missed]
     assert times == sorted(times)
 
 
-def shown(found: dict[str, Any]) -> list[str]:
+def shown(found: Result) -> list[str]:
     stream = io.StringIO()
     show_result(Console(file=stream, width=110), found)
     return stream.getvalue().partition("╭")[0].splitlines()
@@ -79,8 +80,7 @@ def shown(found: dict[str, Any]) -> list[str]:
 
 def test_the_screen_has_two_more_lines_and_neither_is_wrapped(tmp_path: Path) -> None:
     whole = proof(gaps=4)
-    block = {key: whole[key] for key in ("clock", "period_ns", "scans", "missed", "oldest_sample_scans")}
-    block |= {"lateness_us": LATE, "work_us": LATE}
+    block = timing(clock="real", scans=100, missed=whole["missed"], lateness_us=LATE, work_us=LATE)
     before = shown(result(timing=block, record=str(tmp_path)))
     (tmp_path / "timing.json").write_text(json.dumps(whole), encoding="utf-8")
     lines = shown(result(timing=block, record=str(tmp_path)))
@@ -97,22 +97,22 @@ def test_the_screen_has_two_more_lines_and_neither_is_wrapped(tmp_path: Path) ->
 
 
 def test_html_and_pdf_have_the_tables() -> None:
-    plain = result(clock="real", run="id", attempt=1, notes=[], decision={"rule": "simple", "guard_factor": 0.0})
-    plain["timing"] = proof(gaps=13)
-    content = Content("", timing=timing_tables(plain["timing"]))
-    text = re.sub(r"<[^>]+>", " ", report_html(plain, RUN | {"clock": "real"}, [], {}, {}, content=content).decode())
+    found, run = result(attempt=1, timing=proof(gaps=13)), manifest(clock="real")
+    content = Content("", timing=timing_tables(found.timing))
+    text = re.sub(r"<[^>]+>", " ", report_html(found, run, [], {}, {}, content=content).decode())
     words = " ".join(text.split())
     assert "µs p50 p99 p99.9 max lateness 1.0 2.0 3.0 1019.6" in words
     assert "after scan time missed what took the time late read step write record 3 0.003 s 2 long write" in words
     assert "and 3 more, in timing.json" in words
     assert "longest 3 0.003 s long write" in words
-    without = report_pdf(plain, RUN | {"clock": "real"}, Content(""), {}, {})
-    assert len(report_pdf(plain, RUN | {"clock": "real"}, content, {}, {})) > len(without)
+    without = report_pdf(found, run, Content(""), {}, {})
+    assert len(report_pdf(found, run, content, {}, {})) > len(without)
 
 
 @pytest.mark.parametrize(
     "damaged",
     [
+        [],
         {},
         {"clock": "virtual"},
         {"clock": "real"},
@@ -121,14 +121,16 @@ def test_html_and_pdf_have_the_tables() -> None:
         proof() | {"gaps": [{"scan": 1, "missed": 1, "before": {"cause": "sabotage"}}]},
     ],
 )
-def test_a_proof_that_says_nothing_or_is_damaged_is_left_out(damaged: dict[str, Any], tmp_path: Path) -> None:
-    assert timing_tables(damaged) == TimingTables()
-    assert len(timing_details(damaged)) < 2
-    (tmp_path / "timing.json").write_text("[]", encoding="utf-8")
-    assert timing_proof(RunRecord(tmp_path)) == {}
-    assert timing_proof(RunRecord(tmp_path / "gone")) == {}
+def test_a_proof_that_says_nothing_or_is_damaged_is_left_out(damaged: Any, tmp_path: Path) -> None:
+    (tmp_path / "timing.json").write_text(json.dumps(damaged), encoding="utf-8")
+    assert timing_proof(RunRecord(tmp_path)) is None
+    assert timing_proof(RunRecord(tmp_path / "gone")) is None
+    for nothing in (None, timing(), timing(clock="real")):
+        assert timing_tables(nothing).scans == timing_tables(nothing).missed == ()
+        assert timing_details(nothing) == []
+    assert timing_tables(None) == timing_tables(timing()) == TimingTables()
 
 
 def test_a_record_of_an_older_version_has_what_it_knows() -> None:
     old = {key: value for key, value in proof().items() if key != "latest_scans"}
-    assert {row[0] for row in timing_tables(old).scans} == {"longest", ""}
+    assert {row[0] for row in timing_tables(made(Timing, old)).scans} == {"longest", ""}

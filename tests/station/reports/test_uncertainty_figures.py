@@ -65,16 +65,16 @@ def test_trace_from_elsewhere_has_a_budget_only_with_its_bench(tmp_path: Path) -
     pa_csv.write_csv(pa.table(columns), file)
     alone = elsewhere(file, "rv-40e-121-quick", None)
     known = elsewhere(file, "rv-40e-121-quick", "virtual", draws=20)
-    assert {metric["uncertainty_kind"] for metric in alone["metrics"]} == {"repeatability"}
-    assert any("repeatability only" in note for note in alone["notes"])
-    assert {metric["uncertainty_kind"] for metric in known["metrics"]} == {"budget"}
-    assert all(metric["budget"] and metric["uncertainty"] > 0 for metric in known["metrics"])
-    assert known["metrics"][0]["monte_carlo"]["draws"] == 20
-    for metric in known["metrics"]:
-        for side in metric["sides"].values():
-            assert side["monte_carlo"]["low"] < side["value"] < side["monte_carlo"]["high"]
-        assert metric["sides"][metric["side"]]["monte_carlo"] == metric["monte_carlo"]
-    assert {side["monte_carlo"] for metric in alone["metrics"] for side in metric["sides"].values()} == {None}
+    assert {metric.uncertainty_kind for metric in alone.metrics} == {"repeatability"}
+    assert any("repeatability only" in note for note in alone.notes)
+    assert {metric.uncertainty_kind for metric in known.metrics} == {"budget"}
+    assert all(metric.budget and metric.uncertainty > 0 for metric in known.metrics)
+    assert known.metrics[0].monte_carlo.draws == 20
+    for metric in known.metrics:
+        for side in metric.sides.values():
+            assert side.monte_carlo.low < side.value < side.monte_carlo.high
+        assert metric.sides[metric.side].monte_carlo == metric.monte_carlo
+    assert {side.monte_carlo for metric in alone.metrics for side in metric.sides.values()} == {None}
     asked = ("analyze", str(file), "--recipe", "rv-40e-121-quick", "--monte-carlo", "60")
     shown = here(*asked, "--bench", "virtual").out
     assert "Monte Carlo, 60 draws of all errors at once" in shown

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from nptdms import TdmsFile
 from scipy.io import loadmat
-from station_samples import IMAGE, ORDERS
+from station_samples import IMAGE, ORDERS, SETUP
 
 from analysis.trace.runs import commanded_runs
 from analysis.trace.trace import CHANNELS, SegmentInfo
@@ -22,6 +22,9 @@ from analysis.trace.trace_files import read_trace
 from definitions.faults import FAULTS
 from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, State
 from recipes import find_bench, load_bench
+from station.documents.exported import ExportedRun
+from station.documents.reading import plain
+from station.records.program_file import SegmentRow
 from station.records.samples.scan_record import HEADER_FIELDS, pack
 from station.records.samples.table import Table, table_of
 from station.records.samples.value_names import CODED
@@ -29,16 +32,29 @@ from station.results.evaluation import trace_of
 from station.results.export import FORMATS, Column, columns_of, sidecar, trace_columns
 from station.results.export_origin import fingerprint_of
 
-RUN = {"id": "20260101T000000.000Z-S1", "serial": "S1 ±°", "attempt": 2, "recipe": {"name": "r", "revision": 3}}
+RUN = ExportedRun(
+    id="20260101T000000.000Z-S1",
+    serial="S1 ±°",
+    attempt=2,
+    state="complete",
+    started="2026-01-01T00:00:00.000+00:00",
+    clock="real",
+    period_ns=1_000_000,
+    recipe=SETUP.recipe,
+    bench=SETUP.bench,
+    software=SETUP.software,
+    unit="RV",
+    verdict="PASS",
+)
 SCANS = 50
 AWKWARD = (0.1, -0.0, 1e-300, 1 / 3, 123456789.123456789)
 
 
 BENCH = load_bench(find_bench("virtual"))
 SEGMENTS = [
-    {"index": 0, "role": "none", "direction": 0, "cycle": 0},
-    {"index": 1, "role": "calibrate", "direction": 1, "cycle": 0},
-    {"index": 2, "role": "measure", "direction": -1, "cycle": 3},
+    SegmentRow(index=0, role="none", direction=0, cycle=0),
+    SegmentRow(index=1, role="calibrate", direction=1, cycle=0),
+    SegmentRow(index=2, role="measure", direction=-1, cycle=3),
 ]
 
 
@@ -96,7 +112,7 @@ def read_tdms(path: Path) -> Read:
     values = {channel.name: channel[:] for channel in channels}
     units = {channel.name: channel.properties["unit_string"] for channel in channels}
     meanings = {channel.name: channel.properties["description"] for channel in channels}
-    assert file.properties["serial"] == RUN["serial"]
+    assert file.properties["serial"] == RUN.serial
     return values, units, meanings, json.loads(file.properties["lostmotion"])
 
 
@@ -118,7 +134,7 @@ def test_round_trip_is_exact(name: str, tmp_path: Path) -> None:
     written = columns()
     FORMATS[name](path, written, RUN)
     values, units, meanings, run = READERS[name](path)
-    assert run == RUN
+    assert run == plain(RUN)
     assert set(values) == {one.name for one in written}
     for one in written:
         assert np.array_equal(np.asarray(values[one.name], dtype=one.values.dtype), one.values), one.name
@@ -226,8 +242,8 @@ def test_the_analysis_reads_the_file_as_the_trace_of_the_run(name: str, tmp_path
 
 
 STEPS = [
-    {"index": 1, "role": "measure", "direction": 1, "cycle": 1},
-    {"index": 2, "role": "measure", "direction": 1, "cycle": 1},
+    SegmentRow(index=1, role="measure", direction=1, cycle=1),
+    SegmentRow(index=2, role="measure", direction=1, cycle=1),
 ]
 
 

@@ -40,18 +40,18 @@ def changed_recipe(folder: Path, *changes: tuple[str, str]) -> str:
 
 def test_the_own_recipe_gives_the_own_verdict(failed: RunRecord) -> None:
     result = reevaluate(failed, None, None)
-    assert (result["verdict"], result["original_verdict"], result["reevaluated"]) == ("FAIL", "FAIL", False)
+    assert (result.verdict, result.original_verdict, result.reevaluated) == ("FAIL", "FAIL", False)
     assert reevaluation_heading(result) == ""
     same_bytes = reevaluate(failed, str(RECIPE), None)
-    assert not same_bytes["reevaluated"]
+    assert not same_bytes.reevaluated
 
 
 def test_a_preset_is_never_the_runs_own_verdict(failed: RunRecord) -> None:
     result = reevaluate(failed, None, None, Selection("nabtesco"))
-    assert (result["preset"], result["reevaluated"], result["original_verdict"]) == ("nabtesco", True, "FAIL")
-    assert [metric["id"] for metric in result["metrics"]] == ["backlash_width_zero", "lost_motion", "stiffness_50_100"]
+    assert (result.preset, result.reevaluated, result.original_verdict) == ("nabtesco", True, "FAIL")
+    assert [metric.id for metric in result.metrics] == ["backlash_width_zero", "lost_motion", "stiffness_50_100"]
     assert "by the definitions of preset nabtesco, not the run's own verdict (FAIL)" in reevaluation_heading(result)
-    assert RunRecord(failed.folder).manifest()["verdict"] == "FAIL"
+    assert RunRecord(failed.folder).manifest().verdict == "FAIL"
 
 
 def test_another_recipe_is_never_the_runs_own_verdict(failed: RunRecord, tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_another_bench_is_a_reevaluation_as_well(failed: RunRecord, tmp_path: Pa
     bench = tmp_path / "bench.yaml"
     bench.write_bytes((failed.folder / "bench.yaml").read_bytes() + b"# another\n")
     result = reevaluate(failed, None, str(bench))
-    assert result["reevaluated"]
+    assert result.reevaluated
     assert "on bench virtual rev 1" in reevaluation_heading(result)
 
 
@@ -108,8 +108,8 @@ def test_a_blank_test_out_of_date_on_the_day_of_the_run_decides_nothing(failed: 
         (failed.folder / "bench.yaml").read_text("utf-8").replace("calibrations:", CURVE + "calibrations:")
     )
     result = reevaluate(failed, None, str(bench))
-    assert result["verdict"] == "NOT DECIDABLE"
-    assert "blank test 'old' of bench 'virtual', which was due on 2020-01-01" in result["reasons"][0]
+    assert result.verdict == "NOT DECIDABLE"
+    assert "blank test 'old' of bench 'virtual', which was due on 2020-01-01" in result.reasons[0]
 
 
 def test_a_bench_that_loads_the_other_side_is_refused(failed: RunRecord) -> None:
@@ -141,13 +141,13 @@ def test_a_verdict_that_the_record_does_not_bear_out_decides_nothing(failed: Run
     failed = alone(failed)
     seal(failed, verdict="PASS")
     found = reevaluate(failed, None, None)
-    assert (found["verdict"], found["original_verdict"]) == ("NOT DECIDABLE", "PASS")
-    assert "evaluated anew it is FAIL" in found["reasons"][0]
+    assert (found.verdict, found.original_verdict) == ("NOT DECIDABLE", "PASS")
+    assert "evaluated anew it is FAIL" in found.reasons[0]
 
 
 @pytest.mark.parametrize(("state", "code"), [("fault", 4), ("stopped", 4), ("interrupted", 3)])
 def test_a_run_without_an_end_is_told_in_a_sentence(failed: RunRecord, state: str, code: int) -> None:
-    manifest = {key: value for key, value in failed.manifest().items() if key != "files"}
+    manifest = {key: value for key, value in failed.read_json("run.json").items() if key != "files"}
     failed.write_json("run.json", manifest)
     failed = alone(failed)
     failed.write_bytes(

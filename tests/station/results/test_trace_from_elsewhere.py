@@ -58,29 +58,29 @@ def two_cycles(path: Path, noise_nm: float) -> Path:
 def test_a_guard_band_passes_nothing_while_nobody_knows_the_sensors(tmp_path: Path) -> None:
     two = two_cycles(tmp_path / "two.csv", noise_nm=0.2)
     guarded = elsewhere(two, recipe(tmp_path, "guard_band"), None)
-    assert guarded["metrics"][0]["uncertainty_kind"] == "repeatability"
-    assert guarded["verdict"] == "NOT DECIDABLE"
-    assert "without a bench U holds the scatter of the cycles alone" in guarded["reasons"][0]
-    assert elsewhere(two, recipe(tmp_path, "guard_band"), "virtual")["verdict"] == "PASS"
-    assert elsewhere(two, recipe(tmp_path, "simple"), None)["verdict"] == "PASS"
+    assert guarded.metrics[0].uncertainty_kind == "repeatability"
+    assert guarded.verdict == "NOT DECIDABLE"
+    assert "without a bench U holds the scatter of the cycles alone" in guarded.reasons[0]
+    assert elsewhere(two, recipe(tmp_path, "guard_band"), "virtual").verdict == "PASS"
+    assert elsewhere(two, recipe(tmp_path, "simple"), None).verdict == "PASS"
 
 
 def test_a_cycle_that_is_a_copy_of_another_decides_nothing_where_the_bench_has_noise(tmp_path: Path) -> None:
     copied = two_cycles(tmp_path / "copied.csv", noise_nm=0.0)
     found = elsewhere(copied, recipe(tmp_path, "simple"), "virtual")
-    assert found["verdict"] == "NOT DECIDABLE"
-    assert "cycles 1 and 2 are copies" in " ".join(found["reasons"])
+    assert found.verdict == "NOT DECIDABLE"
+    assert "cycles 1 and 2 are copies" in " ".join(found.reasons)
 
 
 def test_without_time_delay_and_drift_are_not_in_the_budget_and_a_guard_band_decides_nothing(tmp_path: Path) -> None:
     found = elsewhere(TRACE, recipe(tmp_path, "guard_band"), "virtual")
-    assert found["metrics"][0]["uncertainty_kind"] == "untimed"
-    assert {"skew", "drift"}.isdisjoint(row["quantity"] for row in found["metrics"][0]["budget"])
-    assert found["verdict"] == "NOT DECIDABLE"
-    assert "delay and drift are not in its uncertainty" in found["reasons"][0]
-    assert any("without delay and drift" in note for note in found["notes"])
-    assert "without delay and drift" in uncertainty_kind(found["metrics"])
-    assert elsewhere(TRACE, recipe(tmp_path, "simple"), "virtual")["verdict"] == "PASS"
+    assert found.metrics[0].uncertainty_kind == "untimed"
+    assert {"skew", "drift"}.isdisjoint(row.quantity for row in found.metrics[0].budget)
+    assert found.verdict == "NOT DECIDABLE"
+    assert "delay and drift are not in its uncertainty" in found.reasons[0]
+    assert any("without delay and drift" in note for note in found.notes)
+    assert "without delay and drift" in uncertainty_kind(found.metrics)
+    assert elsewhere(TRACE, recipe(tmp_path, "simple"), "virtual").verdict == "PASS"
 
 
 def test_errors_that_leave_no_metric_are_the_reason_and_not_the_number_of_cycles(tmp_path: Path) -> None:
@@ -92,11 +92,11 @@ def test_errors_that_leave_no_metric_are_the_reason_and_not_the_number_of_cycles
     head, *rows = TRACE.read_text("utf-8").splitlines()
     trace.write_text("\n".join([f"t_s,{head}", *(f"{0.1 * n:.1f},{row}" for n, row in enumerate(rows))]) + "\n")
     found = elsewhere(trace, recipe(tmp_path, "guard_band"), soft)
-    assert found["verdict"] == "NOT DECIDABLE"
-    (reason, *_) = found["reasons"]
+    assert found.verdict == "NOT DECIDABLE"
+    (reason, *_) = found.reasons
     assert "cycles or more" not in reason
     assert "tared_zero" in reason
-    assert "sensor errors" in uncertainty_kind(found["metrics"])
+    assert "sensor errors" in uncertainty_kind(found.metrics)
 
 
 @pytest.mark.parametrize("bench_name", [None, "virtual"])
@@ -142,8 +142,8 @@ def test_a_lag_that_nobody_knows_is_a_note_of_the_result(tmp_path: Path) -> None
 
 def test_what_is_out_of_date_on_the_bench_decides_nothing(tmp_path: Path) -> None:
     found = elsewhere(TRACE, recipe(tmp_path, "simple"), bench(tmp_path, CURVE))
-    assert found["verdict"] == "NOT DECIDABLE"
-    assert "blank test 'old' of bench 'virtual', which was due on 2020-01-01" in found["reasons"][0]
+    assert found.verdict == "NOT DECIDABLE"
+    assert "blank test 'old' of bench 'virtual', which was due on 2020-01-01" in found.reasons[0]
 
 
 @pytest.mark.parametrize("name", ["folder.csv", "folder.tdms"])

@@ -18,6 +18,7 @@ from analysis.trace.trace import SegmentInfo, Trace
 from recipes import check, find_recipe, load_bench, parse_recipe
 from recipes.schema.recipe_schema import Measurement
 from station.cli.runs.evaluate_anew import elsewhere
+from station.documents.result import Evaluation, StageRow
 from station.results.evaluation import ALIGNMENTS
 
 LAG_S = 0.05
@@ -74,9 +75,9 @@ def late_trace(folder: Path, rates_nm_s: tuple[float, ...], lag_s: float) -> Pat
     return path
 
 
-def read(result: dict[str, Any]) -> tuple[float, dict[str, Any]]:
-    (aligned,) = [stage for stage in result["stages"] if stage["stage"] == "time alignment"]
-    return result["metrics"][0]["value"], aligned
+def read(result: Evaluation) -> tuple[float, StageRow]:
+    (aligned,) = [stage for stage in result.stages if stage.stage == "time alignment"]
+    return result.metrics[0].value, aligned
 
 
 def test_a_lag_is_found_and_taken_out_when_the_recipe_says_so(tmp_path: Path) -> None:
@@ -87,29 +88,29 @@ def test_a_lag_is_found_and_taken_out_when_the_recipe_says_so(tmp_path: Path) ->
     assert read(even)[0] - read(declared)[0] > 0.05
     assert read(found)[0] == pytest.approx(read(even)[0], abs=5e-3)
     stage = read(found)[1]
-    assert stage["applied"]
-    assert "skew estimated from speeds" in stage["text"]
-    assert stage["figures"]["angle behind torque"]["value"] == pytest.approx(-LAG_S, rel=0.05)
-    quantities = {row["quantity"] for row in found["metrics"][0]["budget"]}
+    assert stage.applied
+    assert "skew estimated from speeds" in stage.text
+    assert stage.figures["angle behind torque"].value == pytest.approx(-LAG_S, rel=0.05)
+    quantities = {row.quantity for row in found.metrics[0].budget}
     assert "skew_estimate" in quantities
-    assert "skew_estimate" not in {row["quantity"] for row in declared["metrics"][0]["budget"]}
+    assert "skew_estimate" not in {row.quantity for row in declared.metrics[0].budget}
 
 
 @pytest.mark.parametrize(("lag_s", "rates"), [(-0.05, (60.0, 240.0)), (0.3, (60.0, 240.0)), (0.005, (60.0, 75.0))])
 def test_what_is_left_of_any_lag_is_within_u(tmp_path: Path, lag_s: float, rates: tuple[float, float]) -> None:
     """An angle that is late, a long delay, and speeds so near that noise decides when the estimate settles."""
     found = elsewhere(late_trace(tmp_path, rates, lag_s), recipe(tmp_path, "two_speeds"), "virtual")
-    metric, stage = found["metrics"][0], read(found)[1]
-    assert stage["figures"]["angle behind torque"]["value"] == pytest.approx(-lag_s, rel=0.02, abs=3e-3)
-    assert metric["value"] == pytest.approx(TRUE_ARCMIN, abs=metric["uncertainty"])
+    metric, stage = found.metrics[0], read(found)[1]
+    assert stage.figures["angle behind torque"].value == pytest.approx(-lag_s, rel=0.02, abs=3e-3)
+    assert metric.value == pytest.approx(TRUE_ARCMIN, abs=metric.uncertainty)
 
 
 def test_samples_that_are_moved_by_half_a_period_keep_the_noise_that_was_recorded(tmp_path: Path) -> None:
     late = late_trace(tmp_path, (60.0, 240.0), 0.0505)
     figures = []
     for alignment in ("report", "two_speeds"):
-        gates = elsewhere(late, recipe(tmp_path, alignment), "virtual")["gates"]
-        figures.append([gate["figure"] for gate in gates if gate["id"] in ("noise_low", "noise_high")])
+        gates = elsewhere(late, recipe(tmp_path, alignment), "virtual").gates
+        figures.append([gate.figure for gate in gates if gate.id in ("noise_low", "noise_high")])
     assert figures[1] == pytest.approx(figures[0])
 
 

@@ -65,7 +65,7 @@ def test_an_interlock_of_the_other_recipe_parts_them_at_the_scan_that_raises_it(
     shadow = ShadowWatch(job.program, other)
     assert replay(content, Controller(job.program, shadow)).same
     first = interlock_changes(table_of(content), shadow, found)[0]
-    assert (first["id"], first["other_scan"], first["exact"]) == (fault, found.scan, True)
+    assert (first.id, first.other_scan, first.exact) == (fault, found.scan, True)
 
 
 def test_a_zero_that_the_other_recipe_refuses_is_named_with_its_figures(content, job) -> None:
@@ -105,4 +105,4 @@ def test_the_limits_of_the_lock_are_told_apart_where_the_run_has_the_same_for_bo
         shadow = ShadowWatch(own, with_limits(own, **limits))
         assert replay(content, Controller(own, shadow)).same
         (slip,) = interlock_changes(table_of(content), shadow, None)
-        assert (slip["id"], slip["change"], slip["state"]) == ("lock_slip", "new", state)
+        assert (slip.id, slip.change, slip.state) == ("lock_slip", "new", state)

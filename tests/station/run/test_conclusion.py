@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import station.run.conclusion
 from recipes import load_recipe
 from station.bench.request import load_job
 from station.cli.measure.run import recipe_notes
+from station.documents.reading import plain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
@@ -60,7 +62,8 @@ def again(record: RunRecord, **changes: Any) -> dict[str, Any]:
     written = changes.pop("written", record.records())
     as_recorded(record)
     job = load_job(str(record.folder / "recipe.yaml"), str(record.folder / "bench.yaml"))
-    return conclude(record, job, Ending(written=written, **changes)).result
+    result: dict[str, Any] = plain(conclude(record, job, Ending(written=written, **changes)).result)
+    return result
 
 
 def test_the_json_object_keeps_the_contract(finished: tuple[dict[str, Any], Any]) -> None:
@@ -154,8 +157,8 @@ def test_too_many_missed_periods_invalidate_the_measurement(
     copied: RunRecord,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    plain = station.run.conclusion.timing_block
-    monkeypatch.setattr(station.run.conclusion, "timing_block", lambda *args: plain(*args) | {"missed": 1000})
+    honest = station.run.conclusion.timing_block
+    monkeypatch.setattr(station.run.conclusion, "timing_block", lambda *args: replace(honest(*args), missed=1000))
     result = again(copied)
     assert result["verdict"] == "NOT DECIDABLE"
     assert "scan periods were missed" in " ".join(result["reasons"])

@@ -43,11 +43,11 @@ def test_a_result_that_reads_back_differently_decides_nothing_and_is_not_sealed(
         with pytest.raises(RecordError, match="reads back differently"):
             recover(copied)
     manifest = copied.manifest()
-    assert (manifest["state"], manifest["verdict"]) == ("recording", None)
+    assert (manifest.state, manifest.verdict) == ("recording", None)
     shown = stored_result(copied)
-    assert (shown["state"], shown["verdict"], shown["metrics"]) == ("not concluded", "NOT DECIDABLE", [])
+    assert (shown.state, shown.verdict, shown.metrics) == ("not concluded", "NOT DECIDABLE", ())
     recover(copied)
-    assert stored_result(copied)["verdict"] == copied.manifest()["verdict"] == "PASS"
+    assert stored_result(copied).verdict == copied.manifest().verdict == "PASS"
     assert alterations(copied) == ()
 
 
@@ -77,7 +77,7 @@ def test_a_file_does_not_vouch_for_its_own_end_when_the_ring_is_gone(
     copied.samples.write_bytes(copied.samples.read_bytes()[: (written - missing) * RECORD_BYTES])
     recover(copied)
     result = copied.read_json("result.json")
-    assert result["verdict"] == copied.manifest()["verdict"] == "NOT DECIDABLE"
+    assert result["verdict"] == copied.manifest().verdict == "NOT DECIDABLE"
     assert reason in " ".join(result["reasons"])
 
 
@@ -141,4 +141,4 @@ def test_a_recovery_that_is_killed_before_the_seal_leaves_the_ring_to_the_next(
     assert result["verdict"] == "NOT DECIDABLE"
     assert "3 records were lost" in " ".join(result["reasons"])
     assert not path.exists()
-    assert copied.manifest()["ring"] is None
+    assert copied.manifest().ring is None

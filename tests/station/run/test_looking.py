@@ -6,6 +6,7 @@ import hashlib
 import shutil
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def deserted(golden_run: Any, tmp_path: Path) -> RunRecord:
     data = golden_run.copy(tmp_path / "runs").parent
     run = RunRecord(data / f"{golden_run.record.name}-deserted")
     shutil.copytree(golden_run.record, run.folder)
-    run.write_json("run.json", run.manifest() | {"id": run.id})
+    run.write_json("run.json", run.read_json("run.json") | {"id": run.id})
     report = {"state": "finished", "written": run.records(), "lost": 0, "realtime": {"details": {}}}
     desert(run, ring=tmp_path / "gone", report=report)
     return run
@@ -104,13 +105,13 @@ def test_looking_a_hundred_times_while_files_come_and_go_changes_no_byte(deserte
     assert moved >= LOOKS // 10, "hardly anything came and went"
     assert everything(deserted.folder.parent) == before
     assert here("conclude", deserted.id, "--data", str(deserted.folder.parent)).exit_code == 0
-    assert deserted.manifest()["state"] == "complete"
+    assert deserted.manifest().state == "complete"
 
 
 def test_a_run_that_was_left_is_shown_as_what_it_is_with_its_samples_and_its_ring(waiting: RunRecord) -> None:
     data, on_disk = str(waiting.folder.parent), waiting.records()
     before = everything(waiting.folder.parent)
-    ring = Path(waiting.manifest()["ring"])
+    ring = Path(waiting.manifest().ring)
     shown = here("show", waiting.id, "--data", data, "--json").json
     assert (shown["state"], shown["verdict"]) == ("not concluded", "NOT DECIDABLE")
     assert (shown["records"], shown["waiting"]) == (on_disk, WAITING)
@@ -137,11 +138,11 @@ def test_what_is_not_there_now_decides_nothing_and_conclude_is_tried_again(
     refused = here(*words)
     assert refused.exit_code == 1
     assert f"{name}: cannot be read: No such file or directory" in refused.out
-    assert waiting.manifest()["state"] == "recording"
+    assert waiting.manifest().state == "recording"
     assert not waiting.has(name)
     (tmp_path / name).rename(waiting.folder / name)
     assert here(*words).exit_code == 0
-    assert waiting.manifest()["state"] == "complete"
+    assert waiting.manifest().state == "complete"
     assert waiting.read_json("result.json")["timing"]["scans"] == waiting.records()
 
 
@@ -159,9 +160,9 @@ def test_a_file_that_cannot_be_opened_now_decides_nothing(
     with monkeypatch.context() as patched:
         patched.setattr(Path, "read_bytes", refused)
         assert here("conclude", deserted.id, "--data", str(deserted.folder.parent)).exit_code == 1
-    assert deserted.manifest()["state"] == "recording"
+    assert deserted.manifest().state == "recording"
     assert here("conclude", deserted.id, "--data", str(deserted.folder.parent)).exit_code == 0
-    assert deserted.manifest()["state"] == "complete"
+    assert deserted.manifest().state == "complete"
 
 
 def test_a_recipe_that_is_put_right_gives_its_run_the_result_after_all(waiting: RunRecord) -> None:
@@ -188,12 +189,12 @@ def test_a_run_that_starts_concludes_those_of_its_own_bench_and_says_so(deserted
     recipe = str(deserted.folder / "recipe.yaml")
     ran = here("run", recipe, "--serial", "N", "--virtual-time", "--no-report", "--data", data)
     assert f"concluded {deserted.id}, whose supervisor process ended: complete" in ran.err
-    assert deserted.manifest()["state"] == "complete"
+    assert deserted.manifest().state == "complete"
 
 
 def test_a_run_that_starts_leaves_those_of_another_bench(deserted: RunRecord) -> None:
-    deserted.update(bench=deserted.manifest()["bench"] | {"name": "another"})
+    deserted.update(bench=replace(deserted.manifest().bench, name="another"))
     recipe = str(deserted.folder / "recipe.yaml")
     ran = here("run", recipe, "--serial", "N", "--virtual-time", "--no-report", "--data", str(deserted.folder.parent))
     assert deserted.id not in ran.err
-    assert deserted.manifest()["state"] == "recording"
+    assert deserted.manifest().state == "recording"

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_documents import alarm, metric, result
 from rich.console import Console
 from station_samples import IMAGE, ORDERS
 
@@ -12,6 +14,8 @@ from definitions.faults import FAULTS
 from definitions.image import State
 from station.bench.request import load_job
 from station.cli.terminal_plot import Canvas, nice_ceiling, plot
+from station.documents.events import Alarm
+from station.documents.result import Limits
 from station.records.samples.scan_record import pack
 from station.reports.metric_sides import all_rows, judging_rows
 from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
@@ -82,10 +86,10 @@ def test_numbers_are_short(value: float | None, text: str) -> None:
 
 
 def test_limits_are_said_as_people_say_them() -> None:
-    assert limits_text({"min": None, "max": 1.0}) == "≤ 1"
-    assert limits_text({"min": 108.0, "max": None}) == "≥ 108"
-    assert limits_text({"min": 25.0, "max": 31.0}) == "25 … 31"
-    assert limits_text({"min": None, "max": None}) == ""
+    assert limits_text(Limits(min=None, max=1.0)) == "≤ 1"
+    assert limits_text(Limits(min=108.0, max=None)) == "≥ 108"
+    assert limits_text(Limits(min=25.0, max=31.0)) == "25 … 31"
+    assert limits_text(Limits(min=None, max=None)) == ""
 
 
 def test_values_are_rounded_to_their_uncertainty() -> None:
@@ -94,9 +98,9 @@ def test_values_are_rounded_to_their_uncertainty() -> None:
     assert number(448.92, 12.0) == "449"
     assert number(0.5, 3.0) == "0.5"
     assert number(0.04507, 0.24) == "0.05"
-    assert uncertainty_text({"uncertainty": 0.00067068, "value": 1.0}) == "± 0.00067"
-    assert uncertainty_text({"uncertainty": None, "value": 1.0, "cycles": 1}) == "no uncertainty: one cycle"
-    assert uncertainty_text({"uncertainty": None, "value": None, "cycles": 1}) == ""
+    assert uncertainty_text(metric(uncertainty=0.00067068, value=1.0)) == "± 0.00067"
+    assert uncertainty_text(metric(value=1.0, cycles=1)) == "no uncertainty: one cycle"
+    assert uncertainty_text(metric(value=None, cycles=1)) == ""
 
 
 def test_the_side_that_judges_is_shown_and_the_report_has_both() -> None:
@@ -105,30 +109,28 @@ def test_the_side_that_judges_is_shown_and_the_report_has_both() -> None:
         "-": {"value": 45.0, "uncertainty": None, "verdict": "FAIL"},
     }
     limits = {"min": 108.0, "max": None}
-    metric = {"id": "spring_constant", "branch": "mean", "side": "+", "value": 115.0, "uncertainty": None}
-    metric |= {"verdict": "FAIL", "sides": sides, "limits": limits}
-    (judging,) = judging_rows([metric])
-    assert (metric_name(judging), judging["value"], judging["verdict"]) == ("spring_constant side −", 45.0, "FAIL")
-    assert [row["side"] for row in all_rows([metric])] == ["-", "+"]
+    found = metric(id="spring_constant", side="+", value=115.0, verdict="FAIL", sides=sides, limits=limits)
+    (judging,) = judging_rows([found])
+    assert (metric_name(judging), judging.value, judging.verdict) == ("spring_constant side −", 45.0, "FAIL")
+    assert [row.side for row in all_rows([found])] == ["-", "+"]
 
 
 def test_of_two_sides_in_order_the_one_nearer_to_its_limit_judges() -> None:
     sides = {side: {"value": value, "uncertainty": None, "verdict": "PASS"} for side, value in (("+", 0.8), ("-", 0.9))}
-    metric = {"id": "backlash_width_3pct", "branch": "width", "side": "+", "value": 0.8, "uncertainty": None}
-    metric |= {"verdict": "PASS", "sides": sides}
-    assert judging_rows([metric | {"limits": {"min": None, "max": 1.0}}])[0]["side"] == "-"
-    assert judging_rows([metric | {"limits": {"min": 0.5, "max": None}}])[0]["side"] == "+"
-    assert judging_rows([metric | {"limits": {"min": None, "max": None}}])[0]["side"] == "+"
+    found = metric(id="backlash_width_3pct", branch="width", side="+", value=0.8, verdict="PASS", sides=sides)
+    assert judging_rows([replace(found, limits=Limits(max=1.0))])[0].side == "-"
+    assert judging_rows([replace(found, limits=Limits(min=0.5))])[0].side == "+"
+    assert judging_rows([replace(found, limits=Limits())])[0].side == "+"
 
 
-def alarm(name: str, reaction: str, *, first: bool = False) -> dict[str, object]:
+def named(name: str, reaction: str, *, first: bool = False) -> Alarm:
     words = {"text": f"text of {name}", "cause": "cause", "next_action": f"mend {name}"}
-    return {"id": name, "reaction": reaction, "first": first, "t_s": 1.0, **words}
+    return alarm(id=name, reaction=reaction, first=first, t_s=1.0, **words)
 
 
 def test_each_alarm_is_printed_once_and_the_first_cause_is_marked() -> None:
-    alarms = [alarm("late", "hold"), alarm("guard", "quick_stop", first=True), alarm("late", "hold")]
-    lines = alarm_lines({"alarms": alarms})
+    alarms = [named("late", "hold"), named("guard", "quick_stop", first=True), named("late", "hold")]
+    lines = alarm_lines(result(alarms=alarms))
     assert [line.plain for line in lines] == [
         "note   1.000 s  text of late, 2 times. mend late",
         "ALARM  1.000 s  text of guard  ◀ first cause",

@@ -7,12 +7,13 @@ import shutil
 import signal
 import sqlite3
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from lostmotion_command import here
-from station_samples import MANIFEST
+from station_samples import SETUP
 from stored_runs import metric, store_lot, store_run
 
 import station.store.migrations.versions
@@ -32,7 +33,15 @@ from station.store.table_counts import all_rows, behind, counts
 from station.store.view import bring_up, look_at, opened
 
 ASK = Ask("lost_motion", recipe="inverse")
-RATIO = {"model": "RV", "made": "then", "quadrants": {"load_positive": {"slope": 100.5, "points": 7}}}
+LINE = {
+    "slope": 100.5,
+    "offset_nm": -13.0,
+    "u_slope": 0.1,
+    "u_offset_nm": 0.2,
+    "correlation": -0.8,
+    "residual_sd_nm": 0.3,
+}
+RATIO = {"model": "RV", "made": "then", "quadrants": {"load_positive": LINE | {"residual_sd_nm": 0.3, "points": 7}}}
 
 
 @pytest.fixture(scope="session")
@@ -60,8 +69,8 @@ def lot(tmp_path: Path, store_url: str | None) -> Path:
     del store_url
     data = store_lot(tmp_path / "runs")
     store_run(data, "C", [metric(0.4)], calibration=RATIO)
-    recipe = MANIFEST["recipe"] | {"name": "inverse", "sha256": "1"}
-    Store(data).create("open", MANIFEST | {"recipe": recipe, "bench": MANIFEST["bench"] | {"sha256": "1"}}, {})
+    recipe = replace(SETUP.recipe, name="inverse", sha256="1")
+    Store(data).create("open", replace(SETUP, recipe=recipe, bench=replace(SETUP.bench, sha256="1")), {})
     return data
 
 
@@ -147,7 +156,7 @@ def test_the_list_and_the_statistics_name_what_was_done(lot: Path, deed: str) ->
     act(Store(lot).runs()[0].folder)
     with look_at(lot) as view:
         assert kind in {problem.kind for problem in view.problems}
-        rows = {one["run"]: one["verdict"] for one in list_rows(view, view.runs)}
+        rows = {one.run: one.verdict for one in list_rows(view, view.runs)}
     assert rows[min(rows)] in ((None, "PASS") if deed == "copy" else (None,))
     said = here("list", "--data", str(lot)).out
     assert "PROBLEM" in said

@@ -32,7 +32,7 @@ def forge(data: Path, key: BenchKey | None = None) -> None:
     run = RunRecord(folder(data, 0))
     result = json.loads((run.folder / "result.json").read_text(encoding="utf-8").replace("FAIL", "PASS"))
     run.write_json("result.json", result)
-    manifest = run.manifest()
+    manifest = run.read_json("run.json")
     content = (run.folder / "result.json").read_bytes()
     files = manifest["files"] | {"result.json": {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}}
     whole = as_json(manifest | {"verdict": "PASS", "files": files})
@@ -65,7 +65,7 @@ def forge_a_chain(data: Path) -> None:
 def forge_an_index(data: Path) -> None:
     """Make the first run one from before the chain, by an index and a first line that nobody has signed."""
     run = RunRecord(folder(data, 0))
-    manifest = {key: value for key, value in run.manifest().items() if key != "chain"} | {"verdict": "PASS"}
+    manifest = {key: value for key, value in run.read_json("run.json").items() if key != "chain"} | {"verdict": "PASS"}
     result = (run.folder / "result.json").read_bytes().replace(b"FAIL", b"PASS")
     (run.folder / "result.json").write_bytes(result)
     manifest["files"]["result.json"] = {"sha256": hashlib.sha256(result).hexdigest(), "bytes": len(result)}
@@ -169,7 +169,7 @@ def test_an_untouched_folder_passes(data: Path) -> None:
 @pytest.mark.parametrize("deed", DEEDS)
 def test_every_deed_is_named_and_leaves_no_altered_run_its_verdict(data: Path, deed: str) -> None:
     act, kind = DEEDS[deed]
-    verdicts = {run.id: run.manifest()["verdict"] for run in Store(data).runs()}
+    verdicts = {run.id: run.manifest().verdict for run in Store(data).runs()}
     act(data)
     found = verify_folder(data)
     assert kind in {problem.kind for problem in found.problems}
@@ -177,7 +177,7 @@ def test_every_deed_is_named_and_leaves_no_altered_run_its_verdict(data: Path, d
     assert (ran.exit_code, ran.json["passed"]) == (1, False)
     assert kind in {problem["kind"] for problem in ran.json["problems"]}
     for run in Store(data).runs():
-        shown = row(run)["verdict"]
+        shown = row(run).verdict
         assert shown in (None, verdicts.get(run.id), *(["PASS"] if deed == "replace the folder" else []))
 
 
@@ -208,7 +208,7 @@ def test_a_line_of_another_shape_stops_no_command(data: Path, line: bytes) -> No
         assert here("verify", "--data", str(data)).exit_code in (0, 1)
         assert here("list", "--data", str(data)).exit_code == 0
         assert here("capability", "--metric", "m", "--data", str(data)).exit_code == 2
-        assert row(RunRecord(folder(data, 1)))["verdict"] == "PASS"
+        assert row(RunRecord(folder(data, 1))).verdict == "PASS"
 
 
 @pytest.mark.parametrize("name", [CHAIN, FOLDER_KEYS, "run.json", "samples.json", "result.json"])
@@ -219,7 +219,7 @@ def test_a_pipe_in_place_of_a_file_is_not_waited_for(data: Path, name: str) -> N
     here("verify", "--data", str(data), "--json")
     assert here("list", "--data", str(data)).exit_code in (0, 2)
     if path.parent != data:
-        assert row(RunRecord(folder(data, 0)))["verdict"] is None
+        assert row(RunRecord(folder(data, 0))).verdict is None
 
 
 def test_a_head_that_is_no_head_stops_no_command(data: Path, place: Path) -> None:
@@ -230,5 +230,5 @@ def test_a_head_that_is_no_head_stops_no_command(data: Path, place: Path) -> Non
 
 def test_a_copied_run_is_shown_with_its_verdict_where_no_chain_is(data: Path) -> None:
     copy = alone(RunRecord(folder(data, 1)))
-    assert stored_result(copy)["state"] == "complete"
+    assert stored_result(copy).state == "complete"
     assert alterations(copy) == ()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from chain_folders import another_computer, folder
-from station_samples import MANIFEST
+from station_samples import SETUP
 from stored_runs import metric, store_run
 
 from station.cli.runs.show import row
@@ -26,7 +26,7 @@ def old_folder(data: Path) -> list[RunRecord]:
     """Turn a folder into one of the time before chains: an index, and no word of a chain in any run.json."""
     runs = Store(data).runs()
     for run in runs:
-        manifest = {key: value for key, value in run.manifest().items() if key != "chain"}
+        manifest = {key: value for key, value in run.read_json("run.json").items() if key != "chain"}
         run.write_json("run.json", manifest)
         content = (run.folder / "run.json").read_bytes()
         line = {"run": run.id, "sha256": hashlib.sha256(content).hexdigest(), "verdict": manifest["verdict"]}
@@ -45,12 +45,12 @@ def old(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_runs_from_before_the_chain_keep_their_verdicts(old: Path) -> None:
-    before = [row(run)["verdict"] for run in Store(old).runs()]
+    before = [row(run).verdict for run in Store(old).runs()]
     assert before == ["FAIL", "PASS", "PASS", "PASS"]
     assert verify_folder(old).problems == []
     new = store_run(old, "A", [metric(0.4)])
-    assert new.manifest()["attempt"] == 3
-    assert [row(run)["verdict"] for run in Store(old).runs()] == [*before, "PASS"]
+    assert new.manifest().attempt == 3
+    assert [row(run).verdict for run in Store(old).runs()] == [*before, "PASS"]
     assert verify_folder(old).problems == []
 
 
@@ -73,11 +73,11 @@ def test_what_is_done_to_runs_from_before_the_chain_is_named(
 
 def test_an_open_run_from_before_the_chain_can_be_concluded(old: Path) -> None:
     run = Store(old).runs()[0]
-    manifest = {key: value for key, value in run.manifest().items() if key != "files"}
+    manifest = {key: value for key, value in run.read_json("run.json").items() if key != "files"}
     run.write_json("run.json", manifest | {"state": "interrupted", "verdict": None})
     (old / "index.jsonl").write_text("".join((old / "index.jsonl").read_text().splitlines(keepends=True)[1:]))
-    Store(old).create("D", MANIFEST, {})
+    Store(old).create("D", SETUP, {})
     assert verify_folder(old).problems == []
     seal(run, state="complete", verdict="FAIL")
     assert verify_folder(old).problems == []
-    assert run.manifest()["verdict"] == "FAIL"
+    assert run.manifest().verdict == "FAIL"

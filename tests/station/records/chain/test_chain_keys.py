@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import stat
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -39,31 +40,31 @@ def test_a_folder_is_verified_on_another_computer_by_its_public_key(
     other = a_key().public
     assert [problem.kind for problem in verify_folder(away, (other,)).problems][:1] == ["unknown_key"]
     (away / FOLDER_KEYS).unlink()
-    assert {row(run)["verdict"] for run in Store(away).runs()} == {None}
+    assert {row(run).verdict for run in Store(away).runs()} == {None}
     trust(key)
-    assert [row(run)["verdict"] for run in Store(away).runs()] == ["FAIL", "PASS", "PASS", "PASS"]
+    assert [row(run).verdict for run in Store(away).runs()] == ["FAIL", "PASS", "PASS", "PASS"]
 
 
 def test_two_computers_write_into_one_folder(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     another_computer(monkeypatch, tmp_path)
     theirs = store_run(data, "A", [metric(0.4)])
     second = own_key().public
-    assert theirs.manifest()["attempt"] == 3
+    assert theirs.manifest().attempt == 3
     assert verify_folder(data).problems == [], "it has pinned the first key when it first wrote there"
     monkeypatch.setenv(PLACE, str(tmp_path / "place"))
     assert [problem.kind for problem in verify_folder(data, ()).problems if problem.run == ""] == ["unknown_key"]
-    assert row(theirs)["verdict"] is None
+    assert row(theirs).verdict is None
     trust(second)
     assert verify_folder(data).problems == []
-    assert row(theirs)["verdict"] == "PASS"
+    assert row(theirs).verdict == "PASS"
 
 
 def test_the_key_of_the_bench_file_is_the_one_that_must_have_signed(data: Path) -> None:
     run = store_run(data, "D", [metric(0.1)])
     assert alterations(run) == ()
-    bench = run.manifest()["bench"]
+    bench = run.manifest().bench
     own = alone(run)
-    own.update(bench=bench | {"public_key": a_key().public})
+    own.update(bench=replace(bench, public_key=a_key().public))
     assert any("bench file" in one for one in alterations(store_run(data, "E", [], key=a_key().public)))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from chain_folders import folder, lines, write
-from station_samples import MANIFEST
+from station_samples import SETUP
 from stored_runs import metric, store_run
 
 from station.errors import RecordError
@@ -26,7 +26,7 @@ def test_a_run_is_an_attempt_although_it_was_deleted(data: Path) -> None:
     for run in Store(data).of_serial("A"):
         shutil.rmtree(run.folder)
     again = store_run(data, "A", [metric(0.4)])
-    assert again.manifest()["attempt"] == 3
+    assert again.manifest().attempt == 3
     missing = [problem.text for problem in verify_folder(data).problems if problem.kind == "missing"]
     assert len(missing) == 2
     assert "attempt 1 of A, FAIL" in missing[0]
@@ -36,7 +36,7 @@ def test_what_was_cut_off_stays_named_when_the_next_run_follows(data: Path) -> N
     shutil.rmtree(folder(data, -1))
     write(data, lines(data)[:-2])
     store = Store(data)
-    store.create("D", MANIFEST, {})
+    store.create("D", SETUP, {})
     assert "entries 8 to 9" in store.warnings[0]
     assert [problem.kind for problem in verify_folder(data).problems] == ["lost_entries"]
     assert [entry.counter for entry in map(entry_of, (line[:-1] for line in lines(data))) if entry][-2:] == [10, 11]
@@ -45,7 +45,7 @@ def test_what_was_cut_off_stays_named_when_the_next_run_follows(data: Path) -> N
 def test_a_chain_that_follows_a_removed_one_says_so(data: Path) -> None:
     shutil.rmtree(data)
     store = Store(data)
-    store.create("A", MANIFEST, {})
+    store.create("A", SETUP, {})
     assert "9 entries" in store.warnings[0]
     assert "replaced" in {problem.kind for problem in verify_folder(data).problems}
 
@@ -57,7 +57,7 @@ def test_a_lock_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
     (tmp_path / "precious").write_text("x")
     (data / ".lock").symlink_to(tmp_path / "precious")
     with pytest.raises(RecordError):
-        Store(data).create("A", MANIFEST, {})
+        Store(data).create("A", SETUP, {})
 
 
 def killed(*_: Any) -> None:
@@ -79,13 +79,13 @@ def test_a_run_whose_process_is_killed_while_it_is_created_is_there_or_not(data:
                 return killed() if left == 0 else honest(*args, **kwargs)
 
             setattr(os, name, call)
-        Store(data).create("A", MANIFEST, {})
+        Store(data).create("A", SETUP, {})
         os._exit(0)
     os.waitpid(pid, 0)
     assert {problem.kind for problem in verify_folder(data).problems} == set()
     counted = len([entry for entry in walk(Chain(data)).created.values() if entry.fields["serial"] == "A"])
-    again = Store(data).create("A", MANIFEST, {})
-    assert again.manifest()["attempt"] == counted + 1
+    again = Store(data).create("A", SETUP, {})
+    assert again.manifest().attempt == counted + 1
     assert {problem.kind for problem in verify_folder(data).problems} == set()
     assert not list(data.glob(f"*/{CREATED_MANIFEST}")) or counted == 2
 
@@ -104,4 +104,4 @@ def test_runs_of_several_processes_at_once_make_one_chain(tmp_path: Path) -> Non
     assert {os.waitpid(pid, 0)[1] for pid in pids} == {0}
     found = verify_folder(data)
     assert found.problems == []
-    assert sorted(run.manifest()["attempt"] for run in Store(data).of_serial("S0")) == list(range(1, 9))
+    assert sorted(run.manifest().attempt for run in Store(data).of_serial("S0")) == list(range(1, 9))

@@ -1,0 +1,55 @@
+"""What an exported file says of its run: who it is, by what it was measured, what came of it, how it was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from station.documents.manifest import BenchSource, Moment, Period, RecipeSource, Software
+from station.documents.reading import left_out
+from station.documents.result import MetricValue
+from station.documents.timing import Timing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """What was counted while recording, whatever a recipe allows of it."""
+
+    periods: int
+    missed: int
+    oldest_sample_scans: int
+    torque_in_saturated: int
+    torque_out_saturated: int
+    not_ready: int
+    bench_waited: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedRun:
+    """A run as its exported file describes it.
+
+    `trace` is the fingerprint of the trace, and `recorded` what was counted; both are there when it has a trace.
+    """
+
+    id: str
+    serial: str
+    attempt: int | None = None
+    state: str
+    started: Moment
+    ended: str | None = left_out()
+    clock: str | None = None
+    period_ns: Period
+    recipe: RecipeSource
+    bench: BenchSource
+    software: Software
+    scenario: str | None = left_out()
+    operator: str | None = left_out()
+    unit: str
+    virtual_unit: str | None = left_out()
+    noise_seed: int | None = left_out()
+    verdict: str
+    reasons: tuple[str, ...] = ()
+    metrics: tuple[MetricValue, ...] = ()
+    timing: Timing | None = None
+    altered: tuple[str, ...] | None = left_out()
+    trace: str | None = left_out()
+    recorded: Counts | None = left_out()

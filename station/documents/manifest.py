@@ -1,0 +1,221 @@
+"""The manifest of a run, `run.json`: who measured what, on which bench, by which software, and how far the run came."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import date, datetime
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from station.documents.reading import Number, left_out, one_of
+
+MANIFEST = "run.json"
+RECORDING = "recording"
+INTERRUPTED = "interrupted"
+STATES = (RECORDING, "complete", "stopped", "fault", INTERRUPTED)
+VERDICTS = ("PASS", "FAIL", "NOT DECIDABLE")
+CLOCK_NAMES = ("wall", "scan", "virtual", "real")
+"""Names that a record may give its clock: those of `station.records.clocks`, and what the first one was called once."""
+
+LARGEST_PERIOD_NS = 1_000_000_000
+LARGEST_PID = 1 << 22
+
+
+def _filled(text: str) -> str:
+    if not text.strip():
+        raise ValueError(text)
+    return text
+
+
+def _path(text: str) -> str:
+    if not text or "\0" in text:
+        raise ValueError(text)
+    return text
+
+
+def _moment(text: str) -> str:
+    moment = datetime.fromisoformat(text)
+    if moment.tzinfo is None or date.fromisoformat(text[:10]) != moment.date():
+        raise ValueError(text)
+    return text
+
+
+Name = Annotated[str, AfterValidator(_filled), Field(description="a text that is not empty")]
+PathText = Annotated[str, AfterValidator(_path), Field(description="a path")]
+Moment = Annotated[
+    str,
+    AfterValidator(_moment),
+    Field(description="a moment with its time zone, as 2026-01-05T08:00:00.000+00:00"),
+]
+RunState = Annotated[str, one_of(*STATES)]
+VerdictName = Annotated[str, one_of(*VERDICTS)]
+ClockName = Annotated[str, one_of(*CLOCK_NAMES)]
+Count = Annotated[int, Field(ge=0, description="a whole number of at least 0")]
+CountFrom1 = Annotated[int, Field(ge=1, description="a whole number of at least 1")]
+Finite = Annotated[Number, Field(allow_inf_nan=False, description="a number")]
+ProcessId = Annotated[int, Field(ge=0, le=LARGEST_PID, description=f"a whole number from 0 to {LARGEST_PID}")]
+Period = Annotated[int, Field(ge=1, le=LARGEST_PERIOD_NS, description=f"a whole number from 1 to {LARGEST_PERIOD_NS}")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecipeHead:
+    """A recipe by name, revision and the SHA-256 of its file."""
+
+    name: Name
+    revision: Count
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecipeSource(RecipeHead):
+    """A recipe as a run was started with it; `file` is where it was read from."""
+
+    file: str | None = left_out()
+
+    @property
+    def head(self) -> RecipeHead:
+        """Without its place."""
+        return RecipeHead(name=self.name, revision=self.revision, sha256=self.sha256)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchSource:
+    """A bench file; `embedded`: the virtual bench; `public_key`: that of its computer, where the file names one."""
+
+    name: Name
+    revision: Count
+    sha256: str
+    file: str | None = left_out()
+    embedded: bool
+    public_key: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
+    """The unit under test; on the virtual bench with its name there and the seed of the noise."""
+
+    model: Name
+    virtual: str | None = None
+    noise_seed: Count | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Software:
+    """What made a run, and on which computer. Versions before some of it was kept say name and version."""
+
+    name: str
+    version: str
+    commit: str | None = None
+    changed: bool | None = None
+    files_sha256: str | None = None
+    decisions: int | None = None
+    dependencies: Mapping[str, str | None] = field(default_factory=dict)
+    python: str = ""
+    platform: str = ""
+    host: str | None = None
+    user: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainPlace:
+    """The entry of the chain that begins a run: id of the chain, its counter, hash of the entry before it."""
+
+    id: str
+    counter: int
+    previous: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeskProcess:
+    """The supervisor process of a run: its id, and its start in ticks of the kernel, which tells it from others."""
+
+    pid: ProcessId
+    birth: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScanProcess:
+    """The scan process of a run, as its report names it."""
+
+    pid: ProcessId
+    birth: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checksum:
+    """SHA-256 and size of a file."""
+
+    sha256: str
+    bytes: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackedSamples:
+    """The packed samples of a concluded run, with SHA-256 and size of the records as they were before."""
+
+    file: PathText
+    sha256: str
+    bytes: Count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftBy:
+    """How the bench was left before a recovery: number of its fault, zeroes of the torque sensors."""
+
+    fault: Count
+    torque_in_tare_nm: Finite
+    torque_out_tare_nm: Finite
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """What is known of a run before it has a place in a data folder."""
+
+    recipe: RecipeSource
+    bench: BenchSource
+    software: Software
+    unit: Unit
+    scenario: str | None = None
+    operator: str | None = None
+    clock: ClockName
+    period_ns: Period
+    recovery_of: Name | None = None
+    left: LeftBy | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manifest:
+    """The manifest of a run. `files`, `records` and `samples` are there when it is concluded.
+
+    `trouble`: why it has no result, or what became of its supervisor process. `ring`: where its records wait.
+    """
+
+    id: Name
+    serial: Name
+    attempt: CountFrom1
+    state: RunState
+    chain: ChainPlace | None = left_out()
+    recipe: RecipeSource
+    bench: BenchSource
+    software: Software
+    unit: Unit
+    scenario: str | None = None
+    operator: str | None = None
+    clock: ClockName
+    period_ns: Period
+    recovery_of: Name | None = left_out()
+    left: LeftBy | None = left_out()
+    verdict: VerdictName | None
+    notes: tuple[str, ...]
+    ring: PathText | None
+    started: Moment
+    ended: str | None
+    format: CountFrom1
+    desk: DeskProcess
+    trouble: str | None = left_out()
+    records: Count | None = left_out()
+    samples: PackedSamples | None = left_out()
+    files: Mapping[PathText, Checksum] | None = left_out()

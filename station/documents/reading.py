@@ -1,0 +1,180 @@
+"""Reading and writing of documents: one way from JSON to a class, and one back, for every class of this room.
+
+A reader gets a document in which every entry is of its kind, or a RecordError that names the file, the entry, what was
+found and what is allowed. What an older version did not write has the default of its class. An entry that no class
+knows is passed over. What is written has the entries of the class in their order; one that is `left_out` has none
+while there is nothing to say.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import MISSING, field, fields, is_dataclass
+from functools import cache
+from itertools import zip_longest
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from pydantic import Field, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+
+from station.durable import open_file, refused
+from station.errors import RecordError
+
+NEXT_STEP = "Restore the file from a backup, or move the run's folder out of the data folder"
+LONGEST_SHOWN = 40
+LEFT_OUT = "left out"
+
+Number = int | float
+"""A figure as it stands in JSON: a whole number stays one."""
+
+Document = TypeVar("Document")
+
+_WORDS: dict[Any, str] = {
+    str: "a text",
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    object: "any value",
+}
+
+
+def left_out(*, when: Any = None) -> Any:
+    """Return the field of an entry that is not written while it is None; its default is that."""
+    return field(default=when, metadata={LEFT_OUT: True})
+
+
+def one_of(*allowed: str) -> Any:
+    """Return the mark of a text that is one of these."""
+    return Field(pattern=f"^({'|'.join(allowed)})$", description=f"one of {', '.join(allowed)}")
+
+
+def plain(document: object) -> Any:
+    """Return a document, or what stands in one, as the plain data that JSON is made of."""
+    if is_dataclass(document) and not isinstance(document, type):
+        found = ((name, getattr(document, name), optional) for name, optional in _written(type(document)))
+        return {name: plain(value) for name, value, optional in found if not (optional and value is None)}
+    if hasattr(document, "_asdict"):
+        return plain(document._asdict())
+    if isinstance(document, Mapping):
+        return {key: plain(value) for key, value in document.items()}
+    if isinstance(document, list | tuple):
+        return [plain(value) for value in document]
+    return document
+
+
+@cache
+def _written(kind: Any) -> tuple[tuple[str, bool], ...]:
+    return tuple((one.name, LEFT_OUT in one.metadata) for one in fields(kind))
+
+
+def read_document(kind: type[Document], path: Path) -> Document:
+    """Return the document in a file.
+
+    Raises:
+        RecordError: it cannot be read, is no JSON, or an entry is missing or of another kind.
+
+    """
+    try:
+        with open_file(path) as file:
+            content = file.read()
+    except OSError as error:
+        raise refused(path, error, "read") from error
+    return document_in(kind, content, path)
+
+
+def document_in(kind: type[Document], content: bytes, place: Path) -> Document:
+    """Return the document in these bytes; `place` is named in the RecordError of one that is damaged."""
+    try:
+        return adapter(kind).validate_json(content, strict=True)
+    except ValidationError as error:
+        raise RecordError(f"{place}: is damaged: {'; '.join(_wrong(kind, error))}. {NEXT_STEP}") from error
+
+
+def of_plain(kind: type[Document], found: object, place: Path) -> Document:
+    """Return plain data of this program as a document; RecordError as `document_in`."""
+    return document_in(kind, json.dumps(found, ensure_ascii=False).encode(), place)
+
+
+_ADAPTERS: dict[type, TypeAdapter[Any]] = {}
+
+
+def adapter(kind: type[Document]) -> TypeAdapter[Document]:
+    """Return what reads a class and describes it; made at its first use, for it takes some milliseconds."""
+    if kind not in _ADAPTERS:
+        _ADAPTERS[kind] = TypeAdapter(kind)
+    return _ADAPTERS[kind]
+
+
+def _wrong(kind: type, error: ValidationError) -> list[str]:
+    """Return what is wrong with each entry, once for each place."""
+    said: dict[str, str] = {}
+    for one in error.errors(include_url=False):
+        if one["type"] == "json_invalid":
+            return [f"it is no JSON ({one['msg'].removeprefix('Invalid JSON: ')})"]
+        place, allowed = _place(kind, one["loc"])
+        found = "is missing" if one["type"] == "missing" else f"found {_shown(one['input'])}"
+        said.setdefault(place, f"{place}: {found}; allowed is {_words(allowed)}".removeprefix(": "))
+    return list(said.values())
+
+
+def _place(kind: Any, steps: tuple[int | str, ...]) -> tuple[str, Any]:
+    """Return the place of an entry as a person reads it, and the kind that is allowed there."""
+    place = ""
+    for step, behind in zip_longest(steps, steps[1:]):
+        if behind == "[key]":  # the name of an entry itself is wrong
+            return place, get_args(_members(kind)[0])[0]
+        inner = _inside(kind, step)
+        if inner is None:
+            break  # the rest names members of a union
+        kind, place = inner, f"{place}[{step}]" if isinstance(step, int) else f"{place}.{step}".removeprefix(".")
+    return place, kind
+
+
+def _inside(kind: Any, step: int | str) -> Any:
+    """Return the kind of an entry within this one; None where there is none of that name."""
+    for one in _members(kind):
+        if is_dataclass(one):
+            return get_type_hints(one, include_extras=True).get(str(step))
+        origin, parts = get_origin(one), get_args(one)
+        if origin is tuple and isinstance(step, int):
+            return parts[0]
+        if isinstance(origin, type) and issubclass(origin, Mapping):
+            return parts[1]
+    return None
+
+
+def _members(kind: Any) -> list[Any]:
+    """Return the kinds that a kind is made of, without None and without marks."""
+    if get_origin(kind) is Annotated:
+        return _members(get_args(kind)[0])
+    if isinstance(kind, UnionType) or get_origin(kind) is Union:
+        return [member for part in get_args(kind) for member in _members(part)]
+    return [] if kind is NoneType else [kind]
+
+
+def _words(kind: Any) -> str:
+    """Return what is allowed at a place."""
+    if get_origin(kind) is Annotated:
+        said = [mark.description for mark in get_args(kind)[1:] if isinstance(mark, FieldInfo) and mark.description]
+        return said[0] if said else _words(get_args(kind)[0])
+    if isinstance(kind, UnionType) or get_origin(kind) is Union:
+        parts = list(dict.fromkeys(_words(part) for part in get_args(kind) if part is not NoneType))
+        words = "a number" if parts == ["a whole number", "a number"] else " or ".join(parts)
+        return f"{words}, or null" if NoneType in get_args(kind) else words
+    if get_origin(kind) is tuple:
+        return "a list of texts" if get_args(kind)[0] is str else "a list"
+    return _WORDS.get(kind, "a block of entries")
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def has_default(kind: type, name: str) -> bool:
+    """Whether an entry may be missing in a file."""
+    one = next(one for one in fields(kind) if one.name == name)
+    return one.default is not MISSING or one.default_factory is not MISSING

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import MISSING, field, fields, is_dataclass
+from dataclasses import field, fields, is_dataclass
 from functools import cache
 from itertools import zip_longest
 from pathlib import Path
@@ -172,9 +172,3 @@ def _words(kind: Any) -> str:
 def _shown(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
-
-
-def has_default(kind: type, name: str) -> bool:
-    """Whether an entry may be missing in a file."""
-    one = next(one for one in fields(kind) if one.name == name)
-    return one.default is not MISSING or one.default_factory is not MISSING

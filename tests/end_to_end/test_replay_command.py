@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +114,7 @@ def test_an_altered_record_that_cannot_be_replayed_is_called_altered_all_the_sam
     assert any(name in line and "record altered" not in line for line in rest)
     told = lostmotion("replay", str(stored), "--json")
     assert (told.exit_code, told.err) == (2, ran.err)
-    assert [set(error) for error in told.json["errors"]] == [set(json_errors.FIELDS)]
+    assert [set(error) for error in told.json["errors"]] == [{one.name for one in fields(json_errors.InputProblem)}]
     assert any(name in str(value) for value in told.json["errors"][0].values())
 
 

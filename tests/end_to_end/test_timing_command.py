@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import pytest
 from kills import LASTS_S
 from patient import patient_bench, short_recipe
 
 from station.cli.bench.timing import explain, lines
+from station.documents.timing import Realtime
 
 pytestmark = [pytest.mark.wires, pytest.mark.wall_clock]
 SECONDS = 1.5
@@ -31,6 +34,7 @@ def test_every_period_is_counted_or_missed_and_the_figures_are_explained(lostmot
     asked = {"fifo", "mlock", "timer_slack", "affinity", "gc_off", "prefault", "spin_tail"}
     assert set(found["realtime"]["details"]) == asked
     assert found["records"] == {"checked": found["scans"], "problem": ""}
+    assert set(found["realtime"]["details"]) <= {one.name for one in fields(Realtime)}, "the record keeps every answer"
     memory = found["resident_kb"]
     assert 0 < memory["before"] <= memory["after"] + SLACK_KB < LARGEST_KB
     assert memory["after"] - memory["before"] < SLACK_KB

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from analysis.torque_ratio.line_fit import LEAST_POINTS, RatioFit, fit_torque_ratio
 from analysis.torque_ratio.points import doubts, fit_points
@@ -21,8 +20,10 @@ from analysis.trace.units import IntArray
 from definitions.units import TORQUE
 from recipes.text.quantity import QuantityError, read_quantity, show
 from station.bench.request import trace_file
+from station.cli.bench.torque_ratio_lines import FlaggedPoint, Line, OtherLine, Target
 from station.cli.bench.torque_ratio_text import line_blocks
 from station.cli.say import say
+from station.documents.reading import plain
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
@@ -64,7 +65,7 @@ def torque_ratio(name: str, targets: Sequence[str], data: Path, *, as_json: bool
     found = _of_run(name, data) if path is None else _of_file(path)
     _refuse_unreached(wanted, found)
     lines = [_line(quadrant, fit, wanted, found.rows) for quadrant, fit in found.fits.items()]
-    document = {"source": found.source, "run": found.run, "lines": lines, "notes": list(found.notes)}
+    document = {"source": found.source, "run": found.run, "lines": plain(lines), "notes": list(found.notes)}
     blocks = [block for line in lines for block in line_blocks(line, found.source)]
     return say(document, [*blocks, *found.notes], as_json=as_json)
 
@@ -142,42 +143,41 @@ def _reaches(fit: RatioFit, torque_out_nm: float) -> bool:
     return bool(float(fit.outputs_nm.mean()) * torque_out_nm > 0.0 and fit.slope != 0.0)
 
 
-def _line(quadrant: str | None, fit: RatioFit, wanted: Sequence[float], rows: IntArray | None) -> dict[str, Any]:
+def _line(quadrant: str | None, fit: RatioFit, wanted: Sequence[float], rows: IntArray | None) -> Line:
     without = fit.without_flagged()
-    return {
-        "quadrant": quadrant,
-        "points": fit.points,
-        "offset_nm": fit.offset_nm,
-        "slope": fit.slope,
-        "residual_sd_nm": fit.residual_sd_nm,
-        "u_offset_nm": fit.u_offset_nm,
-        "u_slope": fit.u_slope,
-        "correlation": fit.correlation,
-        "r_squared": fit.r_squared,
-        "theil_sen": {"offset_nm": fit.theil_sen_offset_nm, "slope": fit.theil_sen_slope},
-        "without_flagged": None if without is None else {"offset_nm": without.offset_nm, "slope": without.slope},
-        "flagged": [_point(fit, int(index), rows) for index in fit.flagged],
-        "targets": [_needed(fit, torque_nm) for torque_nm in wanted if _reaches(fit, torque_nm)],
-    }
+    return Line(
+        quadrant=quadrant,
+        points=fit.points,
+        offset_nm=fit.offset_nm,
+        slope=fit.slope,
+        residual_sd_nm=fit.residual_sd_nm,
+        u_offset_nm=fit.u_offset_nm,
+        u_slope=fit.u_slope,
+        correlation=fit.correlation,
+        r_squared=fit.r_squared,
+        theil_sen=OtherLine(offset_nm=fit.theil_sen_offset_nm, slope=fit.theil_sen_slope),
+        without_flagged=None if without is None else OtherLine(offset_nm=without.offset_nm, slope=without.slope),
+        flagged=tuple(_point(fit, int(index), rows) for index in fit.flagged),
+        targets=tuple(_needed(fit, torque_nm) for torque_nm in wanted if _reaches(fit, torque_nm)),
+    )
 
 
-def _point(fit: RatioFit, index: int, rows: IntArray | None) -> dict[str, Any]:
-    """Return a flagged point: `row` of the file; in a run a point is an average of samples, counted from 1."""
-    return {
-        "row": None if rows is None else int(rows[index]),
-        "point": index + 1,
-        "torque_in_nm": float(fit.inputs_nm[index]),
-        "torque_out_nm": float(fit.outputs_nm[index]),
-        "studentised": float(fit.studentised[index]),
-    }
+def _point(fit: RatioFit, index: int, rows: IntArray | None) -> FlaggedPoint:
+    return FlaggedPoint(
+        row=None if rows is None else int(rows[index]),
+        point=index + 1,
+        torque_in_nm=float(fit.inputs_nm[index]),
+        torque_out_nm=float(fit.outputs_nm[index]),
+        studentised=float(fit.studentised[index]),
+    )
 
 
-def _needed(fit: RatioFit, torque_out_nm: float) -> dict[str, Any]:
+def _needed(fit: RatioFit, torque_out_nm: float) -> Target:
     torque_in_nm = fit.torque_in_nm(torque_out_nm)
-    return {
-        "torque_out_nm": torque_out_nm,
-        "torque_in_nm": torque_in_nm,
-        "u_torque_in_nm": fit.u_torque_in_nm(torque_out_nm),
-        "u_torque_out_nm": fit.u_torque_out_nm(torque_in_nm),
-        "beyond_points": not float(fit.outputs_nm.min()) <= torque_out_nm <= float(fit.outputs_nm.max()),
-    }
+    return Target(
+        torque_out_nm=torque_out_nm,
+        torque_in_nm=torque_in_nm,
+        u_torque_in_nm=fit.u_torque_in_nm(torque_out_nm),
+        u_torque_out_nm=fit.u_torque_out_nm(torque_in_nm),
+        beyond_points=not float(fit.outputs_nm.min()) <= torque_out_nm <= float(fit.outputs_nm.max()),
+    )

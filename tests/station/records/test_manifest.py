@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Iterator
-from dataclasses import is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_type_hints
 
@@ -13,7 +13,7 @@ import pytest
 from station_samples import SETUP
 
 from station.documents.manifest import CLOCK_NAMES, Manifest
-from station.documents.reading import document_in, has_default, plain
+from station.documents.reading import document_in, plain
 from station.errors import RecordError
 from station.records.clocks import CLOCKS, clock_of
 from station.records.data_folder import Store
@@ -42,6 +42,11 @@ class Entry(NamedTuple):
 
     place: str
     optional: bool
+
+
+def has_default(kind: type, name: str) -> bool:
+    (one,) = (one for one in fields(kind) if one.name == name)
+    return one.default is not MISSING or one.default_factory is not MISSING
 
 
 def entries_of(kind: type, block: str = "") -> Iterator[Entry]:

@@ -11,13 +11,15 @@ from controller.interlocks import INTERLOCKS
 from controller.states import TRANSITIONS
 from definitions.checks import CHECKS, Check
 from definitions.faults import FAULTS
-from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, Field, State
+from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, DriveCommand, Field, State
 from definitions.program import ROLES
 from definitions.states import STATES
 from docs.markdown import NOTE, table
 from docs.metric_page import metrics
 from docs.option_pages import bench_options, recipe_options
+from drivers.servo_drive.cia402 import CONTROL_WORDS
 from recipes.compiler.budgets import BUDGETS
+from virtual_bench.faults.reactions import REACTIONS
 from virtual_bench.faults.vocabulary import FAULTS as INJECTED
 from virtual_bench.faults.vocabulary import NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES, on_the_wire
 
@@ -98,6 +100,23 @@ def process_image() -> str:
     )  # fmt: skip
 
 
+def reactions() -> Iterable[tuple[object, ...]]:
+    """The rows of the table of reactions."""
+
+    def written(command: DriveCommand) -> str:
+        return f"`{command.name.lower()}` (0x{CONTROL_WORDS[command]:02X})"
+
+    for reaction, row in REACTIONS.items():
+        yield (
+            f"`{reaction.name.lower()}`",
+            " or ".join(map(written, row.orders)) or "as before",
+            "as before" if row.then is None else written(row.then),
+            "stays" if row.state is None else f"`{name(row.state)}`",
+            ", ".join(f"`{target}`" for target in row.contacts),
+            row.what,
+        )
+
+
 def fault_vocabulary() -> str:
     """The page of the faults that can be injected."""
 
@@ -117,6 +136,21 @@ def fault_vocabulary() -> str:
         "one, and says when; see [Fault injection](fault-injection.md). *Virtual time*: `faults run` and `faults matrix`. "
         "*Wires*: the same with `--wires`. *Gateway*: against a real bench.\n\n"
         + table(("target", "verb", "value", "what a controller finds changed", "where it acts"), rows)
+        + "\n## Reactions\n\nWhat comes of an alarm, from the mildest reaction to the strongest; [Faults](faults.md) says which alarm has "
+        "which. A drive command is shown with its control word (0x6040). The lock's contact, the output of the brake supply, is kept "
+        "by every reaction: it opens on the way back only. `expect: {reaction: ...}` is held against this table, and so is the "
+        "[fault matrix](fault-matrix.md).\n\n"
+        + table(
+            (
+                "reaction",
+                "order in the scan of the alarm",
+                "order after that",
+                "state",
+                "contact that brings it about",
+                "what happens",
+            ),
+            reactions(),
+        )
     )
 
 

@@ -1,21 +1,29 @@
-"""The bench of a plant's own tests: a run in virtual time that goes on as the test says (`faultlab.pytest_plugin`)."""
+"""The bench of a plant's own tests: a run in virtual time that goes on as the test says (`faultlab.pytest_plugin`).
+
+A failure is shown at the line of the test: what a test calls in here hides itself from pytest's traceback.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
 from definitions.image import Command, Orders
+from faultlab.call_options import checked
+from faultlab.given import given_lines
 from faultlab.judge import judge
-from faultlab.run import Bench, FaultRun
+from faultlab.run import LONGEST_RUN_S, Bench, FaultRun
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import load_job
 from station.bench.virtual_unit import FIXED_SEED
-from virtual_bench.faults.scenario import Expect, Fault, Header, Never, Scenario, When
+from virtual_bench.faults.scenario import Expect, Fault, Header, Never, Operator, Scenario, When
 from virtual_bench.faults.vocabulary import ONLY_OVER_WIRES
 
 DEFAULT_RECIPE = "rv-40e-121-faults"
+AT_ONCE = When(time_s=0.0)
+BY_HAND = When(scan=0)
+HEADER = Header(name="test")
 
 
 class BenchUnderTest:
@@ -44,17 +52,41 @@ class BenchUnderTest:
         return self._bench.run
 
     def until(self, state: str, after_scans: int = 0) -> Orders:
-        """Run until a state was entered and some scans have passed in it; fails when the run ends before."""
-        When(state=state)  # a state that does not exist is refused here
-        reached = self.state == state or self._bench.until(lambda _: self.state == state)
-        if not reached:
-            pytest.fail(f"the run ended in {self.state}, before {state}: {' → '.join(self.run.states)}")
-        for _ in range(after_scans):
+        """Run until a state was entered and some scans have passed in it.
+
+        Fails where that does not come: the run ends before, leaves the state before, or takes more than 300 s of its
+        own time. The failure lists what came instead.
+
+        Raises:
+            ValueError: there is no such state, or `after_scans` is not a whole number from 0.
+
+        """
+        __tracebackhide__ = True
+        self._must_go_on("until")
+        checked(When, {"state": state, "after_scans": after_scans})
+        wanted = f"until state {state}" + (f", after_scans {after_scans}" if after_scans else "")
+        if self.state != state and not self._bench.until(lambda _: self.state == state):
+            self._never_came(wanted)
+        most = round(LONGEST_RUN_S / self.run.period_s)
+        for passed in range(after_scans):
+            if passed >= most:
+                self._never_came(wanted)
             self._bench.go()
+            if self.state != state:
+                self._never_came(wanted, f"{state} was left for {self.state} after {passed + 1} scans")
         return self.run.orders[-1] if self.run.orders else self._bench.go()
 
     def go(self, scans: int = 1) -> Orders:
-        """Run some scans."""
+        """Run some scans.
+
+        Raises:
+            ValueError: `scans` is below 1.
+
+        """
+        __tracebackhide__ = True
+        self._must_go_on("go")
+        if scans < 1:
+            raise ValueError(f"go: found {scans} scans; allowed: a whole number from 1")
         for _ in range(scans - 1):
             self._bench.go()
         return self._bench.go()
@@ -66,14 +98,25 @@ class BenchUnderTest:
             ValueError: there is no such fault, or it is one that acts over wires only.
 
         """
+        __tracebackhide__ = True
+        self._must_go_on("inject")
         if (target, verb) in ONLY_OVER_WIRES:
             where = "write a scenario file for it and run that with 'lostmotion faults run FILE --wires'"
             raise ValueError(f"{target} {verb} acts over wires only, this bench runs in virtual time: {where}")
-        self._bench.faults.inject([Fault(target=target, verb=verb, value=value, for_ms=for_ms, when=When(time_s=0.0))])
+        options = {"target": target, "verb": verb, "value": value, "for_ms": for_ms, "when": AT_ONCE}
+        self._bench.faults.inject([checked(Fault, options)])
 
     def order(self, command: str) -> None:
-        """Let the operator do something: stop, quick_stop, acknowledge, reset."""
-        self._bench.order(Command[command.upper()])
+        """Let the operator do something: stop, quick_stop, acknowledge, reset, start.
+
+        Raises:
+            ValueError: there is no such command.
+
+        """
+        __tracebackhide__ = True
+        self._must_go_on("order")
+        item = checked(Operator, {"command": command, "when": BY_HAND})
+        self._bench.order(Command[item.command.upper()])
         self._bench.go()
 
     def finish(self) -> FaultRun:
@@ -84,14 +127,44 @@ class BenchUnderTest:
         return self.run
 
     def expect(self, **clause: Any) -> None:
-        """Finish the run and hold it against one clause of a scenario's `expect`; a fault that did not act fails."""
-        self._hold(Scenario(scenario=Header(name="test"), faults=(), expect=(Expect(**clause),)))
+        """Finish the run and hold it against one clause of a scenario's `expect`; a fault that did not act fails.
+
+        Raises:
+            ValueError: it is no clause of a scenario.
+
+        """
+        __tracebackhide__ = True
+        self._hold(Scenario(scenario=HEADER, faults=(), expect=(checked(Expect, clause),)))
 
     def never(self, **clause: Any) -> None:
-        """Finish the run and hold it against one clause of a scenario's `never`."""
-        self._hold(Scenario(scenario=Header(name="test"), faults=(), never=(Never(**clause),)))
+        """Finish the run and hold it against one clause of a scenario's `never`.
+
+        Raises:
+            ValueError: it is no clause of a scenario.
+
+        """
+        __tracebackhide__ = True
+        self._hold(Scenario(scenario=HEADER, faults=(), never=(checked(Never, clause),)))
 
     def _hold(self, scenario: Scenario) -> None:
+        __tracebackhide__ = True
         wrong = judge(self.finish(), scenario)
         if wrong:
-            pytest.fail("\n".join(wrong), pytrace=False)
+            pytest.fail("\n".join([*wrong, "given were", *given_lines(self.run)]))
+
+    def _must_go_on(self, call: str) -> None:
+        """Refuse what would come too late: nothing that happens after the end is judged any more."""
+        __tracebackhide__ = True
+        if self._ended:
+            pytest.fail(
+                f"{call}: the run has ended, the first expect or never runs it to its end; put {call} before them"
+            )
+
+    def _never_came(self, wanted: str, instead: str = "") -> NoReturn:
+        __tracebackhide__ = True
+        if not instead:
+            ended = self._bench.controller.finished
+            instead = (
+                f"the run ended in {self.state}" if ended else f"{LONGEST_RUN_S:g} s later the run is in {self.state}"
+            )
+        pytest.fail("\n".join([f"{wanted} never came: {instead}; given were", *given_lines(self.run)]))

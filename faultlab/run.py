@@ -144,13 +144,17 @@ class Bench:
         most = round(LONGEST_RUN_S / self.run.period_s)
         for _ in range(most):
             self.go()
-            if self.controller.finished and not self._operator:
+            if self.controller.finished and not self._operator_can_act():
                 break
         self.run.finished = self.controller.finished
         for _ in range(AFTER_END_SCANS):
             self.go()
         self.run.unseen = self.bench.faults.why_unseen()
         return self.run
+
+    def _operator_can_act(self) -> bool:
+        """Tell whether a moment of the operator can still come in a run that has ended: no other state will."""
+        return any(item.when.scan is not None or item.when.state == self.state for item in self._operator)
 
     def branch(self, scenario: Scenario) -> Bench:
         """Return a copy that goes on from here with the faults of a scenario; its record begins anew."""

@@ -15,10 +15,9 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from recipes.text.document import OptionPath, Source
-from recipes.text.option_names import options_at
 from recipes.text.problems import Problem, RecipeError, nearest
 from recipes.text.section import FROM_DOCUMENT
-from recipes.text.translation import problem_of
+from recipes.text.translation import options_at, problem_of
 from recipes.text.yaml_source import parse_source, read_source
 
 ModelT = TypeVar("ModelT", bound=BaseModel)

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from functools import cache
 
 from definitions.faults import FAULT_BY_ID
-from definitions.image import DriveCommand, Reaction
-from faultlab.judge import first_action, first_alarm, low_from
+from definitions.image import Reaction
+from faultlab.judge import first_action, first_alarm, low_from, not_as_in_table
 from faultlab.rows import AFTER_SCANS, ROWS, STATES, Row
 from faultlab.run import Bench, FaultRun
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import Job, load_job
 from station.bench.virtual_unit import FIXED_SEED
+from virtual_bench.faults.reactions import REACTIONS
 from virtual_bench.faults.scenario import Fault, Header, Scenario, When
 
 RECIPE = "rv-40e-121-faults"
@@ -22,12 +23,6 @@ LOW_SHARE_OF_RATED = 0.02
 LEAD_SCANS = 200
 TRACE_POINTS = 120
 TRACE_BEFORE, TRACE_AFTER = 200, 1000
-ORDERS_OF: dict[Reaction, tuple[int, ...]] = {
-    Reaction.HOLD: tuple(DriveCommand),
-    Reaction.UNLOAD: (DriveCommand.ENABLE_OPERATION, DriveCommand.QUICK_STOP),
-    Reaction.QUICK_STOP: (DriveCommand.QUICK_STOP, DriveCommand.DISABLE_VOLTAGE),
-    Reaction.POWER_OFF: (DriveCommand.DISABLE_VOLTAGE,),
-}
 
 
 @dataclass(frozen=True)
@@ -108,14 +103,7 @@ def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float, *,
     event = next((event for event in run.alarms() if event.text in row.causes), run.alarms()[0])
     alarm, cause = run.place(event.scan), FAULT_BY_ID[event.text]
     detect = run.waited(acted, alarm)
-    order = next(
-        (
-            run.waited(alarm, at)
-            for at in range(alarm, len(run.orders))
-            if run.orders[at].drive_command in ORDERS_OF[cause.reaction]
-        ),
-        None,
-    )
+    order = _answered(run, alarm, cause.reaction)
     limit_nm = LOW_SHARE_OF_RATED * rated_nm
     low = low_from(run, alarm, limit_nm)
     torque_s = None if low is None or cause.reaction <= Reaction.HOLD else low * run.period_s
@@ -125,12 +113,38 @@ def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float, *,
         wrong.append(f"detected after {detect} scans, allowed {row.detect_scans + wire_scans}")
     if order != 0:
         wrong.append(f"ordered {order} scans after the detection")
+    else:
+        wrong += not_as_in_table(run, _came_into_force(run, alarm))
     if cause.reaction > Reaction.HOLD:
         wrong += _wrong_end(row, final, torque_s, rest_nm, rated_nm)
     return Cell(
         number, state, cause.id, cause.reaction.name.lower(), final, detect, order, torque_s, rest_nm, peak_nm,
         tuple(wrong), _trace(run, alarm),
     )  # fmt: skip
+
+
+def _answered(run: FaultRun, alarm: int, reaction: Reaction) -> int | None:
+    """Scans from an alarm until its reaction, or a stronger one, is in force with its order; None when it never is.
+
+    An earlier alarm may have brought the reaction about: then the order that follows may be given already.
+    """
+    before = run.orders[alarm - 1].reaction if alarm else Reaction.NONE
+    for place in range(alarm, len(run.orders)):
+        given = run.orders[place]
+        row = REACTIONS.get(Reaction(given.reaction))
+        if row is None or given.reaction < reaction:
+            continue
+        following = row.then if before == given.reaction else None
+        if given.drive_command in row.orders or (following is not None and given.drive_command == following):
+            return run.waited(alarm, place)
+    return None
+
+
+def _came_into_force(run: FaultRun, place: int) -> int:
+    """Place at which the reaction that is in force at a place came into force."""
+    while place and run.orders[place - 1].reaction == run.orders[place].reaction:
+        place -= 1
+    return place
 
 
 def _wrong_end(row: Row, final: str, torque_s: float | None, rest_nm: float, rated_nm: float) -> list[str]:

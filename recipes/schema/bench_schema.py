@@ -108,9 +108,9 @@ class ModbusDevice(Section):
     """Device on Modbus TCP or RTU, and how often it is asked."""
 
     transport: Literal["tcp", "rtu"]
-    host: Host | Literal[""] = ""
+    host: Host = ""
     port: Port = 502
-    serial_port: Word | Literal[""] = ""
+    serial_port: Word = ""
     baudrate: Baudrate = 115200
     parity: Literal["none", "even", "odd"] = "none"
     stopbits: Literal[1, 2] = 1

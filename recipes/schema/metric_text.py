@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from recipes.loader import load_source
 from recipes.schema.metric_schema import MetricWanted
 from recipes.text.document import Mark, Source
-from recipes.text.option_names import options_at
 from recipes.text.problems import Problem, RecipeError, excerpt, one_of
+from recipes.text.translation import options_at
 
 OPTION = re.compile(r"(?:^|\s)([^\s=]+)\s*=")
 NOWHERE = Mark(0, 0, 0, 0)

@@ -54,9 +54,9 @@ class RecipeError(Exception):
         return RecipeError, (self.problems,)
 
 
-def place(problem: Problem) -> tuple[str, int, int, str, str]:
+def place(problem: Problem) -> tuple[str, int, int, str, str, str]:
     """Sort key of a problem: file, line, column, then option and finding so that the order never varies."""
-    return problem.path, problem.line, problem.column, problem.option, problem.found
+    return problem.path, problem.line, problem.column, problem.option, problem.found, problem.allowed
 
 
 def excerpt(value: object) -> str:

@@ -29,8 +29,8 @@ newton = [force] = N
 metre = [length] = m = meter
 ampere = [current] = A
 kelvin = [temperature]; offset: 0 = K
-bit = [information] = bit
-one = [] = one
+bit = [information]
+one = []
 minute = 60 * second = min
 hour = 60 * minute = h
 degree = 0.017453292519943295 * radian = deg
@@ -41,7 +41,7 @@ revolutions_per_minute = revolution / minute = rpm
 degree_celsius = kelvin; offset: 273.15 = degC
 hertz = 1 / second = Hz
 joule = [energy] = J
-percent = 0.01 * one = percent
+percent = 0.01 * one
 parts_per_million = 1e-6 * one = ppm
 """
 

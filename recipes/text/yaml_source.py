@@ -1,4 +1,9 @@
-"""YAML text, from a file or from bytes, into a document; what is no text or no YAML is told by its place."""
+"""YAML text, from a file or from bytes, into a document; what is no text or no YAML is told by its place.
+
+Of YAML 1.2 only plain data is taken, and nothing is built from a hostile file: anchors and aliases (a short file can
+expand to gigabytes), tags, directives and several documents are refused, depth is bounded, every repeated name is
+found. `yes` and `on` are texts, `true` is not.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +11,38 @@ import warnings
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, NoReturn
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import (
+    AliasEvent,
+    Event,
+    MappingEndEvent,
+    MappingStartEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    StreamEndEvent,
+)
+from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.reader import ReaderError
 
-from recipes.text.document import Source
+from recipes.text.document import Mark, OptionPath, Source, dotted
 from recipes.text.problems import Problem, RecipeError, excerpt
 from recipes.text.regular_file import open_regular
-from recipes.text.yaml_events import Builder
 
 LARGEST_FILE = 128 * 1024
 """Bytes; the longest shipped document has 6 kB."""
+
+DEEPEST_NESTING = 16
+LONGEST_NUMBER = 40
+"""Characters of a number; longer ones stay text."""
+
+CONVERTED = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "float"))
+"""Scalars that are not text; a date is read by the model that wants one."""
+
+SECOND = "(second)"
+"""Stands in option paths for the contents of a repeated name: the first one counts, and keeps its places."""
 
 KEPT_DOCUMENTS = 64
 """Parsed documents that are kept: all that are shipped, and those of a few runs."""
@@ -83,14 +108,13 @@ def _parsed(raw: bytes, path: str) -> Source:
         found = f"more than {LARGEST_FILE // 1024} kB"
         raise _whole_file(path, found, f"at most {LARGEST_FILE // 1024} kB", "Is this the right file?")
     text = _decoded(raw, path)
-    builder = Builder(path)
-    yaml = YAML(typ="safe", pure=True)
+    reader = _Reader(text, path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            builder.build(yaml.parse(text), yaml)
+            data = reader.document()
     except MarkedYAMLError as error:
-        raise RecipeError([*builder.problems, _syntax_problem(error, path)]) from None
+        raise RecipeError([*reader.problems, _syntax_problem(error, path)]) from None
     except ReaderError as error:
         line, column = _line_and_column(text[: error.position])
         found = f"the control character U+{int(error.character):04X}"
@@ -99,9 +123,113 @@ def _parsed(raw: bytes, path: str) -> Source:
     except (YAMLError, ValueError, TypeError, LookupError, AttributeError, AssertionError, ArithmeticError):
         # The parser fails in many ways on bytes that are no YAML at all; none of them helps the reader.
         raise _whole_file(path, "text that is no YAML", "a YAML document", "Is this the right file?") from None
-    if builder.root is None and not builder.problems:
+    if data is None and not reader.problems:
         raise _whole_file(path, "an empty file", "a YAML document", "Copy a shipped file and edit it.")
-    return Source(path, builder.root, builder.marks, tuple(builder.problems), builder.complete)
+    return Source(path, data, reader.marks, tuple(reader.problems), reader.complete)
+
+
+class _Reader:
+    """Reads the parser's events as plain data with marks, and collects what is wrong with the form."""
+
+    def __init__(self, text: str, path: str) -> None:
+        self._yaml = YAML(typ="safe", pure=True)
+        self._events = self._yaml.parse(text)
+        self._path = path
+        self.marks: dict[OptionPath, Mark] = {}
+        self.problems: list[Problem] = []
+        self.complete = True
+
+    def document(self) -> Any:
+        """Return the data of the only document, None when there is none."""
+        next(self._events)  # the stream begins
+        start = next(self._events)
+        if isinstance(start, StreamEndEvent):
+            return None
+        if start.version or start.tags:  # in YAML 1.1 `no` is false and 1:30 is ninety
+            self._stop(start, (), "a directive ('%')", "YAML 1.2 without directives", "Delete the lines with '%'.")
+        data = self._value(next(self._events), ())
+        next(self._events)  # the document ends
+        after = next(self._events)
+        if not isinstance(after, StreamEndEvent):
+            self._stop(after, (), "a second document ('---')", "one document per file", "Split the file.")
+        return data
+
+    def _value(self, event: Event, option: OptionPath, name_mark: tuple[int, int] | None = None) -> Any:
+        place = _start(event)
+        if name_mark and isinstance(event, ScalarEvent) and not event.value and event.style is None:
+            place = name_mark  # nothing is written
+        self.marks[option] = Mark(*place, *(name_mark or place))
+        if isinstance(event, AliasEvent):
+            self._refuse(event, option, "an alias ('*')", "Write the value out.")
+            return None
+        self._check_plain(event, option)
+        if isinstance(event, ScalarEvent):
+            return self._scalar(event)
+        if len(option) >= DEEPEST_NESTING:
+            allowed = f"at most {DEEPEST_NESTING} levels of sections"
+            self._stop(event, option, "sections nested too deep", allowed, "Is this the right file?")
+        return self._section(option) if isinstance(event, MappingStartEvent) else self._list(option)
+
+    def _list(self, option: OptionPath) -> list[Any]:
+        entries: list[Any] = []
+        while not isinstance(event := next(self._events), SequenceEndEvent):
+            entries.append(self._value(event, (*option, len(entries))))
+        return entries
+
+    def _section(self, option: OptionPath) -> dict[str, Any]:
+        section: dict[str, Any] = {}
+        while not isinstance(event := next(self._events), MappingEndEvent):
+            if not isinstance(event, ScalarEvent):
+                what = "an alias" if isinstance(event, AliasEvent) else "a list or section"
+                self._stop(event, option, f"{what} as a name", "a word as a name", "Write 'name: value'.")
+            name, place = _text(event), _start(event)
+            inside = (*option, name)
+            self._check_plain(event, inside)
+            if name not in section:
+                section[name] = self._value(next(self._events), inside, place)
+                continue
+            found = f"'{name}' a second time (first in line {self.marks[inside].name_line})"
+            self._add(place, inside, found, "every name once in a section", "Delete one of the two.")
+            self._value(next(self._events), (*inside, SECOND))
+        return section
+
+    def _scalar(self, event: ScalarEvent) -> Any:
+        """Return None, bool, int, float or text by the core rules of YAML 1.2."""
+        text = _text(event)
+        tag = self._yaml.resolver.resolve(ScalarNode, text, (True, False))
+        if event.style is not None or len(text) > LONGEST_NUMBER or str(tag) not in CONVERTED:
+            return text
+        try:
+            return self._yaml.constructor.construct_object(ScalarNode(tag, text))
+        except ValueError:  # a text such as `-_` has the form of a number
+            return text
+
+    def _check_plain(self, event: Any, option: OptionPath) -> None:
+        if event.anchor is not None:
+            self._refuse(event, option, f"an anchor ('&{event.anchor}')", "Write the value out where it is used.")
+        if event.ctag is not None:
+            self._refuse(event, option, f"a tag ({excerpt(str(event.ctag))})", "Delete the tag.")
+
+    def _refuse(self, event: Event, option: OptionPath, found: str, hint: str) -> None:
+        self.complete = False
+        self._add(_start(event), option, found, "plain values", hint)
+
+    def _stop(self, event: Event, option: OptionPath, found: str, allowed: str, hint: str) -> NoReturn:
+        """Refuse what makes the rest of the document meaningless."""
+        self._add(_start(event), option, found, allowed, hint)
+        raise RecipeError(self.problems)
+
+    def _add(self, place: tuple[int, int], option: OptionPath, found: str, allowed: str, hint: str) -> None:
+        self.problems.append(Problem(self._path, *place, dotted(option), found, allowed, hint))
+
+
+def _start(event: Event) -> tuple[int, int]:
+    return event.start_mark.line + 1, event.start_mark.column + 1
+
+
+def _text(event: ScalarEvent) -> str:
+    """Return what is written, without the lone surrogates that escapes make and no terminal prints."""
+    return str(event.value).encode("utf-8", errors="replace").decode()
 
 
 def _whole_file(path: str, found: str, allowed: str, hint: str) -> RecipeError:

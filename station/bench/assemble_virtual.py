@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from recipes import Bench, Problem, Recipe, RecipeError, load_document, parse_document
+from recipes import Bench, Recipe, RecipeError, load_document, parse_document
 from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
+from recipes.text.yaml_source import read_source
 from station.bench.assemble import FileAt, drive_profile, modbus_profile
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
 from station.records.clocks import SCAN, VIRTUAL, WALL
@@ -82,21 +83,13 @@ LACKING: dict[str, tuple[frozenset[tuple[str, str]], str, str]] = {
 def check_clock(path: Path, scenario: Scenario, clock: str) -> None:
     """Refuse faults that the clock of the run cannot have; RecipeError with every one of them."""
     lacking, allowed, hint = LACKING[clock]
-    problems = [
-        Problem(
-            str(path),
-            0,
-            0,
-            f"faults.{place}",
-            f"{fault.target} {fault.verb}",
-            allowed,
-            hint,
+    wrong = [place for place, fault in enumerate(scenario.faults) if (fault.target, fault.verb) in lacking]
+    if wrong:
+        source, faults = read_source(path), scenario.faults
+        raise RecipeError(
+            source.problem(("faults", place, "verb"), f"{faults[place].target} {faults[place].verb}", allowed, hint)
+            for place in wrong
         )
-        for place, fault in enumerate(scenario.faults)
-        if (fault.target, fault.verb) in lacking
-    ]
-    if problems:
-        raise RecipeError(problems)
 
 
 def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> BenchConfig:

@@ -13,7 +13,7 @@ import pytest
 from lostmotion_command import COMMAND, ROOT
 from patient import patient_bench, short_recipe
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.wall_clock]
 
 SLOPE_OF_THIS_RECIPE = 85.9
 """What it measures in virtual time: to 15 % of rated torque in a fraction of a second, so less than the unit's 94.7."""

@@ -155,6 +155,7 @@ def test_second_ctrl_c_is_a_quick_stop(start, one_ramp):
     assert ran.json["alarms"][0]["id"] == "operator_quick_stop"
 
 
+@pytest.mark.wall_clock
 def test_killed_controller_drive_stops_itself_and_nothing_recorded_is_lost(start, lostmotion, ramp_by_wall_clock):
     run = start("run", *ramp_by_wall_clock, "--serial", "K", "--json")
     run.wait_for(lambda: in_ramp(run.data))

@@ -8,7 +8,7 @@ from patient import patient_bench, short_recipe
 
 from station.cli.bench.timing import explain, lines
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.wall_clock]
 SECONDS = 1.5
 PERIODS = 1500
 LARGEST_KB = 150 * 1024

@@ -9,6 +9,7 @@ from zlib import crc32
 
 import pytest
 
+from faultlab.given import MOST, listed
 from faultlab.judge import _EXPECT, _NEVER, judge
 from faultlab.matrix.matrix import cells, measure
 from faultlab.matrix.page import bound, markdown
@@ -102,9 +103,12 @@ def test_a_fault_that_does_not_act_fails_its_scenario(tmp_path, capsys):
         ({"expect": [{"event": "guard_open", "within_scans": 12}]}, ""),
         ({"expect": [{"event": "guard_open", "within_scans": 0}]}, "came after"),
         ({"expect": [{"event": "estop", "within_scans": 10}]}, "alarms were: guard_open"),
-        ({"expect": [{"event": "estopp", "within_scans": 10}]}, "unknown fault"),
+        ({"expect": [{"event": "estop", "within_scans": 10}]}, "guard_open at scan"),
+        ({"expect": [{"reaction": "quick_stop", "within_scans": 0}]}, ""),
+        ({"expect": [{"reaction": "power_off", "within_scans": 0}]}, "reactions were: quick_stop at scan"),
         ({"expect": [{"order": "quick_stop", "within_scans": 0}]}, ""),
         ({"expect": [{"order": "fault_reset", "within_scans": 0}]}, "was not given"),
+        ({"expect": [{"order": "disable_voltage", "within_scans": 0}]}, "were: quick_stop at scan"),
         ({"expect": [{"torque_below_nm": 33, "within_s": 1.0}]}, ""),
         ({"expect": [{"torque_below_nm": 0.001, "within_s": 1.0}]}, "N·m at the end"),
         ({"expect": [{"final_state": "fault"}, {"latched": True}]}, ""),
@@ -173,11 +177,16 @@ def test_every_clause_has_its_judge():
 @pytest.mark.parametrize(
     ("target", "verb", "rest", "words"),
     [
-        ("process.desk", "kill", "when: {time_s: 3}", "give state or scan"),
-        ("machine.disk", "full", "when: {torque_out_above_nm: 50}", "give state or scan"),
+        ("process.desk", "kill", "when: {time_s: 3}", "found time_s; allowed: state or scan"),
+        (
+            "machine.disk",
+            "full",
+            "when: {torque_out_above_nm: 50}",
+            "found torque_out_above_nm; allowed: state or scan",
+        ),
         ("process.scan", "kill", "when: {state: lock}, for_ms: 100", "takes no for_ms"),
         ("machine.clock", "step", "when: {state: lock}", "needs value"),
-        ("machine.disk", "fill", "when: {state: lock}", "allowed full"),
+        ("machine.disk", "fill", "when: {state: lock}", "allowed: full"),
         ("process.scan", "kill", "value: 9, when: {state: lock}", "takes no value"),
     ],
 )
@@ -198,10 +207,13 @@ def test_since_belongs_to_torque():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("when: {state: ramp_poz}", "allowed idle"),
-        ("when: {after_scans: 3, time_s: 1}", "give the state too"),
+        ("when: {state: ramp_poz}", "allowed: idle"),
+        ("when: {after_scans: 3, time_s: 1}", "Give the state too"),
         ("when: {state: lock, time_s: 1}", "exactly one"),
         ("whan: {state: lock}", "when"),
+        ("when: {}", "found none of them"),
+        ("when: {state: lock}, value: 3", "takes no value"),
+        ("when: {state: lock}, for_ms: 50 ms", "Write it without a unit"),
         ("when: {state: lock}, for_ms: 0", "for_ms"),
     ],
 )
@@ -260,3 +272,102 @@ def test_the_documentation_has_every_cell_of_the_matrix():
 def test_the_figures_of_the_documentation_are_those_of_the_matrix(row, state):
     measured = markdown([measure(row, state)]).splitlines()[-1]
     assert measured in MATRIX_PAGE.splitlines(), "run 'lostmotion faults matrix --page ...'"
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "mine.yaml"
+    path.write_text("scenario: {name: mine}\n" + text, encoding="utf-8")
+    return path
+
+
+FIXED = command_faults.How(seed=FIXED_SEED)
+GUARD_LINE = "faults:\n  - {target: io.guard, verb: open, when: {state: ramp_pos, after_scans: 300}}\n"
+
+
+def test_a_failed_expectation_names_its_line_and_lists_what_was_given(tmp_path, capsys):
+    expect = "expect:\n  - {event: guard_open, within_scans: 12}\n  - {order: disable_voltage, within_scans: 0}\n"
+    path = written(tmp_path, GUARD_LINE + expect)
+    assert command_faults.run(path, FIXED, as_json=False) == 1
+    said = capsys.readouterr().out.splitlines()
+    (wrong,) = [line for line in said if str(path) in line]
+    assert wrong.startswith(f"  {path}:6:5: expected order disable_voltage, within_scans 0: came ")
+    assert "quick_stop at scan" in wrong
+    given = {line.split()[0]: line for line in said[2:]}
+    assert "io.guard open at scan" in given["faults"]
+    assert "guard_open at scan" in given["alarms"]
+    assert "after the fault" in given["alarms"]
+    assert "quick_stop at scan" in given["reactions"]
+    assert given["orders"].index("quick_stop at") < given["orders"].index("disable_voltage at")
+    assert given["states"].split("→")[-1].strip().startswith("fault at scan")
+
+
+def test_a_program_gets_the_same(tmp_path, capsys):
+    path = written(tmp_path, GUARD_LINE + "expect:\n  - {reaction: power_off, within_scans: 0}\n")
+    assert command_faults.run(path, FIXED, as_json=True) == 1
+    said = json.loads(capsys.readouterr().out)
+    assert said["lines"] == [5]
+    assert [row["reaction"] for row in said["reactions"]] == ["quick_stop"]
+    assert [row["order"] for row in said["orders"]] == ["enable_operation", "quick_stop", "disable_voltage"]
+    assert [row["state"] for row in said["visits"]] == said["states"]
+    assert said["alarms"][0]["scan"] == said["reactions"][0]["scan"] == said["orders"][1]["scan"]
+
+
+def test_a_moment_that_does_not_come_fails_at_its_line_and_says_what_came(tmp_path, capsys):
+    late = GUARD_LINE.replace("300", "30000")
+    assert (
+        command_faults.run(written(tmp_path, late + "expect:\n  - {final_state: complete}\n"), FIXED, as_json=False)
+        == 1
+    )
+    (wrong,) = [line for line in capsys.readouterr().out.splitlines() if "mine.yaml:" in line]
+    assert "mine.yaml:3:5: io.guard open had no effect: its trigger (state ramp_pos, after_scans 30000)" in wrong
+    assert "ramp_pos lasted" in wrong
+    assert "complete at scan" in wrong
+
+
+def test_an_operator_whose_moment_does_not_come_fails_and_the_run_does_not_wait_for_him(tmp_path, capsys):
+    operator = (
+        "operator:\n  - {command: stop, when: {state: ramp_neg, after_scans: 10}}\nexpect:\n  - {final_state: fault}\n"
+    )
+    path = written(tmp_path, GUARD_LINE + operator)
+    assert command_faults.run(path, FIXED, as_json=True) == 1
+    said = json.loads(capsys.readouterr().out)
+    assert said["lines"] == [5]
+    assert (
+        "operator's stop was not given: its trigger (state ramp_neg, after_scans 10) was not reached"
+        in said["wrong"][0]
+    )
+
+
+def test_an_operator_who_acts_twice_must_be_heard_twice(guard_opened):
+    stop = {"command": "stop", "when": IN_RAMP}
+    place = 11_000
+    stopped = [image._replace(command=2) if at == place else image for at, image in enumerate(guard_opened.images)]
+    run = dataclasses.replace(guard_opened, images=stopped)
+    assert judge(run, scenario(operator=[stop])) == []
+    (wrong,) = judge(run, scenario(operator=[stop, stop]))
+    assert wrong.startswith("operator's stop was not given")
+
+
+def test_an_alarm_before_the_fault_is_not_the_faults_doing(guard_opened):
+    run = dataclasses.replace(guard_opened, acted=[("io.guard open", guard_opened.acted[0][1] + 500)])
+    (wrong,) = judge(run, scenario(expect=[{"event": "guard_open", "within_scans": 12}]))
+    assert "came before the fault acted" in wrong
+
+
+def test_a_bench_that_was_refused_has_met_nothing_else():
+    run = FaultRun(0.001, refused="no answer of the drive")
+    refused, event = {"refused": "no answer"}, {"event": "guard_open", "within_scans": 12}
+    assert judge(run, scenario(expect=[refused])) == []
+    (wrong,) = judge(run, scenario(expect=[refused, event]))
+    assert "nothing has moved" in wrong
+    kept = dataclasses.replace(run, kept=Kept("fault", None, ()))
+    assert judge(kept, scenario(expect=[refused, {"found_as": "fault"}])) == []
+    assert "was found as fault" in judge(kept, scenario(expect=[refused, {"found_as": "complete"}]))[0]
+
+
+def test_a_long_list_keeps_its_ends():
+    said = listed([str(number) for number in range(100)])
+    assert said.startswith("0, 1, ")
+    assert said.endswith(", 98, 99")
+    assert f"{100 - MOST} more" in said
+    assert listed([]) == "none"

@@ -87,6 +87,7 @@ def cable(tmp_path_factory) -> Iterator[BenchOnACable]:
     bench.close()
 
 
+@pytest.mark.wall_clock
 def test_a_gateway_brings_faults_to_a_bench_on_a_cable(cable, tmp_path, capsys):
     path = tmp_path / "silence.yaml"
     path.write_text(

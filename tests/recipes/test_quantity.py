@@ -22,7 +22,7 @@ from definitions.units import (
     TORQUE,
     TORQUE_RATE,
 )
-from recipes.text.quantity import LONGEST_TEXT, QuantityError, convert, read_quantity, show
+from recipes.text.quantity import LONGEST_TEXT, QuantityError, convert, read_quantity, show, unit_registry
 
 ARCMIN = math.pi / 10800
 
@@ -65,6 +65,19 @@ SPELLINGS = (
 @pytest.mark.parametrize(("text", "kind", "value"), SPELLINGS)
 def test_spellings(text, kind, value):
     assert read_quantity(text, kind) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("number", "unit", "to_unit", "printed"),
+    [
+        (95_000.0, "N·m/rad", "N·m/arcmin", 27.634),
+        (1.0, "N·m/arcmin", "N·m/rad", 3437.747),
+        (8.0 / 121.0, "arcmin", "arcsec", 3.967),
+        (1e-4, "rev", "arcmin", 2.16),
+    ],
+)
+def test_figures_that_the_documents_print(number, unit, to_unit, printed):
+    assert convert(number, unit, to_unit) == pytest.approx(printed, abs=5e-4)
 
 
 def test_percent_is_of_what_it_is_told():
@@ -143,3 +156,9 @@ def test_any_unit_is_converted_or_refused(text, kind):
     else:
         spoken = "a number"
     assert spoken
+
+
+def test_the_units_are_defined_once_each_and_the_library_has_nothing_to_say(caplog):
+    """Found in a plant's own tests: pytest showed its warnings with every failure."""
+    unit_registry.__wrapped__()
+    assert caplog.records == []

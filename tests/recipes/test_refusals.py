@@ -125,6 +125,10 @@ CASES = {
         ["loading: found 'loading' a second time (first in line 14)", "Delete one of the two."],
     ),
     "anchor": ("rule: guard_band ", "rule: &rule guard_band ", "&rule", ["an anchor ('&rule')"]),
+    "form of a number": ("ratio: 121", "ratio: -_", "-_", ["unit_under_test.ratio: found '-_'", "a number"]),
+    "surrogate as a name": (
+        "loading: input ", 'loading: input\n"\\ud800": 1 ', '"\\ud800"', ["?: found the unknown option '?'"],
+    ),
     "tag": ("rule: guard_band ", "rule: !!str guard_band ", "!!str", ["a tag"]),
     "second document": ("decision:\n", "---\ndecision:\n", "---", ["a second document ('---')"]),
 }  # fmt: skip
@@ -160,6 +164,9 @@ WHOLE_FILES = {
     "billion laughs": (b"a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "1:4:", "an anchor"),
     "deep": (b"[" * 5000, "1:17:", "nested too deep"),
     "large": (b"a: 1\n" * 40000, "1:1:", "more than 128 kB"),
+    "alias as a name": (b"a: 1\n*b : 2\n", "2:1:", "an alias as a name"),
+    "yaml 1.1": (b"%YAML 1.1\n---\nrecipe: no\n", "2:1:", "a directive ('%')"),
+    "tag directive": (b"%TAG ! tag:x,2000:\n---\na: !b 1\n", "2:1:", "a directive ('%')"),
     "list as a name": (b"? [a]\n: 1\n", "1:3:", "a list or section as a name"),
     "tag of python": (b"a: !!python/object/apply:os.system ['x']\n", "1:4:", "a tag"),
 }

@@ -20,7 +20,7 @@ from virtual_bench.errors import VirtualBenchError
 from virtual_bench.faults.scenario import Scenario
 from virtual_bench.server import run
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.wall_clock]
 CONTROLLER = 126
 
 

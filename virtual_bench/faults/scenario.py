@@ -7,6 +7,7 @@ A scenario names faults by target and verb (`fault_vocabulary`), each with the m
       - {target: can.drive.heartbeat, verb: off, when: {state: ramp_pos, after_scans: 200}}
     expect:
       - {event: drive_heartbeat_lost, within_scans: 121}
+      - {reaction: power_off, within_scans: 0}
       - {order: disable_voltage, within_scans: 0}
       - {torque_below_nm: 33, within_s: 1.0}
       - {final_state: fault}
@@ -22,20 +23,30 @@ from __future__ import annotations
 
 from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from definitions.image import Command, DriveCommand, State
+from virtual_bench.faults.names import (
+    CommandName,
+    EventName,
+    OrderName,
+    ReactionName,
+    StateName,
+    Target,
+    refusal,
+    verb_of,
+)
 from virtual_bench.faults.vocabulary import BY_STATION, FAULTS, ONCE
-
-STATE_NAMES = tuple(state.name.lower() for state in State)
-ORDER_NAMES = tuple(command.name.lower() for command in DriveCommand)
-COMMAND_NAMES = tuple(command.name.lower() for command in Command if command)
-
 
 OF_THE_RECORD = ("found_as", "record", "verdict")
 """What can be expected of the kept record of a run over wires; a run in virtual time need not have one."""
 
-EXPECT_KINDS = ("event", "order", "torque_below_nm", "final_state", "latched", "refused", *OF_THE_RECORD)
+EXPECT_KINDS = ("event", "reaction", "order", "torque_below_nm", "final_state", "latched", "refused", *OF_THE_RECORD)
+
+TRIGGERS = ("torque_out_above_nm", "time_s", "state", "scan")
+"""Conditions of which a moment has exactly one."""
+
+COUNTED_IN_SCANS = ("event", "reaction", "order")
+"""Kinds that need `within_scans`."""
 
 
 class Strict(BaseModel):
@@ -44,9 +55,12 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def _one_of(name: str, found: str | None, allowed: tuple[str, ...]) -> None:
-    if found is not None and found not in allowed:
-        raise ValueError(f"{name}: found {found!r}, allowed {', '.join(allowed)}")
+def _one_kind(given: BaseModel, kinds: tuple[str, ...]) -> None:
+    """Refuse a section that has none of `kinds`, or more than one."""
+    found = [kind for kind in kinds if getattr(given, kind) is not None]
+    if len(found) != 1:
+        allowed = f"exactly one of {', '.join(kinds[:-1])} and {kinds[-1]}"
+        raise refusal(" and ".join(found) or "none of them", allowed)
 
 
 class When(Strict):
@@ -54,19 +68,21 @@ class When(Strict):
 
     torque_out_above_nm: float | None = None  # of the magnitude of the torque in the reducer
     time_s: float | None = None  # since the bench was started
-    state: str | None = None  # of the controller, when it is entered
+    state: StateName | None = None  # of the controller, when it is entered
     after_scans: int = Field(default=0, ge=0)
     scan: int | None = Field(default=None, ge=0)
 
     @model_validator(mode="after")
     def _one_condition(self) -> Self:
-        given = [self.torque_out_above_nm, self.time_s, self.state, self.scan]
-        if sum(item is not None for item in given) != 1:
-            raise ValueError("give exactly one of torque_out_above_nm, time_s, state and scan")
+        _one_kind(self, TRIGGERS)
         if self.after_scans and self.state is None:
-            raise ValueError("after_scans counts from the entry into a state: give the state too")
-        _one_of("state", self.state, STATE_NAMES)
+            raise refusal("no state", "after_scans beside the state from whose entry it counts", "Give the state too.")
         return self
+
+    @property
+    def trigger(self) -> str:
+        """Name of the condition that is given."""
+        return next(name for name in TRIGGERS if getattr(self, name) is not None)
 
     @property
     def needs_controller(self) -> bool:
@@ -77,33 +93,34 @@ class When(Strict):
 class Fault(Strict):
     """One fault: what, how, by how much, when, and for how long (without `for_ms`: to the end)."""
 
-    target: str
+    target: Target
     verb: str
     value: float | None = None
     when: When
     for_ms: float | None = Field(default=None, gt=0.0)
 
+    @field_validator("verb")
+    @classmethod
+    def _of_target(cls, verb: str, info: ValidationInfo) -> str:
+        target = info.data.get("target")  # missing where it is wrong itself, and reported there
+        return verb if target is None else verb_of(target, verb)
+
     @model_validator(mode="after")
     def _known(self) -> Self:
         key = (self.target, self.verb)
-        if key not in FAULTS:
-            verbs = sorted(verb for target, verb in FAULTS if target == self.target)
-            if verbs:
-                raise ValueError(f"found verb {self.verb!r} for {self.target}, allowed {', '.join(verbs)}")
-            targets = ", ".join(sorted({target for target, _ in FAULTS}))
-            raise ValueError(f"found target {self.target!r}, allowed {targets}")
-        row = FAULTS[key]
-        if bool(row.value) != (self.value is not None):
-            needed = f"needs value: {row.value}" if row.value else "takes no value"
-            raise ValueError(f"{self.target} {self.verb} {needed}")
+        name, row = " ".join(key), FAULTS[key]
+        if row.value and self.value is None:
+            raise refusal("no value", f"{name} needs value: {row.value}", "Add it.")
+        if self.value is not None and not row.value:
+            raise refusal(f"value {self.value:g}", f"{name} takes no value", "Delete it.", at="value")
         if self.value is not None and not row.low <= self.value <= row.high:
-            raise ValueError(
-                f"{self.target} {self.verb}: found value {self.value:g}, allowed {row.low:g} to {row.high:g}"
-            )
+            raise refusal(f"{self.value:g}", f"a number from {row.low:g} to {row.high:g} ({row.value})", at="value")
         if key in BY_STATION and not self.when.needs_controller:
-            raise ValueError(f"{self.target} {self.verb} happens outside the bench: give state or scan")
+            hint = f"{name} happens outside the bench, which alone sees torque and time."
+            raise refusal(self.when.trigger, "state or scan", hint, at="when")
         if key in ONCE and self.for_ms is not None:
-            raise ValueError(f"{self.target} {self.verb} takes no for_ms: it happens once and is not undone")
+            allowed = f"{name} takes no for_ms: it happens once and is not undone"
+            raise refusal(f"{self.for_ms:g}", allowed, "Delete it.", at="for_ms")
         return self
 
 
@@ -124,33 +141,35 @@ class Start(Strict):
 class Operator(Strict):
     """What the operator does in the middle of it."""
 
-    command: Literal["stop", "quick_stop", "acknowledge", "reset", "start"]
+    command: CommandName
     when: When
 
     @model_validator(mode="after")
     def _seen(self) -> Self:
         if not self.when.needs_controller:
-            raise ValueError("an operator's action has no torque or time trigger: give state or scan")
+            raise refusal(self.when.trigger, "state or scan, which the operator can see", at="when")
         return self
 
 
 class Expect(Strict):
     """Something that must happen; exactly one kind per entry.
 
-    `event` (fault id) within scans of the first fault's action; `order` (drive command) within scans of the first
-    alarm; `torque_below_nm` within seconds of the first alarm, or `since` the first fault acted, and from then on;
-    `final_state`; `latched`: nothing leaves the state fault by itself; `refused`: the bench is not opened, nothing
-    moves, and the reason has this text. Over wires only, of what is kept of the run: `found_as`, its state;
-    `record`: every scan that was recorded is on disk, in order and unchanged; `verdict`.
+    `event` (fault id) within scans of the first fault's action; `reaction` (with the order, state and contacts that
+    `reactions` gives it) and `order` (drive command) within scans of the first alarm; `torque_below_nm` within seconds
+    of the first alarm, or `since` the first fault acted, and from then on; `final_state`; `latched`: nothing leaves the
+    state fault by itself; `refused`: the bench is not opened, nothing moves, and the reason has this text. Over wires
+    only, of what is kept of the run: `found_as`, its state; `record`: every scan that was recorded is on disk, in order
+    and unchanged; `verdict`.
     """
 
-    event: str | None = None
-    order: str | None = None
+    event: EventName | None = None
+    reaction: ReactionName | None = None
+    order: OrderName | None = None
     within_scans: int | None = Field(default=None, ge=0)
     torque_below_nm: float | None = Field(default=None, gt=0.0)
     within_s: float | None = Field(default=None, gt=0.0)
     since: Literal["alarm", "fault"] | None = None
-    final_state: str | None = None
+    final_state: StateName | None = None
     latched: bool | None = None
     refused: str | None = None
     found_as: Literal["complete", "stopped", "fault", "interrupted"] | None = None
@@ -158,35 +177,36 @@ class Expect(Strict):
     verdict: Literal["PASS", "FAIL", "NOT DECIDABLE"] | None = None
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Self:
-        if sum(getattr(self, kind) is not None for kind in EXPECT_KINDS) != 1:
-            raise ValueError(f"give exactly one of {', '.join(EXPECT_KINDS[:-1])} and {EXPECT_KINDS[-1]}")
-        if (self.event is None and self.order is None) != (self.within_scans is None):
-            raise ValueError("within_scans belongs to event and order, and they need it")
-        if (self.torque_below_nm is None) != (self.within_s is None):
-            raise ValueError("within_s belongs to torque_below_nm, which needs it")
+    def _belongs_together(self) -> Self:
+        _one_kind(self, EXPECT_KINDS)
+        timed = next((kind for kind in COUNTED_IN_SCANS if getattr(self, kind) is not None), None)
+        if timed is not None and self.within_scans is None:
+            raise refusal("no within_scans", f"{timed} needs within_scans: whole scans from 0", "Add it.")
+        if timed is None and self.within_scans is not None:
+            raise refusal(
+                f"{self.within_scans}", f"within_scans belongs to {', '.join(COUNTED_IN_SCANS)}", "Delete it.",
+                at="within_scans",
+            )  # fmt: skip
+        if self.torque_below_nm is not None and self.within_s is None:
+            raise refusal("no within_s", "torque_below_nm needs within_s: seconds above 0", "Add it.")
+        if self.torque_below_nm is None and self.within_s is not None:
+            raise refusal(f"{self.within_s:g}", "within_s belongs to torque_below_nm", "Delete it.", at="within_s")
         if self.since is not None and self.torque_below_nm is None:
-            raise ValueError("since belongs to torque_below_nm")
-        _one_of("final_state", self.final_state, STATE_NAMES)
-        _one_of("order", self.order, ORDER_NAMES)
+            raise refusal(self.since, "since belongs to torque_below_nm", "Delete it.", at="since")
         return self
 
 
 class Never(Strict):
     """Something that must not happen in any scan; exactly one kind per entry."""
 
-    state: str | None = None
-    event: str | None = None
+    state: StateName | None = None
+    event: EventName | None = None
     torque_above_nm: float | None = Field(default=None, gt=0.0)
-    order_after_fault: str | None = None
+    order_after_fault: OrderName | None = None
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Self:
-        kinds = [self.state, self.event, self.torque_above_nm, self.order_after_fault]
-        if sum(kind is not None for kind in kinds) != 1:
-            raise ValueError("give exactly one of state, event, torque_above_nm and order_after_fault")
-        _one_of("state", self.state, STATE_NAMES)
-        _one_of("order_after_fault", self.order_after_fault, ORDER_NAMES)
+    def _one(self) -> Self:
+        _one_kind(self, ("state", "event", "torque_above_nm", "order_after_fault"))
         return self
 
 

@@ -29,15 +29,24 @@ def _by_station(fault: Fault) -> bool:
     return (fault.target, fault.verb) in BY_STATION
 
 
+def moment_of(when: When) -> str:
+    """Say a moment in the words of the scenario file."""
+    return ", ".join(f"{name} {value}" for name, value in when.model_dump(exclude_defaults=True).items())
+
+
+def without_effect(fault: Fault) -> str:
+    """Begin the sentence about a fault that has had no effect."""
+    return f"{fault.target} {fault.verb} had no effect: "
+
+
 def never_due(fault: Fault) -> str:
     """Say that the moment of a fault did not come."""
-    moment = ", ".join(f"{name} {value}" for name, value in fault.when.model_dump(exclude_defaults=True).items())
-    return f"{fault.target} {fault.verb} had no effect: its trigger ({moment}) was not reached"
+    return f"{without_effect(fault)}its trigger ({moment_of(fault.when)}) was not reached"
 
 
 def never_met(fault: Fault) -> str:
     """Say that nothing went a fault's way."""
-    return f"{fault.target} {fault.verb} had no effect: it was injected, but nothing changed"
+    return f"{without_effect(fault)}it was injected, but nothing changed"
 
 
 class FaultSchedule:

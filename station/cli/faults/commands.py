@@ -27,6 +27,14 @@ def faults_list(as_json: JsonOption = False) -> None:
     raise typer.Exit(command_faults.list_faults(as_json=as_json))
 
 
+@faults_app.command("reactions")
+def faults_reactions(as_json: JsonOption = False) -> None:
+    """List what each reaction to a fault orders: drive command, state and contacts."""
+    from station.cli.faults import reactions as command_reactions
+
+    raise typer.Exit(command_reactions.list_reactions(as_json=as_json))
+
+
 @faults_app.command("run")
 def faults_run(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file.")],

@@ -12,15 +12,17 @@ from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
 
-from faultlab.judge import first_action, first_alarm, judge, low_from
-from faultlab.matrix.matrix import LOW_SHARE_OF_RATED, RECIPE, Cell, cells, run_matrix
+from faultlab.judge import Breach, breaches
+from faultlab.matrix.matrix import RECIPE, Cell, cells, run_matrix
 from faultlab.matrix.page import markdown, wires_markdown, write_page
 from faultlab.rows import ROWS
-from faultlab.run import FaultRun, run_scenario
-from recipes import Problem, RecipeError, find_bench, load_bench
+from faultlab.run import run_scenario
+from recipes import RecipeError, find_bench, load_bench
+from recipes.text.document import Source
+from recipes.text.yaml_source import read_source
 from station.bench.assemble_virtual import check_clock, choose_unit, load_scenario
-from station.bench.request import Job, find_profile, load_job
-from station.bench.virtual_unit import VirtualUnit
+from station.bench.request import find_profile, load_job
+from station.cli.faults.scenario_result import say_result
 from station.cli.out_file import refuse_early, writing
 from station.errors import StationError
 from station.records.clocks import VIRTUAL, Pacing
@@ -97,34 +99,35 @@ def run(path: Path, how: How, *, as_json: bool) -> int:
         StationError: the record cannot be kept below `data`.
 
     """
-    scenario = load_scenario(path)
+    scenario, source = load_scenario(path), read_source(path)
     job = load_job(how.recipe or scenario.start.recipe or RECIPE, how.bench)
     pacing = pacing_of(job, scenario, wall_clock=how.wall_clock, fast=True) if how.wires else Pacing(VIRTUAL)
-    _check_targets(path, scenario, pacing.clock)
+    _check_targets(source, path, scenario, pacing.clock)
     chosen = choose_unit(how.unit or scenario.start.unit or None, job.recipe, how.seed)
+    rated_nm = job.recipe.unit_under_test.rated_torque_nm
     behind_gateway = not job.bench.bench.embedded
     if behind_gateway and not how.wires:
         raise StationError(f"--bench {how.bench} is a real bench: faults reach it over wires only; add --wires")
     if not how.wires:
         found = run_scenario(job, chosen, scenario)
-        wrong = judge(found, scenario)
+        wrong = breaches(found, scenario)
         kept = None
         if how.data is not None:
             from faultlab.record import keep  # noqa: PLC0415 - brings the analysis
 
             kept = keep(job, chosen, path, scenario, run=found, data=how.data)
-        _say(scenario, job, found, wrong, kept, unit=chosen, as_json=as_json)
+        say_result(scenario, source, found, wrong, rated_nm=rated_nm, unit=chosen, record=kept, as_json=as_json)
         return 1 if wrong else 0
     from faultlab.wires import run_over_wires  # noqa: PLC0415 - brings the analysis
 
     with kept_in(how.data) as folder:
         there = run_over_wires(job, None if behind_gateway else chosen, path, folder, _to_stderr, pacing=pacing)
-        wrong = judge(there.run, scenario)
+        wrong = breaches(there.run, scenario)
         if wrong and there.held_up:
-            wrong.append(f"{there.held_up}: try again on a quiet machine")
+            wrong.append(Breach((), f"{there.held_up}: try again on a quiet machine"))
         kept = there.record.folder if how.data else None
         on_bench = None if behind_gateway else chosen
-        _say(scenario, job, there.run, wrong, kept, unit=on_bench, as_json=as_json)
+        say_result(scenario, source, there.run, wrong, rated_nm=rated_nm, unit=on_bench, record=kept, as_json=as_json)
     return 1 if wrong else 0
 
 
@@ -142,64 +145,20 @@ def _to_stderr(text: str) -> None:
     sys.stderr.write(f"{text}\n")
 
 
-def _check_targets(path: Path, scenario: Scenario, clock: str) -> None:
+def _check_targets(source: Source, path: Path, scenario: Scenario, clock: str) -> None:
     if not scenario.faults and not scenario.operator:
-        text = "nothing is injected and the operator does nothing: give faults or operator"
-        raise RecipeError([Problem(str(path), 1, 1, "faults", "none", text)])
+        allowed = "a fault to inject, or something that the operator does"
+        raise RecipeError([source.problem(("faults",), "none", allowed, "Give faults or operator.")])
     check_clock(path, scenario, clock)
     asked = [(place, kind) for place, one in enumerate(scenario.expect) for kind in OF_THE_RECORD if getattr(one, kind)]
     if asked and clock == VIRTUAL:
         allowed = "what a run in virtual time has: it keeps no record of its own"
-        where = [Problem(str(path), 0, 0, f"expect.{at}", kind, allowed, "run it over wires") for at, kind in asked]
-        raise RecipeError(where)
-
-
-def _say(
-    scenario: Scenario,
-    job: Job,
-    found: FaultRun,
-    wrong: list[str],
-    record: Path | None,
-    *,
-    unit: VirtualUnit | None,
-    as_json: bool,
-) -> None:
-    acted, alarm = first_action(found), first_alarm(found)
-    found_first = acted is not None and alarm is not None and alarm < acted  # by something else than the fault
-    rated_nm = job.recipe.unit_under_test.rated_torque_nm
-    low = None if alarm is None else low_from(found, alarm, LOW_SHARE_OF_RATED * rated_nm)
-    figures = {
-        "scenario": scenario.scenario.name,
-        "holds": not wrong,
-        "wrong": wrong,
-        "unit": None if unit is None else {"virtual": unit.name, "noise_seed": unit.seed},
-        "states": found.states,
-        "acted": [{"fault": name, "scan": found.scans[place]} for name, place in found.acted],
-        "alarms": [{"id": event.text, "scan": event.scan, "state": event.state} for event in found.alarms()],
-        "detect_scans": None if alarm is None or acted is None or found_first else found.waited(acted, alarm),
-        "torque_low_s": None if low is None else round(low * found.period_s, 6),
-        "refused": found.refused,
-        "record": None if record is None else str(record),
-    }
-    if as_json:
-        sys.stdout.write(json.dumps(figures, ensure_ascii=False) + "\n")
-        return
-    lines = [f"{scenario.scenario.name}: {'holds' if not wrong else 'DOES NOT HOLD'}"]
-    lines += [f"  {text}" for text in wrong]
-    lines += [f"  acted     {name} at scan {found.scans[place]}" for name, place in found.acted]
-    lines += [f"  alarm     {event.text} at scan {event.scan} in {event.state}" for event in found.alarms()]
-    if figures["detect_scans"] is not None:
-        lines.append(f"  detected  after {figures['detect_scans']} scans")
-    if low is not None:
-        lines.append(f"  torque    below 2 % of rated {low * found.period_s:.3f} s after the alarm")
-    if found.refused:
-        lines.append(f"  refused   {found.refused}")
-    lines.append(f"  states    {' → '.join(found.states) or 'none: nothing has moved'}")
-    if unit is not None:
-        lines.append(f"  unit      {unit.name}, noise seed {unit.seed}")
-    if record is not None:
-        lines.append(f"  record    {record}")
-    sys.stdout.write("\n".join(lines) + "\n")
+        raise RecipeError(
+            [
+                source.problem(("expect", at, kind), kind, allowed, "run it over wires", at_name=True)
+                for at, kind in asked
+            ]
+        )
 
 
 def wires_matrix(

@@ -15,7 +15,7 @@ from drivers.modbus.device import ModbusDevice
 from drivers.modbus.frames import Outcome
 from drivers.modbus.line import ModbusLine
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.wall_clock]
 
 TIMEOUT, DRAIN = 400, 600
 """In scans of a millisecond: longer than a machine holds the server or the cable up."""

@@ -16,13 +16,14 @@ from controller.held_lock import Left
 from controller.interlocks import Watch
 from controller.loading import Loading
 from controller.preparation import CloseLock, Home, Readiness
-from controller.states import END_STATES, TRANSITIONS, Sequence
+from controller.states import TRANSITIONS, Sequence
 from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER, cause_among
 from definitions.image import Command, Image, Orders, Reaction, State, taker
 from definitions.program import Program
+from definitions.states import LOADED, OVER
 
 _STOPPABLE = frozenset(row.source for row in TRANSITIONS if row.trigger == "stop")
-_LOADING_STATES = frozenset({State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG, State.UNLOAD})
+_LOADING_STATES = LOADED | {State.UNLOAD}
 # Asked in every scan: a member looked up by its class costs twenty times as much.
 _FAULT, _HOLD, _UNLOAD = State.FAULT, Reaction.HOLD, Reaction.UNLOAD
 _orders_of = taker()
@@ -104,7 +105,7 @@ class Controller:
     def finished(self) -> bool:
         """True when the run is over and its tail recorded: complete, stopped, or a fault whose reaction has ended."""
         state = self._sequence.state
-        if state in END_STATES:
+        if state in OVER:
             return self._in_state >= self.program.settle_scans
         settled = state == _FAULT and self._context.phase == FaultReaction.SETTLED
         return settled and not self._waits_for_person
@@ -177,7 +178,7 @@ class Controller:
             self._start_pending = True
             self._readiness.enter()
             self.events.append(Event(scan, "note", state.name.lower(), "start ordered"))
-        elif command == Command.RESET and state in END_STATES:
+        elif command == Command.RESET and state in OVER:
             return Outcome(trigger="rearm")
         elif command == Command.STOP:
             self._context.stopping = True

@@ -14,12 +14,10 @@ from controller.debounce import debounce_scans, leaks
 from definitions.faults import FAULT_BY_ID, bit_of
 from definitions.image import Image, State
 from definitions.program import Program
+from definitions.states import LOADED, LOCKED, RUNNING
 
 S = State
-_RUNNING = frozenset({S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE})
-_LOCKED = frozenset({S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD})
-_LOADED = frozenset({S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG})
-_ALWAYS = _RUNNING | {S.FAULT}
+_ALWAYS = RUNNING | {S.FAULT}
 
 
 class Interlock(NamedTuple):
@@ -38,33 +36,33 @@ INTERLOCKS: tuple[Interlock, ...] = (
     Interlock("drive_data_stale", _ALWAYS),
     Interlock("amplifier_lost", _ALWAYS),
     Interlock("sample_stale", _ALWAYS),
-    Interlock("sample_frozen", _RUNNING),
+    Interlock("sample_frozen", RUNNING),
     Interlock("brake_link_lost", _ALWAYS),
     Interlock("remote_io_lost", _ALWAYS),
     Interlock("drive_fault", _ALWAYS),
     Interlock("drive_emergency", _ALWAYS),
-    Interlock("drive_dropped_out", _RUNNING),
-    Interlock("drive_mode_refused", _RUNNING),
-    Interlock("drive_internal_limit", _RUNNING),
+    Interlock("drive_dropped_out", RUNNING),
+    Interlock("drive_mode_refused", RUNNING),
+    Interlock("drive_internal_limit", RUNNING),
     Interlock("torque_out_trip", _ALWAYS),
     Interlock("torque_in_trip", _ALWAYS),
-    Interlock("torque_out_alarm", _LOADED),
+    Interlock("torque_out_alarm", LOADED),
     Interlock("overspeed", _ALWAYS),
     Interlock("over_travel", _ALWAYS),
-    Interlock("lock_slip", _LOCKED),
-    Interlock("brake_current_lost", _LOCKED | {S.FAULT}),
+    Interlock("lock_slip", LOCKED),
+    Interlock("brake_current_lost", LOCKED | {S.FAULT}),
     Interlock("housing_temperature", _ALWAYS),
-    Interlock("missed_periods", _RUNNING),
+    Interlock("missed_periods", RUNNING),
     Interlock("sensor_not_a_number", _ALWAYS),
     Interlock("sensor_saturated", _ALWAYS),
-    Interlock("torque_channels_disagree", _LOCKED | {S.RELEASE, S.FAULT}),
+    Interlock("torque_channels_disagree", LOCKED | {S.RELEASE, S.FAULT}),
     # not in FAULT, nor on the way back (`angles_compared`): a torque goes to zero there, by torque sensors that watch
     # each other, and a dead angle sensor must not stand against it
-    Interlock("angle_channels_disagree", _LOCKED),
+    Interlock("angle_channels_disagree", LOCKED),
     Interlock("brake_stays_closed", frozenset({S.HOME})),
-    Interlock("sample_late", _LOADED),
+    Interlock("sample_late", LOADED),
     Interlock("sample_not_ready", _ALWAYS),
-    Interlock("drive_not_following", _LOADED | {S.UNLOAD}),
+    Interlock("drive_not_following", LOADED | {S.UNLOAD}),
 )
 
 RAISED_BY_STEPS: frozenset[str] = frozenset(

@@ -11,6 +11,7 @@ from controller.states import TRIGGER_INTO
 from controller.unloading import Unloading
 from definitions.image import DriveCommand, DriveMode, DriveState, Image, State
 from definitions.program import Segment
+from definitions.states import LOADED
 
 TIMEOUT_FAULT: dict[State, str] = {
     State.LOCK: "lock_unproven",
@@ -24,6 +25,10 @@ TIMEOUT_FAULT: dict[State, str] = {
 
 # Asked in every scan: a member looked up by its class costs twenty times as much.
 _CALIBRATE, _UNLOAD, _VELOCITY_MODE = State.CALIBRATE, State.UNLOAD, DriveMode.CYCLIC_SYNC_VELOCITY
+
+
+_CYCLES = LOADED - {State.CALIBRATE}
+"""States of the load cycles themselves, which follow the torque that the recipe asks for."""
 
 
 class Loading:
@@ -55,7 +60,7 @@ class Loading:
         segment = context.program.segments[index]
         context.segment = segment
         self._waited = 0
-        if segment.state not in (State.LOCK, State.CALIBRATE, State.UNLOAD):
+        if segment.state in _CYCLES:
             context.control_from_input = context.program.control.controlled_from_input
         else:
             context.control_from_input = not context.program.has_torque_out

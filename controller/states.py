@@ -83,9 +83,6 @@ TRIGGER_INTO: dict[State, str] = {
 }
 """The trigger by which the running sequence enters a state."""
 
-END_STATES = frozenset({S.COMPLETE, S.STOPPED})
-"""States in which a run is over without a fault."""
-
 
 class Sequence:
     """The state of the bench, moved through `TRANSITIONS` by `transitions.Machine`."""

@@ -14,6 +14,7 @@ from definitions.checks import CHECKS, Check
 from definitions.faults import FAULTS
 from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, DriveCommand, Field, State
 from definitions.program import ROLES
+from definitions.states import STATES
 from docs.markdown import NOTE, table
 from docs.metric_page import metrics
 from docs.option_pages import bench_options, recipe_options
@@ -43,6 +44,14 @@ def states() -> str:
         "# States\n\n" + NOTE + "\nFrom every state but `fault` itself the trigger `trip` leads to `fault`; these arrows are"
         " left out of the picture.\n\n```mermaid\nstateDiagram-v2\n    [*] --> idle\n" + drawn + "\n```\n\n"
         + table(("trigger", "from", "to"), ((f"`{r.trigger}`", name(r.source), name(r.dest)) for r in TRANSITIONS))
+        + "\n## What holds in them\n\n"
+        + table(
+            ("state", "what an operator reads", "run goes on", "lock closed or being verified", "recipe's torque on the unit"),
+            (
+                (f"`{name(r.state)}`", r.words, *("yes" if holds else "" for holds in (r.running, r.locked, r.loaded)))
+                for r in STATES
+            ),
+        )
         + "\n## Roles of the segments\n\nEvery sample carries the number of its segment; a segment has one of these roles.\n\n"
         + table(("role", "what it is"), ((f"`{role}`", text) for role, text in ROLES.items()))
         + "\n## Budgets\n\nTimes and shares that a recipe does not set.\n\n"

@@ -1,6 +1,7 @@
 """What the virtual bench is told: plain frozen data, filled from a bench file and from device profiles.
 
-Quantities are SI with the unit in the name. Device profiles come as the mappings that their YAML files hold.
+Quantities are SI with the unit in the name. Device profiles are data of the device and no one's behaviour: both ends of
+the wires have the same ones, and each makes of them what it does by itself.
 """
 
 from __future__ import annotations
@@ -8,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
+
+from drivers.profile import DriveProfile, ModbusProfile
 
 Side = Literal["input", "output"]
 
@@ -40,110 +43,6 @@ class BrakeConfig:
     max_current_a: float
     time_constant_s: float
     hysteresis_fraction: float = 0.02
-
-
-@dataclass(frozen=True)
-class PdoObject:
-    """One object in a process data object."""
-
-    index: int
-    subindex: int
-    type: str  # u8, i8, u16, i16, u32, i32
-    name: str
-
-
-@dataclass(frozen=True)
-class Pdo:
-    """One process data object of the drive's profile."""
-
-    number: int
-    transmission_type: int
-    objects: tuple[PdoObject, ...]
-
-
-@dataclass(frozen=True)
-class DriveProfile:
-    """Identity, scaling and default PDO mapping of the drive."""
-
-    vendor_id: int
-    product_code: int
-    position_counts_per_motor_rev: float
-    velocity_counts_per_rad_s: float
-    receive_pdos: tuple[Pdo, ...]
-    transmit_pdos: tuple[Pdo, ...]
-
-    @classmethod
-    def from_mapping(cls, document: Mapping[str, Any]) -> DriveProfile:
-        """Read a drive profile as its YAML file holds it; a missing key raises `KeyError`."""
-        return cls(
-            vendor_id=int(document["profile"]["vendor_id"]),
-            product_code=int(document["profile"]["product_code"]),
-            position_counts_per_motor_rev=float(document["scaling"]["position_counts_per_motor_rev"]),
-            velocity_counts_per_rad_s=float(document["scaling"]["velocity_counts_per_rad_s"]),
-            receive_pdos=tuple(_pdo(row) for row in document["receive_pdos"]),
-            transmit_pdos=tuple(_pdo(row) for row in document["transmit_pdos"]),
-        )
-
-
-def _pdo(row: Mapping[str, Any]) -> Pdo:
-    objects = tuple(
-        PdoObject(int(entry["index"]), int(entry["subindex"]), str(entry["type"]), str(entry["name"]))
-        for entry in row["objects"]
-    )
-    return Pdo(int(row["number"]), int(row["transmission_type"]), objects)
-
-
-@dataclass(frozen=True)
-class Register:
-    """One value in a register block: word offset, binary type, physical unit per count, or one bit of a word."""
-
-    name: str
-    offset: int
-    type: str  # u16, i16, u32, i32
-    scale: float = 1.0
-    bit: int | None = None
-
-
-@dataclass(frozen=True)
-class RegisterMap:
-    """Registers of one Modbus device."""
-
-    name: str
-    identity: int
-    read_table: str
-    read_address: int
-    read_count: int
-    read: tuple[Register, ...]
-    write_table: str | None = None
-    write_address: int = 0
-    write: tuple[Register, ...] = ()
-
-    @classmethod
-    def from_mapping(cls, document: Mapping[str, Any]) -> RegisterMap:
-        """Read a Modbus profile as its YAML file holds it; a missing key raises `KeyError`."""
-        read, write = document["read"], document.get("write")
-        return cls(
-            name=str(document["profile"]["name"]),
-            identity=int(document["identity"]["value"]),
-            read_table=str(read["table"]),
-            read_address=int(read["address"]),
-            read_count=int(read["count"]),
-            read=tuple(_register(row) for row in read["fields"]),
-            write_table=None if write is None else str(write["table"]),
-            write_address=0 if write is None else int(write["address"]),
-            write=() if write is None else tuple(_register(row) for row in write["fields"]),
-        )
-
-
-def _register(row: Mapping[str, Any]) -> Register:
-    bit = row.get("bit")
-    return Register(
-        name=str(row["name"]),
-        offset=int(row["offset"]),
-        type=str(row["type"]),
-        scale=float(row.get("scale", 1.0)),
-        bit=None if bit is None else int(bit),
-    )
 
 
 @dataclass(frozen=True)
@@ -262,7 +161,7 @@ class ModbusPort:
     Devices whose serial ports have the same name share a line; without a name each has its own.
     """
 
-    registers: RegisterMap
+    registers: ModbusProfile
     unit_id: int
     host: str = "127.0.0.1"
     port: int = 0

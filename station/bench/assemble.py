@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar
 
@@ -12,7 +13,7 @@ from definitions.plain_data import exact
 from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
 from drivers.pace import PaceConfig
 from drivers.profile import DriveProfile, ModbusProfile
-from recipes import Bench, parse_document
+from recipes import Bench, parse_document, read_bytes
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
 
@@ -29,6 +30,18 @@ class File(Protocol):
     @property
     def content(self) -> bytes:
         """Its bytes."""
+
+
+@dataclass(frozen=True)
+class FileAt:
+    """A file that is read when it is asked for; RecipeError when it cannot be."""
+
+    path: Path
+
+    @property
+    def content(self) -> bytes:
+        """Its bytes, as they are now."""
+        return read_bytes(self.path)
 
 
 Ports = Mapping[str, Any]
@@ -65,7 +78,7 @@ def wire_config(
     return WireBenchConfig(
         period_ns=period_ns,
         can=can_config(bench, ports),
-        drive=_drive(bench, device_profile(profiles[bench.drive.profile], DriveProfileFile, DriveProfile)),
+        drive=_drive(bench, drive_profile(profiles[bench.drive.profile])),
         amplifier=_modbus(bench.amplifier, profiles, ports, "amplifier"),
         brake=_modbus(bench.brake, profiles, ports, "brake"),
         remote_io=_modbus(bench.remote_io, profiles, ports, "remote_io"),
@@ -75,8 +88,18 @@ def wire_config(
 
 
 def device_profile(file: File, model: type[BaseModel], profile: type[ProfileT]) -> ProfileT:
-    """Return the profile in a file as the drivers want it; RecipeError with every problem and its place."""
+    """Return the profile in a file as both ends of the wires want it; RecipeError with every problem and its place."""
     return exact(profile, parse_document(file.content, str(file.path), model).model_dump(mode="json"))
+
+
+def drive_profile(file: File) -> DriveProfile:
+    """Return the profile of a drive; as `device_profile`."""
+    return device_profile(file, DriveProfileFile, DriveProfile)
+
+
+def modbus_profile(file: File) -> ModbusProfile:
+    """Return the profile of a Modbus device; as `device_profile`."""
+    return device_profile(file, ModbusProfileFile, ModbusProfile)
 
 
 def _pace(bench: Bench, ports: Ports | None) -> PaceConfig | None:
@@ -124,7 +147,7 @@ def _modbus(device: ModbusDevice, profiles: Mapping[str, File], ports: Ports | N
         host=there["host"],
         port=there["port"],
         unit_id=device.unit_id,
-        profile=device_profile(profiles[device.profile], ModbusProfileFile, ModbusProfile),
+        profile=modbus_profile(profiles[device.profile]),
         poll_every_s=device.poll_every_s,
         timeout_s=device.timeout_s,
         serial_port=device.serial_port,

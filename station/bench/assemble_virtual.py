@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-from ruamel.yaml import YAML
 
 from recipes import Bench, Recipe, RecipeError, load_document, parse_document
 from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
 from recipes.text.yaml_source import read_source
+from station.bench.assemble import FileAt, drive_profile, modbus_profile
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
 from station.records.clocks import SCAN, VIRTUAL, WALL
 from virtual_bench.config import (
@@ -22,11 +20,9 @@ from virtual_bench.config import (
     CanBus,
     Catalogue,
     DriveConfig,
-    DriveProfile,
     ModbusPort,
     PaceServer,
     Protections,
-    RegisterMap,
     ServerConfig,
     SlcanPort,
     SlowPoll,
@@ -96,12 +92,6 @@ def check_clock(path: Path, scenario: Scenario, clock: str) -> None:
         )
 
 
-def plain_document(path: Path) -> Mapping[str, Any]:
-    """Return a YAML file as plain data."""
-    document: Mapping[str, Any] = YAML(typ="safe").load(path)
-    return document
-
-
 def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> BenchConfig:
     """Return the plant, drive and sensors that stand in for the hardware of a bench file."""
     sensors, brake = bench.sensors, bench.brake
@@ -148,7 +138,7 @@ def _drive(bench: Bench, profiles: Profiles) -> DriveConfig:
         controller_node_id=drive.controller_node_id,
         gear_ratio=drive.gear_ratio,
         rated_torque_nm=drive.rated_torque_nm,
-        profile=DriveProfile.from_mapping(plain_document(profiles[drive.profile])),
+        profile=drive_profile(FileAt(profiles[drive.profile])),
         protections=Protections(
             max_torque_nm=drive.max_torque_nm,
             max_speed_rad_s=drive.max_speed_rad_s,
@@ -181,7 +171,7 @@ def server_config(
     can = bench.can
 
     def port(device: ModbusDevice) -> ModbusPort:
-        registers = RegisterMap.from_mapping(plain_document(profiles[device.profile]))
+        registers = modbus_profile(FileAt(profiles[device.profile]))
         if embedded:
             return ModbusPort(registers, device.unit_id)
         if device.transport == "rtu":

@@ -15,12 +15,11 @@ from pathlib import Path
 from drivers.errors import DriverError
 from recipes import Bench, RecipeError, load_bench
 from recipes.schema.bench_schema import ModbusDevice
-from station.bench.assemble import can_config
-from station.bench.assemble_virtual import load_scenario, plain_document
+from station.bench.assemble import FileAt, can_config, modbus_profile
+from station.bench.assemble_virtual import load_scenario
 from station.bench.bench_lock import alone_on
 from station.bench.virtual_bench_process import FIFO_PRIORITY
 from station.errors import StationError
-from virtual_bench.config import RegisterMap
 from virtual_bench.devices.gateway import GatewayConfig, run_gateway
 from virtual_bench.devices.modbus_gateway import ModbusTarget
 from virtual_bench.devices.process_lines import log_line
@@ -33,7 +32,7 @@ def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_paren
     def device(name: str, there: ModbusDevice) -> ModbusTarget:
         if there.transport != "tcp":
             raise StationError(f"gateway: {name} is on Modbus {there.transport}; allowed is tcp")
-        registers = RegisterMap.from_mapping(plain_document(profiles[there.profile]))
+        registers = modbus_profile(FileAt(profiles[there.profile]))
         return ModbusTarget(there.host, there.port, there.unit_id, registers)
 
     parts: dict[str, ModbusDevice] = {"amplifier": bench.amplifier, "brake": bench.brake, "remote_io": bench.remote_io}

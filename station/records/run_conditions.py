@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from definitions.states import LOADED
 from station.errors import StationError
 from station.records.program_file import StoredProgram
 from station.records.run_record import RunRecord
 from station.records.samples.samples import channel_values
-from station.records.timing_proof import MEASURING_STATES
 
 LOOKED_AT = 512
 """Records that a mean temperature is taken of: a housing warms within minutes, not within scans."""
@@ -22,7 +22,7 @@ def housing_temperature_c(run: RunRecord) -> float:
     if not state.size:
         raise StationError(f"{run.id}: the run has no records")
     step = max(1, state.size // LOOKED_AT)
-    values = temperature[::step][np.isin(state[::step], MEASURING_STATES)]
+    values = temperature[::step][np.isin(state[::step], sorted(LOADED))]
     if not values.size or not np.isfinite(values).all():
         raise StationError(f"{run.id}: the run has no temperature of the housing while it measured")
     return float(values.mean())

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from analysis.validity.evidence import RunFacts
-from definitions.image import SampleStatus, State
+from definitions.image import SampleStatus
+from definitions.states import LOADED
 from recipes.schema.recipe_schema import Sampling
 from station.documents.exported import Counts
 from station.documents.timing import Pace, Percentiles, Realtime, Timing
 from station.records.clocks import SCAN, clock_of
 from station.records.samples.table import Table
-
-MEASURING_STATES = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
 
 FRAMES_ON_THEIR_WAY = 64
 """Frames that may have come after the last answer of the bench that sets the pace."""
@@ -30,7 +29,7 @@ COUNTED: dict[SampleStatus, str] = {
 
 def measuring(table: Table) -> Table:
     """Return the records taken while the recipe's torque was on the unit."""
-    return table[np.isin(table["orders"]["state"], MEASURING_STATES)]
+    return table[np.isin(table["orders"]["state"], sorted(LOADED))]
 
 
 def _percentiles(values_ns: Any) -> Percentiles:

@@ -15,8 +15,8 @@ from analysis.torque_ratio.quadrants import Quadrants, TorqueLine
 from analysis.trace.trace import ROLES, SegmentInfo, Trace
 from analysis.uncertainty.figures import SensorFigures
 from analysis.validity.evidence import RunFacts
-from definitions.image import State
 from definitions.program import Segment
+from definitions.states import LOADED
 from recipes import OWN, Bench, Calibration, Recipe, Selection, selected
 from station.bench.assemble import CHANNEL_OF_SENSOR, channels
 from station.bench.figures import figures_of, fixture_of
@@ -26,8 +26,6 @@ from station.errors import StationError
 from station.records.program_file import SegmentRow
 from station.records.samples.table import Table
 from station.records.samples.zeroes import ZEROES, from_zero
-
-LOADED = (State.CALIBRATE, State.RAMP_POS, State.REVERSE, State.RAMP_NEG)
 
 ALIGNMENTS = {"declared": "correct", "two_speeds": "two_speeds", "report": "report"}
 """How a recipe says that channels are put on one clock, and how the method does."""
@@ -155,7 +153,7 @@ def evaluated(table: Table) -> npt.NDArray[np.bool_]:
     counter = table["image"]["sample_counter"]
     fresh = np.ones(len(table), dtype=np.bool_)
     fresh[1:] = counter[1:] != counter[:-1]
-    return fresh & np.isin(table["orders"]["state"], LOADED)
+    return fresh & np.isin(table["orders"]["state"], sorted(LOADED))
 
 
 def measured_channels(table: Table, bench: Bench) -> dict[str, npt.NDArray[np.float64]]:

@@ -21,12 +21,13 @@ from controller.interlocks import INTERLOCKS, Watch
 from definitions.faults import FAULT_BY_NUMBER
 from definitions.image import Image, Reaction, State
 from definitions.program import Program, Segment
+from definitions.states import LOADED
 from recipes import Bench, Recipe
 from station.documents.result import MetricValue
 from station.documents.timing import Timing
 from station.records.program_file import SegmentRow
 from station.records.samples.table import Table
-from station.records.timing_proof import MEASURING_STATES, run_facts
+from station.records.timing_proof import run_facts
 from station.results.divergence import Divergence
 from station.results.evaluation import evaluate_trace, trace_of
 
@@ -71,7 +72,7 @@ class ShadowWatch(Watch):
         """Return the other recipe's limit of the lock [rad]: that of its proof, until a load says that it is proven."""
         if state == State.LOCK:
             self._lock_proven = False
-        elif state in MEASURING_STATES:
+        elif state in LOADED:
             self._lock_proven = True
         limits = self._other_limits
         return limits.lock_slip_rad if self._lock_proven else limits.lock_proof_motion_rad

@@ -6,6 +6,7 @@ import subprocess
 import time
 
 from definitions.image import State
+from definitions.states import row_of
 from station.errors import BenchFaultError, RecordError
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState
@@ -23,12 +24,6 @@ SCAN_LOG = "scan-process.log"
 LAST_WORDS_S = 0.6
 """Time for the virtual drive to notice a dead controller and to say so before it is switched off."""
 
-ENDED = {
-    State.IDLE: "Nothing has moved",
-    State.COMPLETE: "The run was complete",
-    State.STOPPED: "The run was stopped: the torque was brought to zero and the lock opened",
-    State.FAULT: "The run ended in a fault: check the bench before you touch the unit",
-}
 LOST_IN_THE_MIDDLE = "The scan process was lost during the run: treat the unit as wound up"
 
 
@@ -91,6 +86,6 @@ def what_waits(run_id: str, error: RecordError, ring: RingReader) -> str:
         f"{ring.waiting} of {ring.written} records wait in memory" if ring.waiting else "how it ended is kept in memory"
     )
     return (
-        f"{error}. {ENDED.get(state, LOST_IN_THE_MIDDLE)}; {waits}. When the disk works again, 'lostmotion "
+        f"{error}. {row_of(state).ended or LOST_IN_THE_MIDDLE}; {waits}. When the disk works again, 'lostmotion "
         f"conclude {run_id}' completes the record; do it before this computer is switched off"
     )

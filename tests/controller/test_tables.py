@@ -12,7 +12,7 @@ from transitions import MachineError
 from controller.controller import _OrdersDraft
 from controller.loading import TIMEOUT_FAULT
 from controller.preparation import ENABLE_PATH
-from controller.states import END_STATES, TRANSITIONS, TRIGGER_INTO, Sequence
+from controller.states import TRANSITIONS, TRIGGER_INTO, Sequence
 from definitions.faults import FAULT_BY_ID
 from definitions.first_image import first_image
 from definitions.image import (
@@ -28,6 +28,7 @@ from definitions.image import (
     taker,
 )
 from definitions.program import ROLES
+from definitions.states import OVER
 from recipes.compiler.budgets import BUDGETS
 
 S = State
@@ -118,5 +119,5 @@ def test_small_tables():
     assert {row[1] for row in ROWS} <= set(ROLES)
     assert all(reason for _, reason in BUDGETS.values())
     assert ENABLE_PATH.keys().isdisjoint({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE, DriveState.UNKNOWN})
-    assert {S.COMPLETE, S.STOPPED} == END_STATES
+    assert {S.COMPLETE, S.STOPPED} == OVER
     assert {mode.value for mode in DriveMode} == {0, 6, 9, 10}

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from definitions.checks import CHECKS
+from definitions.image import State
 from definitions.metrics import BRANCHES, FITS, GRADED, GRADES, METRICS, SIDED
+from definitions.states import LOADED, LOCKED, OVER, RUNNING, STATES, row_of
 
 
 @pytest.mark.parametrize("table", [METRICS, CHECKS])
@@ -45,3 +47,15 @@ def test_the_limit_of_a_check_is_one_that_may_be_set(row) -> None:
         other = CHECKS[row.below]
         assert row.limit < other.limit
         assert (row.kind, row.settable) == (other.kind, other.settable)
+
+
+def test_every_state_has_its_row_and_its_words() -> None:
+    assert [row.state for row in STATES] == list(State)
+    assert all(row_of(state).state is state for state in State)
+    assert all(row.words for row in STATES)
+    assert {row.state for row in STATES if row.ended} == {State.IDLE, State.FAULT, *OVER}
+
+
+def test_a_loaded_unit_is_locked_and_a_locked_one_belongs_to_a_run() -> None:
+    assert LOADED < LOCKED < RUNNING < set(State)
+    assert not RUNNING & {State.IDLE, State.FAULT, *OVER}

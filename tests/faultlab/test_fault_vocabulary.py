@@ -13,10 +13,10 @@ from definitions.faults import FAULT_BY_ID
 from drivers.servo_drive.emcy import EMCY_TEXTS, explain_emcy
 from drivers.servo_drive.sdo import SDO_ABORTS, explain_abort
 from faultlab.rows import ROWS
-from station.bench.assemble_virtual import load_scenario, plain_document
+from station.bench.assemble import FileAt, modbus_profile
+from station.bench.assemble_virtual import load_scenario
 from station.bench.request import DRIVER_PROFILES
 from station.run.faults.machine_faults import DEEDS, Traces
-from virtual_bench.config import RegisterMap
 from virtual_bench.devices import pdo_parameters, pdo_service
 from virtual_bench.drive import cia402_tables
 from virtual_bench.faults.frame_faults import FrameFaults
@@ -50,9 +50,7 @@ COB_IDS = {
 }
 WRITE_6072 = bytes.fromhex("2b 72 60 00 e8 03 00 00")
 PROFILES = {"amplifier": "virtual-amplifier", "brake": "virtual-brake", "remote_io": "virtual-remote-io"}
-MAPS = {
-    name: RegisterMap.from_mapping(plain_document(DRIVER_PROFILES / f"{file}.yaml")) for name, file in PROFILES.items()
-}
+MAPS = {name: modbus_profile(FileAt(DRIVER_PROFILES / f"{file}.yaml")) for name, file in PROFILES.items()}
 
 NOT_IN_THE_MATRIX = {
     "operator_quick_stop": "tests/proofs/golden/golden_runs.py",
@@ -135,8 +133,8 @@ def test_every_fault_of_modbus_answers_changes_them(target: str, verb: str) -> N
     modbus = ModbusFaults(faults, MAPS)
     out, sent = [], []
     for number in range(1, 4):
-        request = number.to_bytes(2, "big") + bytes.fromhex("0000 0006 01 04 0000") + bytes([0, registers.read_count])
-        words = bytes(17 * number + place for place in range(2 * registers.read_count))
+        request = number.to_bytes(2, "big") + bytes.fromhex("0000 0006 01 04 0000") + bytes([0, registers.read.count])
+        words = bytes(17 * number + place for place in range(2 * registers.read.count))
         response = number.to_bytes(2, "big") + bytes([0, 0, 0, 3 + len(words), 1, 4, len(words)]) + words
         sent.append((0.0, response))
         pieces = modbus.in_place(device, request)

@@ -37,3 +37,24 @@ def test_a_tare_is_subtracted_in_two_places_one_for_the_scan_and_one_for_the_rec
 def test_a_subtraction_is_seen_however_it_is_written() -> None:
     for text in ("a - b.torque_in_tare_nm", "a['x'] - b['torque_out_tare_nm']", "a - (tare.torque_in_tare_nm + 1)"):
         assert _subtracts_a_zero(ast.parse(text, mode="eval").body), text
+
+
+LISTED = 3
+"""States side by side in one expression that make it a set of states, which has its place in their table."""
+
+
+def _lists_states(node: ast.AST) -> bool:
+    if not isinstance(node, ast.Tuple | ast.Set | ast.List):
+        return False
+    named = [one.value for one in node.elts if isinstance(one, ast.Attribute) and isinstance(one.value, ast.Name)]
+    return len([name for name in named if name.id in ("S", "State")]) >= LISTED
+
+
+def test_sets_of_states_are_read_off_their_table() -> None:
+    found = {name for name, tree in _modules() if any(_lists_states(node) for node in ast.walk(tree))}
+    assert found <= {"definitions/states.py"}
+
+
+def test_a_list_of_states_is_seen() -> None:
+    assert _lists_states(ast.parse("(S.LOCK, State.RAMP_POS, S.UNLOAD)", mode="eval").body)
+    assert not _lists_states(ast.parse("(S.LOCK, State.RAMP_POS)", mode="eval").body)

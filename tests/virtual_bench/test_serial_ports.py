@@ -13,8 +13,9 @@ import pytest
 from pymodbus.client import AsyncModbusSerialClient
 from pymodbus.exceptions import ModbusIOException
 
+from drivers.profile import IdentityRegister, ModbusProfile, ModbusProfileHeader, ReadBlock, ReadField
 from virtual_bench.bench_time import BenchTime
-from virtual_bench.config import CanBus, ModbusPort, Register, RegisterMap
+from virtual_bench.config import CanBus, ModbusPort
 from virtual_bench.devices.modbus_rtu import RtuLine
 from virtual_bench.devices.modbus_servers import Device, ModbusServer
 from virtual_bench.faults.modbus_faults import ModbusFaults
@@ -24,7 +25,16 @@ from virtual_bench.wires.pty_port import PtyPort
 from virtual_bench.wires.python_can_port import PythonCanPort
 from virtual_bench.wires.slcan_server import SlcanServer
 
-REGISTERS = RegisterMap("brake", 0x4C42, "input", 0, 2, (Register("identity", 0, "u16"), Register("value", 1, "i16")))
+REGISTERS = ModbusProfile(
+    profile=ModbusProfileHeader("brake", "modbus"),
+    byte_order="big",
+    word_order="big",
+    identity=IdentityRegister("input", 0, "u16", 0x4C42),
+    read=ReadBlock(
+        "input", 0, 2, (ReadField("identity", 0, "u16", None, None), ReadField("value", 1, "i16", None, None))
+    ),
+    write=None,
+)
 
 
 def bench_time() -> BenchTime:

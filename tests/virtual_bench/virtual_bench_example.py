@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from math import pi
 from pathlib import Path
-from typing import Any
 
-from ruamel.yaml import YAML
-
+from station.bench.assemble import FileAt, drive_profile, modbus_profile
 from virtual_bench.config import (
     AngleSensor,
     BenchConfig,
     BrakeConfig,
     DriveConfig,
-    DriveProfile,
     ModbusPort,
     Protections,
-    RegisterMap,
     ServerConfig,
     TorqueSensor,
 )
@@ -25,8 +21,8 @@ from virtual_bench.config import (
 PROFILES = Path(__file__).parents[2] / "drivers" / "profiles"
 
 
-def profile(name: str) -> Any:
-    return YAML(typ="safe").load((PROFILES / f"{name}.yaml").read_text(encoding="utf-8"))
+def profile(name: str) -> FileAt:
+    return FileAt(PROFILES / f"{name}.yaml")
 
 
 def example_bench_config() -> BenchConfig:
@@ -39,7 +35,7 @@ def example_bench_config() -> BenchConfig:
             controller_node_id=126,
             gear_ratio=1.0,
             rated_torque_nm=5.0,
-            profile=DriveProfile.from_mapping(profile("virtual-drive")),
+            profile=drive_profile(profile("virtual-drive")),
             protections=Protections(max_torque_nm=5.5, max_speed_rad_s=4 * pi, torque_slope_nm_s=50.0),
         ),
         brake=BrakeConfig(torque_constant_nm_per_a=100.0, max_current_a=10.0, time_constant_s=0.08),
@@ -66,7 +62,7 @@ def example_server_config() -> ServerConfig:
     """Return the default bench on free loopback ports."""
     return ServerConfig(
         bench=example_bench_config(),
-        amplifier=ModbusPort(RegisterMap.from_mapping(profile("virtual-amplifier")), unit_id=1),
-        brake=ModbusPort(RegisterMap.from_mapping(profile("virtual-brake")), unit_id=2),
-        remote_io=ModbusPort(RegisterMap.from_mapping(profile("virtual-remote-io")), unit_id=3),
+        amplifier=ModbusPort(modbus_profile(profile("virtual-amplifier")), unit_id=1),
+        brake=ModbusPort(modbus_profile(profile("virtual-brake")), unit_id=2),
+        remote_io=ModbusPort(modbus_profile(profile("virtual-remote-io")), unit_id=3),
     )

@@ -94,7 +94,9 @@ class DriveDictionary:
         od[0x1000] = Variable(U32, "ro", DEVICE_TYPE, name="Device type")
         od[0x1008].value = b"lostmotion virtual drive"
         identity = od[0x1018]
-        for subindex, number in enumerate((profile.vendor_id, profile.product_code, REVISION, SERIAL), start=1):
+        for subindex, number in enumerate(
+            (profile.profile.vendor_id, profile.profile.product_code, REVISION, SERIAL), start=1
+        ):
             identity[subindex].value = number
         od[0x1003] = Array(Variable(U32, "ro", 0, name="Error"), length=HISTORY, name="Pre-defined error field")
         od.set_read_callback(0x1003, 0, lambda: len(machine.history))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass
 
-from virtual_bench.config import RegisterMap
+from drivers.profile import ModbusProfile
 from virtual_bench.faults.modbus_faults import ModbusFaults, Piece
 
 HOST = "127.0.0.1"
@@ -22,7 +22,7 @@ class ModbusTarget:
     host: str
     port: int
     unit_id: int
-    registers: RegisterMap
+    registers: ModbusProfile
 
 
 class ModbusGateway:

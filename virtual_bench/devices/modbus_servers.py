@@ -31,8 +31,9 @@ from pymodbus.server import ModbusTcpServer
 from pymodbus.server.requesthandler import ServerRequestHandler
 from pymodbus.simulator import DataType, SimData, SimDevice
 
+from drivers.profile import ModbusProfile, WriteField
 from virtual_bench.bench_time import BenchTime
-from virtual_bench.config import ModbusPort, Register, RegisterMap
+from virtual_bench.config import ModbusPort
 from virtual_bench.faults.modbus_faults import ModbusFaults
 from virtual_bench.wires.hang_up import hang_up
 
@@ -55,10 +56,13 @@ class Device:
         write: Callable[[dict[str, float]], None] | None = None,
     ) -> None:
         self.registers = port.registers
+        block = port.registers.write
+        self._fields = block.fields if block else ()
+        self._write_address = block.address if block else 0
         self.unit_id = port.unit_id
         self._read = read
         self._write = write
-        self._holding = [0] * sum(WORDS[row.type] for row in port.registers.write)
+        self._holding = [0] * sum(WORDS[row.type] for row in self._fields)
 
     def answer(self, request: ModbusPDU) -> ModbusPDU:
         """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3."""
@@ -66,7 +70,7 @@ class Device:
         if request.dev_id != self.unit_id:
             return ExceptionResponse(code, ExcCodes.GATEWAY_NO_RESPONSE)
         match request:
-            case ReadInputRegistersRequest() if self.registers.read_table == "input":
+            case ReadInputRegistersRequest() if self.registers.read.table == "input":
                 return self._answer_read(request, ReadInputRegistersResponse)
             case ReadHoldingRegistersRequest():
                 return self._answer_holding(request)
@@ -83,28 +87,28 @@ class Device:
         request: ModbusPDU,
         response: type[ReadInputRegistersResponse | ReadHoldingRegistersResponse],
     ) -> ModbusPDU:
-        first = request.address - self.registers.read_address
-        if first < 0 or request.count < 1 or first + request.count > self.registers.read_count:
+        first = request.address - self.registers.read.address
+        if first < 0 or request.count < 1 or first + request.count > self.registers.read.count:
             return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
-        words = encode(self.registers, {**self._read(), "identity": self.registers.identity})
+        words = encode(self.registers, {**self._read(), "identity": self.registers.identity.value})
         return response(registers=words[first : first + request.count])
 
     def _answer_holding(self, request: ModbusPDU) -> ModbusPDU:
-        if self.registers.read_table == "holding" and self.registers.write_table is None:
+        if self.registers.read.table == "holding" and self.registers.write is None:
             return self._answer_read(request, ReadHoldingRegistersResponse)
-        first = request.address - self.registers.write_address
+        first = request.address - self._write_address
         if first < 0 or request.count < 1 or first + request.count > len(self._holding):
             return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
         return ReadHoldingRegistersResponse(registers=self._holding[first : first + request.count])
 
     def _take(self, address: int, words: Sequence[int]) -> ExceptionResponse | None:
         """Store written registers and let them act; returns the refusal, if any."""
-        first = address - self.registers.write_address
+        first = address - self._write_address
         if first < 0 or first + len(words) > len(self._holding):
             return ExceptionResponse(WriteMultipleRegistersRequest.function_code, ExcCodes.ILLEGAL_ADDRESS)
         self._holding[first : first + len(words)] = words
         if self._write is not None:
-            self._write(decode(self.registers.write, self._holding))
+            self._write(decode(self._fields, self._holding))
         return None
 
 
@@ -133,7 +137,7 @@ class ModbusServer:
         try:
             await self._server.serve_forever(background=True)
         except RuntimeError as error:
-            raise OSError(f"{self.device.registers.name}: port {port} on {host} is not available") from error
+            raise OSError(f"{self.device.registers.profile.name}: port {port} on {host} is not available") from error
         transport: Any = self._server.transport
         return int(transport.sockets[0].getsockname()[1])
 
@@ -265,10 +269,10 @@ class Connection(ServerRequestHandler):
             hang_up(self.transport)
 
 
-def encode(registers: RegisterMap, values: Mapping[str, float]) -> list[int]:
+def encode(registers: ModbusProfile, values: Mapping[str, float]) -> list[int]:
     """Return the words of the read block; numbers beyond their type stop at its end, as a device's do."""
-    block = bytearray(2 * registers.read_count)
-    for row in registers.read:
+    block = bytearray(2 * registers.read.count)
+    for row in registers.read.fields:
         value = values[row.name]
         if row.bit is not None:
             word = struct.unpack_from(">H", block, 2 * row.offset)[0] | (int(value) & 1) << row.bit
@@ -276,18 +280,18 @@ def encode(registers: RegisterMap, values: Mapping[str, float]) -> list[int]:
             continue
         low, high = RANGES[row.type]
         # not a number becomes the lowest count, as measuring amplifiers show it
-        count = low if value != value else min(max(round(value / row.scale), low), high)  # noqa: PLR0124
+        count = low if value != value else min(max(round(value / (row.scale or 1.0)), low), high)  # noqa: PLR0124
         block[2 * row.offset : 2 * (row.offset + WORDS[row.type])] = (count & 0xFFFFFFFF).to_bytes(4, "big")[
             -2 * WORDS[row.type] :
         ]
-    return list(struct.unpack(f">{registers.read_count}H", block))
+    return list(struct.unpack(f">{registers.read.count}H", block))
 
 
-def decode(rows: tuple[Register, ...], words: list[int]) -> dict[str, float]:
+def decode(rows: tuple[WriteField, ...], words: list[int]) -> dict[str, float]:
     """Return the values in a block of written words."""
     values = {}
     for row in rows:
         raw = b"".join(word.to_bytes(2, "big") for word in words[row.offset : row.offset + WORDS[row.type]])
         count = int.from_bytes(raw, "big", signed=row.type.startswith("i"))
-        values[row.name] = count * row.scale
+        values[row.name] = count * (row.scale or 1.0)
     return values

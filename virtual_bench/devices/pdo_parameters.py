@@ -16,7 +16,7 @@ from durand.datatypes import DatatypeEnum
 from durand.object_dictionary import Array, Record, Variable
 from durand.services.sdo.server import SDODomainAbort
 
-from virtual_bench.config import Pdo
+from drivers.profile import ReceivePdo, TransmitPdo
 
 INVALID = 1 << 31
 NO_RTR = 1 << 30
@@ -89,7 +89,7 @@ class PdoParameters:
             self._build(number, transmit=False)
             self._build(number, transmit=True)
 
-    def restore(self, receive: tuple[Pdo, ...], transmit: tuple[Pdo, ...]) -> None:
+    def restore(self, receive: tuple[ReceivePdo, ...], transmit: tuple[TransmitPdo, ...]) -> None:
         """Set all PDOs to their defaults, as a reset of the communication does."""
         node_id = self._node.node_id
         for base, first_cob, flags, defaults in (

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from durand import Node
 from durand.services.nmt import StateEnum
 
-from virtual_bench.config import Pdo
+from drivers.profile import ReceivePdo, TransmitPdo
 from virtual_bench.devices.pdo_parameters import SYNCHRONOUS, TRANSMIT_COMMUNICATION, Channel, Mappable, PdoParameters
 
 COB_MASK = 0x7FF
@@ -36,7 +36,7 @@ class PdoService:
         self.transmit: list[Channel] = []
         self._parameters = PdoParameters(node, mappable, self.refresh)
 
-    def restore(self, receive: tuple[Pdo, ...], transmit: tuple[Pdo, ...]) -> None:
+    def restore(self, receive: tuple[ReceivePdo, ...], transmit: tuple[TransmitPdo, ...]) -> None:
         """Set all PDOs to their defaults, as a reset of the communication does."""
         self._parameters.restore(receive, transmit)
 

@@ -17,10 +17,10 @@ class DriveAxis:
     """One machine, one motor. `tick` after the plant has been advanced; `apply` after anything was written."""
 
     def __init__(self, plant: Plant, config: DriveConfig, on_emcy: Callable[[int, int], None] | None = None) -> None:
-        self.machine = Cia402Machine(config.profile.position_counts_per_motor_rev, on_emcy)
+        self.machine = Cia402Machine(config.profile.scaling.position_counts_per_motor_rev, on_emcy)
         self._plant = plant
         self._torque_unit_nm = config.torque_unit_nm
-        self._counts_per_rad_s = config.profile.velocity_counts_per_rad_s
+        self._counts_per_rad_s = config.profile.scaling.velocity_counts_per_rad_s
         self._limit_until_ns = -1
         self._applied: Demand | None = None
         self.apply_limits()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from virtual_bench.config import Register, RegisterMap
+from drivers.profile import ModbusProfile, ReadField
 from virtual_bench.faults.schedule import FaultSchedule
 
 HEADER_BYTES = 7  # up to and with the unit
@@ -31,7 +31,7 @@ class Piece(NamedTuple):
 class ModbusFaults:
     """Applies the active faults of a schedule to the answers of the bench's devices."""
 
-    def __init__(self, schedule: FaultSchedule, registers: Mapping[str, RegisterMap]) -> None:
+    def __init__(self, schedule: FaultSchedule, registers: Mapping[str, ModbusProfile]) -> None:
         self._schedule = schedule
         self._registers = registers
         self._kept: dict[tuple[str, bytes], bytes] = {}  # answers of frozen devices and registers, by request
@@ -100,12 +100,12 @@ class ModbusFaults:
         if "garbage" in active:  # but for the first register: a device that is not itself is another fault
             data[DATA_AT + WORD :] = self._schedule.dice.randbytes(len(data) - DATA_AT - WORD)
         registers = self._registers.get(device)
-        if registers is not None and request[8:10] == registers.read_address.to_bytes(2, "big"):
-            for row in registers.read:
+        if registers is not None and request[8:10] == registers.read.address.to_bytes(2, "big"):
+            for row in registers.read.fields:
                 self._change_register(device, row, data, swap="swap" in active)
         return bytes(data)
 
-    def _change_register(self, device: str, row: Register, data: bytearray, *, swap: bool) -> None:
+    def _change_register(self, device: str, row: ReadField, data: bytearray, *, swap: bool) -> None:
         first, size = DATA_AT + WORD * row.offset, WORD * (2 if row.type.endswith("32") else 1)
         if first + size > len(data):
             return

@@ -9,23 +9,14 @@ import numpy.typing as npt
 
 from definitions.image import State
 from definitions.program import Program
+from definitions.states import STATES
 from definitions.units import ARCMIN_PER_RAD
 from station.documents.events import Alarm
 from station.records.samples.table import Table
 from station.records.samples.zeroes import from_zero, output_torque_nm
 
-FROM_STATE = (
-    State.LOCK,
-    State.CALIBRATE,
-    State.RAMP_POS,
-    State.REVERSE,
-    State.RAMP_NEG,
-    State.UNLOAD,
-    State.RELEASE,
-    State.COMPLETE,
-    State.STOPPED,
-    State.FAULT,
-)
+FROM_STATE = tuple(row.state for row in STATES if row.state not in (State.IDLE, State.HOME))
+"""States after the zeroes were taken."""
 
 FloatArray = npt.NDArray[np.float64]
 

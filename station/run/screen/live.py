@@ -8,24 +8,9 @@ from controller.sample import shown_torque_nm
 from definitions.faults import FAULT_BY_NUMBER, FAULTS
 from definitions.image import Image, Orders, Reaction, State
 from definitions.program import Program
+from definitions.states import row_of
 from definitions.units import ARCMIN_PER_RAD
 from station.records.samples.scan_record import unpack
-
-STATE_WORDS: dict[State, str] = {
-    State.IDLE: "waiting for the devices",
-    State.HOME: "taking zeroes, referencing",
-    State.LOCK: "closing and verifying the lock",
-    State.CALIBRATE: "measuring the torque ratio",
-    State.RAMP_POS: "loading",
-    State.REVERSE: "turning point",
-    State.RAMP_NEG: "loading",
-    State.UNLOAD: "bringing the torque to zero",
-    State.RELEASE: "opening the lock",
-    State.COMPLETE: "done",
-    State.STOPPED: "stopped, unloaded",
-    State.FAULT: "fault",
-}
-
 
 TOWARDS = (State.RAMP_POS, State.RAMP_NEG)
 """States whose words name the torque that the ramp goes to."""
@@ -85,9 +70,9 @@ class LiveReader:
 
     def _words(self, state: State, segment: int) -> str:
         if state not in TOWARDS:
-            return STATE_WORDS[state]
+            return row_of(state).words
         target = f"{self._program.segments[segment].target_nm:+.0f}".replace("-", "−")
-        return f"{STATE_WORDS[state]} towards {target} N·m"
+        return f"{row_of(state).words} towards {target} N·m"
 
     def _windup_arcmin(self, image: Image, orders: Orders) -> float:
         angle_in = (image.angle_in_rad - orders.angle_in_zero_rad) / self._program.ratio

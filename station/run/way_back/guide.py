@@ -14,6 +14,7 @@ from controller.sample import shown_torque_nm
 from definitions.faults import FAULT_BY_NUMBER, FAULTS
 from definitions.image import Command, DriveState, Image, Orders, Reaction, State
 from definitions.program import Program
+from definitions.states import row_of
 from drivers.servo_drive.emcy import explain_emcy
 from station.records.ring.reader import RingReader
 from station.records.samples.scan_record import unpack
@@ -22,12 +23,6 @@ QUESTION = "All checked? The torque is then brought to zero and the lock opened;
 MOST_TRIES = 3
 ANSWER_WITHIN_S = 3.0
 """A reset that was accepted leaves the fault within this time: a drive in fault is reset first."""
-
-STEP_WORDS = {
-    State.UNLOAD: "bringing the torque to zero behind the closed lock",
-    State.RELEASE: "torque is near zero: verified, drive off, then the lock opens",
-    State.STOPPED: "the lock is open and the drive is off",
-}
 
 
 class Step(Enum):
@@ -53,9 +48,9 @@ class Guide:
         """Look at the newest record; tell, ask, and give the commands of the person."""
         _, image, orders = unpack(ring.last())
         state = State(orders.state)
-        if state in STEP_WORDS and state != self._shown:
+        if row_of(state).way_back and state != self._shown:
             self._shown = state
-            self._say(f"  {STEP_WORDS[state]} ({torque_text(image, orders, self._program)})")
+            self._say(f"  {row_of(state).way_back} ({torque_text(image, orders, self._program)})")
         settled = state == State.FAULT and orders.phase == FaultReaction.SETTLED
         if not settled:
             if self._step is Step.ORDERED and state != State.FAULT:

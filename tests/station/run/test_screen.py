@@ -12,6 +12,7 @@ from station_samples import IMAGE, ORDERS
 
 from definitions.faults import FAULTS
 from definitions.image import State
+from definitions.states import row_of
 from station.bench.request import load_job
 from station.cli.terminal_plot import Canvas, nice_ceiling, plot
 from station.documents.events import Alarm
@@ -20,12 +21,12 @@ from station.records.samples.scan_record import pack
 from station.reports.metric_sides import all_rows, judging_rows
 from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
 from station.reports.result_view import alarm_lines
-from station.run.screen.live import STATE_WORDS, LiveReader, LiveView, alarm_texts
+from station.run.screen.live import LiveReader, LiveView, alarm_texts
 from station.run.screen.progress import STATE_COLOURS, clock, panel, signed
 
 
 def test_every_state_has_words_and_a_colour() -> None:
-    assert set(STATE_WORDS) == set(STATE_COLOURS) == set(State)
+    assert set(STATE_COLOURS) == set(State)
 
 
 def test_every_alarm_has_its_words() -> None:
@@ -35,7 +36,7 @@ def test_every_alarm_has_its_words() -> None:
 
 @pytest.mark.parametrize("state", list(State))
 def test_the_panel_shows_state_torque_cycle_and_alarms(state: State) -> None:
-    view = LiveView(state, STATE_WORDS[state], -123.4, 1.25, 2, 3, 0.5, 75.0, 12.0, ("Guard opened. Close it.",))
+    view = LiveView(state, row_of(state).words, -123.4, 1.25, 2, 3, 0.5, 75.0, 12.0, ("Guard opened. Close it.",))
     stream = io.StringIO()
     Console(file=stream, width=80).print(panel(view, "SN1"))
     text = stream.getvalue()

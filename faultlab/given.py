@@ -36,7 +36,7 @@ class Change(NamedTuple):
 def visits(run: FaultRun) -> list[Visit]:
     """Return the states in the order in which they were visited, each with its first and last scan."""
     states = [*_changes(run, lambda orders: State(orders.state).name.lower())]
-    ends = [*(change.place - 1 for change in states[1:]), len(run.scans) - 1]
+    ends = [*(change.place - 1 for change in states[1:]), len(run.scans) - 1][: len(states)]  # none without a scan
     return [
         Visit(change.name, run.scans[change.place], run.scans[end]) for change, end in zip(states, ends, strict=True)
     ]

@@ -9,7 +9,7 @@ from zlib import crc32
 
 import pytest
 
-from faultlab.given import MOST, listed
+from faultlab.given import MOST, given, listed, visits
 from faultlab.judge import _EXPECT, _NEVER, judge
 from faultlab.matrix.matrix import cells, measure
 from faultlab.matrix.page import bound, markdown
@@ -356,6 +356,8 @@ def test_an_alarm_before_the_fault_is_not_the_faults_doing(guard_opened):
 
 def test_a_bench_that_was_refused_has_met_nothing_else():
     run = FaultRun(0.001, refused="no answer of the drive")
+    assert visits(run) == []
+    assert given(run) == {"states": "none: nothing has moved"}
     refused, event = {"refused": "no answer"}, {"event": "guard_open", "within_scans": 12}
     assert judge(run, scenario(expect=[refused])) == []
     (wrong,) = judge(run, scenario(expect=[refused, event]))

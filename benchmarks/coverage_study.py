@@ -13,8 +13,7 @@ import time
 from dataclasses import replace
 
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.coverage import CoverageRow, coverage
-from analysis.studies.simulated_pairs import simulated_pairs
+from analysis.studies.coverage import CoverageRow, coverage, simulated_pairs
 from analysis.studies.simulated_run import SimulatedBench
 from analysis.uncertainty.distributions import STATED_BY
 from analysis.uncertainty.figures import SensorFigures, StatedBy

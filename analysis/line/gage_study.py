@@ -1,20 +1,24 @@
-"""Gage study: how much of the spread of measurements comes from the measuring, by analysis of variance.
+"""Gage study: how much of the spread of measurements comes from the measuring.
 
-Source: AIAG Measurement Systems Analysis, 4th edition; crossed design with operator and part as random. Confidence
-intervals are generalised (S. Weerahandi; Hamada and Weerahandi 2000): mean squares drawn from their chi-square laws.
+By analysis of variance, and by average and range, the hand method, for comparison with older studies. Source: AIAG
+Measurement Systems Analysis, 4th edition; crossed design, every operator measures every part the same number of times,
+with operator and part as random. Confidence intervals are generalised (S. Weerahandi; Hamada and Weerahandi 2000): mean
+squares drawn from their chi-square laws, ranges from theirs, from which the hand method's constants K1, K2, K3 are
+computed too.
 """
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
 
-from analysis.line.gage_design import GageDesign
-from analysis.line.samples import checked_level
+from analysis.line.samples import checked_level, checked_row
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
 
@@ -27,6 +31,65 @@ NDC_FACTOR = 1.41
 DRAWS = 20_000
 SEED = 20_000_101
 """Confidence intervals repeat to the last digit."""
+
+RANGE_DRAWS = 4000
+
+INTEGRATION_SPAN = 8.0
+INTEGRATION_POINTS = 801
+"""Normal density beyond 8 is below the rounding of a float; the grid gives the constants to four digits."""
+
+
+@dataclass(frozen=True)
+class GageDesign:
+    """Measurements as an array (part, operator, trial), with the names of parts and operators."""
+
+    values: FloatArray
+    parts: tuple[str, ...]
+    operators: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Check shape and numbers; AnalysisError for fewer than 2 parts, operators or trials."""
+        values = np.asarray(self.values, dtype=np.float64)
+        if values.ndim != 3 or min(values.shape) < 2:
+            raise AnalysisError(
+                f"gage study: found {' × '.join(str(n) for n in values.shape)} (parts × operators × trials); "
+                "expected 2 or more of each"
+            )
+        if (len(self.parts), len(self.operators)) != values.shape[:2]:
+            raise AnalysisError(
+                f"gage study: {len(self.parts)} names of parts and {len(self.operators)} of operators for an array of "
+                f"{values.shape[0]} × {values.shape[1]}; name each one"
+            )
+        checked_row(values.ravel(), "gage study", 8)
+        object.__setattr__(self, "values", values)
+
+
+def gage_design(operator: Sequence[str], part: Sequence[str], value: Sequence[float]) -> GageDesign:
+    """Arrange measurements in any order to a balanced design.
+
+    Raises AnalysisError when rows differ in number, or naming the part and operator that were measured more or less
+    often than the others.
+    """
+    if not len(operator) == len(part) == len(value):
+        raise AnalysisError(
+            f"gage study: {len(operator)} operators, {len(part)} parts, {len(value)} values; "
+            "expected one of each per row"
+        )
+    cells: dict[tuple[str, str], list[float]] = {}
+    for who, which, measured in zip(operator, part, value, strict=True):
+        cells.setdefault((which, who), []).append(measured)
+    parts, operators = tuple(dict.fromkeys(part)), tuple(dict.fromkeys(operator))
+    trials = max((len(cell) for cell in cells.values()), default=0)
+    for which in parts:
+        for who in operators:
+            found = len(cells.get((which, who), []))
+            if found != trials:
+                raise AnalysisError(
+                    f"gage study: part {which} was measured {found} times by operator {who}, others {trials} times; "
+                    "complete the study"
+                )
+    table = np.array([[cells[which, who] for who in operators] for which in parts], dtype=np.float64)
+    return GageDesign(table, parts, operators)
 
 
 class Source(NamedTuple):
@@ -104,8 +167,10 @@ def analyse_gage_study(
     drawn = np.stack([row.sum_of_squares / random.chisquare(row.freedom, DRAWS) for row in rows])
     if pooled:
         drawn[3] = drawn[2]
-    estimates = _spreads(np.array([[row.mean_square] for row in rows]), design.values.shape)
-    intervals = np.quantile(_spreads(drawn, design.values.shape), [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=1)
+    estimates = _spreads_of_squares(np.array([[row.mean_square] for row in rows]), design.values.shape)
+    intervals = np.quantile(
+        _spreads_of_squares(drawn, design.values.shape), [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=1
+    )
     found = [Interval(*(float(x) for x in row)) for row in zip(estimates[:, 0], *intervals, strict=True)]
     repeat, between, gage, unit, total, share = found
     return GageStudy(
@@ -158,7 +223,7 @@ def distinct_categories(sd_part: float, sd_gage: float) -> int:
     return max(1, math.floor(NDC_FACTOR * sd_part / sd_gage))
 
 
-def _spreads(mean_squares: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+def _spreads_of_squares(mean_squares: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """Standard deviations repeatability, reproducibility, gage, part, total, and the gage as % of total; per column."""
     parts, operators, trials = shape
     part, operator, interaction, repeat = mean_squares
@@ -169,3 +234,80 @@ def _spreads(mean_squares: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     total = gage + unit
     share = 100.0 * np.sqrt(np.divide(gage, total, out=np.zeros_like(total), where=total > 0.0))
     return np.concatenate([np.sqrt([repeat, between, gage, unit, total]), [share]])
+
+
+@dataclass(frozen=True)
+class AverageRange:
+    """Standard deviations EV, AV, GRR, PV and TV of AIAG, with their intervals; names as in GageStudy.
+
+    The part spread is that of the parts' averages, as AIAG has it: a share of the gage is in it.
+    """
+
+    sd_repeatability: Interval
+    sd_reproducibility: Interval
+    sd_gage: Interval
+    sd_part: Interval
+    sd_total: Interval
+    grr_pct: Interval
+    tolerance_pct: float | None
+    ndc: int
+
+
+@functools.cache
+def range_constants(count: int) -> tuple[float, float]:
+    """Return d₂ (mean range of `count` standard normal values) and d₂* of one group (root mean square range)."""
+    x = np.linspace(-INTEGRATION_SPAN, INTEGRATION_SPAN, INTEGRATION_POINTS)
+    step = float(x[1] - x[0])
+    below = stats.norm.cdf(x)
+    mean = float((1.0 - below**count - (1.0 - below) ** count).sum()) * step
+    low, high = below[:, None], below[None, :]
+    # P(smallest ≤ x, largest > y) over x < y integrates to half the mean square of the range
+    joint = 1.0 - high**count - (1.0 - low) ** count + np.maximum(high - low, 0.0) ** count
+    weight = np.triu(np.ones_like(joint), 1) + 0.5 * np.eye(x.size)
+    return mean, float(np.sqrt(2.0 * (joint * weight).sum())) * step
+
+
+def analyse_average_range(design: GageDesign, tolerance: float | None = None, level: float = 0.95) -> AverageRange:
+    """Analyse a gage study by average and range; AnalysisError for a level of confidence outside 0.5…1."""
+    checked_level(level)
+    values = design.values
+    parts, operators, trials = values.shape
+    ranges = np.array(
+        [np.ptp(values, axis=2).mean(), np.ptp(values.mean(axis=(0, 2))), np.ptp(values.mean(axis=(1, 2)))]
+    )
+    expected = np.array([range_constants(trials)[0], range_constants(operators)[1], range_constants(parts)[1]])
+    estimates = _spreads_of_ranges((ranges / expected)[:, None], parts * trials)
+    random = np.random.default_rng(SEED)
+    drawn = np.stack(
+        [
+            np.ptp(random.standard_normal((RANGE_DRAWS, operators)), axis=1),
+            np.ptp(random.standard_normal((RANGE_DRAWS, parts)), axis=1),
+        ]
+    )
+    repeat = np.array(
+        [np.ptp(random.standard_normal((parts * operators, trials)), axis=1).mean() for _ in range(RANGE_DRAWS)]
+    )
+    spreads = _spreads_of_ranges(ranges[:, None] / np.vstack([repeat, drawn]), parts * trials)
+    limits = np.quantile(spreads, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=1)
+    found = [Interval(*(float(x) for x in row)) for row in zip(estimates[:, 0], *limits, strict=True)]
+    repeatability, reproducibility, gage, part, total, share = found
+    return AverageRange(
+        sd_repeatability=repeatability,
+        sd_reproducibility=reproducibility,
+        sd_gage=gage,
+        sd_part=part,
+        sd_total=total,
+        grr_pct=share,
+        tolerance_pct=share_of_tolerance(gage.value, tolerance),
+        ndc=distinct_categories(part.value, gage.value),
+    )
+
+
+def _spreads_of_ranges(scaled: FloatArray, per_operator: int) -> FloatArray:
+    """EV, AV, GRR, PV, TV and GRR as % of TV from ranges over their constants; per column."""
+    repeat, operator, part = scaled
+    between = np.sqrt(np.maximum(operator**2 - repeat**2 / per_operator, 0.0))
+    gage = np.hypot(repeat, between)
+    total = np.hypot(gage, part)
+    share = 100.0 * np.divide(gage, total, out=np.zeros_like(total), where=total > 0.0)
+    return np.stack([repeat, between, gage, part, total, share])

@@ -7,8 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from analysis.models import friction
-from analysis.models.elastic import Compliance, cubic_torque_nm
+from analysis.models.elements import Compliance, bouc_wen, cubic_torque_nm, dahl
 from analysis.models.path import PathState, checked_angles, follow
 from analysis.models.samples import LoopSamples, LoopShape
 from analysis.trace.errors import AnalysisError
@@ -68,7 +67,7 @@ def _starts_cubic(loop: LoopSamples, shape: LoopShape) -> tuple[Values, ...]:
 
 
 def _play_gap_dahl(values: Values, angle_arcmin: FloatArray, state: PathState) -> tuple[FloatArray, PathState]:
-    element = friction.dahl(values["friction_nm"], values["presliding_nm_per_arcmin"])
+    element = dahl(values["friction_nm"], values["presliding_nm_per_arcmin"])
     hysteresis, last = follow(angle_arcmin, state, values["angle_offset_arcmin"], 1, element)
     elastic = Compliance(
         values["stiffness_nm_per_arcmin"],
@@ -97,7 +96,7 @@ def _starts_gap_dahl(loop: LoopSamples, shape: LoopShape) -> tuple[Values, ...]:
 
 
 def _play_bouc_wen(values: Values, angle_arcmin: FloatArray, state: PathState) -> tuple[FloatArray, PathState]:
-    element = friction.bouc_wen(values["yield_arcmin"], values["exponent"], values["shape"])
+    element = bouc_wen(values["yield_arcmin"], values["exponent"], values["shape"])
     hysteresis, last = follow(angle_arcmin, state, values["angle_offset_arcmin"], 1, element)
     elastic, _ = _play_cubic(values, angle_arcmin, state)
     return elastic + values["friction_nm"] * hysteresis[:, 0], last

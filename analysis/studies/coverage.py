@@ -2,21 +2,42 @@
 
 For a metric to pass, U (k = 2) must contain the error of nearly 95 % of the units, and what all units are wrong by in
 the same direction (bias) must be small beside U.
+
+The units are simulated, each measured once by a simulated bench with errors. Their torque ratio is that of the run, or
+a stored one: the mean of some units of a lot, each calibrated once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
 from analysis.evaluation.metric_result import MetricResult
-from analysis.loop.method import MetricWanted
+from analysis.evaluation.pipeline import analyse
+from analysis.loop.method import Method, MetricWanted
+from analysis.studies.simulated_run import (
+    Course,
+    Sensors,
+    SimulatedBench,
+    TorqueErrors,
+    as_built,
+    course_of,
+    exact_trace,
+    measured_trace,
+)
+from analysis.studies.simulated_unit import SimulatedUnit
+from analysis.torque_ratio.quadrant_fit import fit_quadrants
+from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
+from analysis.trace.runs import commanded_runs
+from analysis.uncertainty.figures import LineCovariance, SensorFigures, UnitDeviation
 
 Pair = tuple[Sequence[MetricResult], Sequence[MetricResult]]
 """Metrics of one unit: true, and as measured."""
+
+SEED = 20
 
 
 @dataclass(frozen=True)
@@ -96,3 +117,79 @@ def _row(wanted: MetricWanted, unit: str, values: list[tuple[float, float, float
         count=error.size,
         units=units,
     )
+
+
+def simulated_pairs(
+    units: int, figures: SensorFigures, wanted: Sequence[MetricWanted], method: Method, bench: SimulatedBench, *,
+    calibrated_units: int = 0,
+) -> Iterator[Pair]:  # fmt: skip
+    """Measure so many seeded units around the default one; yield true and measured metrics of each.
+
+    Every parameter is moved within ± 20 %, and the sides of a unit differ within ± 5 % (`SimulatedUnit.varied`).
+
+    method: with output_torque "calibrated" the torque is converted from the input torque; the true loop never is.
+    calibrated_units: the lines for it are not measured in the run, but stored: the mean of so many other units, two or
+    more, that each bench calibrated before; the torque at the output is not measured then.
+    """
+    true_method = Method(method.ratio, method.rated_torque_nm, method.reference_torque_nm)
+    for seed in range(units):
+        random = np.random.default_rng([SEED, seed])
+        unit, built = SimulatedUnit().varied(random), as_built(bench, figures, random)
+        course = course_of(unit, built)
+        truth = analyse(exact_trace(course, built), true_method, wanted).metrics
+        if calibrated_units:
+            yield truth, _by_stored_lines(calibrated_units, course, built, figures, method, wanted, random)
+        else:
+            yield (
+                truth,
+                analyse(measured_trace(course, built, figures, random), method, wanted, figures=figures).metrics,
+            )
+
+
+def _by_stored_lines(  # noqa: PLR0917 - a run, how it is measured, and by what
+    units: int, course: Course, bench: SimulatedBench, figures: SensorFigures, method: Method,
+    wanted: Sequence[MetricWanted], random: np.random.Generator,
+) -> tuple[MetricResult, ...]:  # fmt: skip
+    of_sensors = {"torque_in": figures.torque_in, "torque_out": figures.torque_out}
+    sensors = {name: TorqueErrors.drawn(one, random) for name, one in of_sensors.items() if one is not None}
+    lines, known = stored_lines(units, bench, figures, sensors, random)
+    trace = replace(measured_trace(course, bench, figures, random, sensors), torque_out_nm=None)
+    return analyse(trace, replace(method, quadrants=lines), wanted, figures=known).metrics
+
+
+def stored_lines(
+    units: int, bench: SimulatedBench, figures: SensorFigures, sensors: Sensors, random: np.random.Generator
+) -> tuple[Quadrants, SensorFigures]:
+    """Calibrate so many units; return their mean lines, and the figures with what is known of these.
+
+    units: two or more. sensors: of the bench, which are the same in every run; each run is tared anew.
+    """
+    only_calibrates = replace(bench, cycles=0)
+    found = []
+    for _ in range(units):
+        course = course_of(SimulatedUnit().varied(random), bench=only_calibrates)
+        trace = measured_trace(course, bench, figures, random, sensors)
+        found.append(fit_quadrants(trace, commanded_runs(trace)))
+    lines = {name: _mean([getattr(one, name) for one in found]) for name in QUADRANTS}
+    lengths = [one.transition_rad for one in found if one.transition_rad is not None]
+    length = sum(lengths) / units if len(lengths) == units else None
+    rows = list(lines.values())
+    mean = Quadrants(rows[0], rows[1], rows[2], rows[3], transition_rad=length)
+    known = replace(
+        figures,
+        calibration={name: _of_mean(name, found) for name in QUADRANTS},
+        calibrated_units=[UnitDeviation.between(one, mean) for one in found],
+    )
+    return mean, known
+
+
+def _mean(lines: list[TorqueLine]) -> TorqueLine:
+    return TorqueLine(*(float(np.mean(values)) for values in zip(*lines, strict=True)))
+
+
+def _of_mean(name: str, found: list[Quadrants]) -> LineCovariance:
+    fits = [one.fits[name] for one in found]
+    u_offset, u_slope = (
+        float(np.linalg.norm([getattr(fit, of) for fit in fits])) / len(fits) for of in ("u_offset_nm", "u_slope")
+    )
+    return LineCovariance(u_offset, u_slope, float(np.mean([fit.correlation for fit in fits])))

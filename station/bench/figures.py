@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from analysis.loop.fixture_curve import fixture_stiffness, stiffness_at_output
 from analysis.torque_ratio.quadrants import QUADRANTS
-from analysis.trace.conversions import fixture_stiffness, stiffness_at_output
 from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation
 from definitions.units import ARCMIN_PER_RAD
 from recipes import Bench, Calibration

@@ -67,6 +67,19 @@ def test_spellings(text, kind, value):
     assert read_quantity(text, kind) == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("number", "unit", "to_unit", "printed"),
+    [
+        (95_000.0, "N·m/rad", "N·m/arcmin", 27.634),
+        (1.0, "N·m/arcmin", "N·m/rad", 3437.747),
+        (8.0 / 121.0, "arcmin", "arcsec", 3.967),
+        (1e-4, "rev", "arcmin", 2.16),
+    ],
+)
+def test_figures_that_the_documents_print(number, unit, to_unit, printed):
+    assert convert(number, unit, to_unit) == pytest.approx(printed, abs=5e-4)
+
+
 def test_percent_is_of_what_it_is_told():
     assert read_quantity("110 %", TORQUE, 412.0) == pytest.approx(453.2)
     assert read_quantity("412 N·m", TORQUE, 50.0) == 412.0

@@ -7,9 +7,16 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from analysis.line.average_range import AverageRange, analyse_average_range
-from analysis.line.gage_design import GageDesign, gage_design
-from analysis.line.gage_study import GageStudy, Interval, Source, analyse_gage_study
+from analysis.line.gage_study import (
+    AverageRange,
+    GageDesign,
+    GageStudy,
+    Interval,
+    Source,
+    analyse_average_range,
+    analyse_gage_study,
+    gage_design,
+)
 from station.cli.csv_columns import read_csv_columns
 from station.cli.line.line_statistics import figure
 from station.cli.line.stored_metric import Ask, StoredValue

@@ -10,7 +10,7 @@ from typing import Any
 
 from analysis.line.capability import Capability, capability
 from analysis.line.master_part import master_part_trend
-from analysis.line.unit_to_unit import unit_to_unit
+from analysis.line.spread import unit_to_unit
 from station.cli.csv_columns import CsvColumns, read_csv_columns
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import StoredValues, stored_values

@@ -10,7 +10,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from analysis.line.repeatability import LEAST_RUNS, repeatability
+from analysis.line.spread import LEAST_RUNS, repeatability
 from recipes import Selection
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
 from station.errors import StationError

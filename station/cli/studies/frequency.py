@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.studies.frequency_response import FrequencyResponse, frequency_response
-from analysis.studies.resonance import fit_resonance
+from analysis.studies.frequency_response import FrequencyResponse, fit_resonance, frequency_response
 from analysis.trace.errors import AnalysisError
 from station.cli.line.line_statistics import figure
 from station.cli.out_file import refuse_records, writing

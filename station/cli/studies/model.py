@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.models.identify import MOST_CORRELATION, Identified, identify
-from analysis.models.maxwell_slip import EQUATIONS, parameter_units
-from analysis.models.maxwell_slip_fit import identify_maxwell_slip
+from analysis.models.maxwell_slip import EQUATIONS, identify_maxwell_slip, parameter_units
 from analysis.models.reducer_model import model_to_json
 from analysis.models.samples import LoopSamples
 from analysis.models.table import MODELS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.line.master_part import master_part_trend
-from analysis.line.unit_to_unit import unit_to_unit
+from analysis.line.spread import unit_to_unit
 from analysis.trace.errors import AnalysisError
 
 DAYS = np.arange(30.0)

@@ -5,7 +5,7 @@ import pytest
 from reference_unit import ReferenceUnit, exact_trace
 
 from analysis.evaluation.pipeline import analyse
-from analysis.line.repeatability import repeatability
+from analysis.line.spread import repeatability
 from analysis.loop.method import Method, MetricWanted
 from analysis.trace.errors import AnalysisError
 

@@ -9,8 +9,8 @@ from printed_numbers import reads
 from reference_unit import ARC, RATIO, ReferenceUnit, exact_trace
 
 from analysis.evaluation.pipeline import analyse
+from analysis.loop.fixture_curve import compensated_stiffness
 from analysis.loop.method import Method, MetricWanted
-from analysis.trace.conversions import compensated_stiffness
 from analysis.trace.trace import Trace
 from recipes import Bench, check, find_recipe, load_recipe, parse_bench, shipped_benches
 from station.bench.assemble_virtual import virtual_config

@@ -14,11 +14,10 @@ from scipy import signal
 from analysis.evaluation.pipeline import Result, analyse
 from analysis.loop.alignment import skew_from_speeds
 from analysis.loop.fixture import blank_curve
-from analysis.loop.fixture_curve import FixtureCurve
+from analysis.loop.fixture_curve import FixtureCurve, compensated_stiffness, series_stiffness
 from analysis.loop.measured import measure
 from analysis.loop.method import Method, MetricWanted
 from analysis.loop.stages import STAGES
-from analysis.trace.conversions import compensated_stiffness, series_stiffness
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import Trace
 

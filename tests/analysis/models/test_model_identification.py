@@ -8,7 +8,7 @@ import pytest
 from reference_unit import ARC, RATIO, ReferenceUnit, bench_trace, quantised
 
 from analysis.models.identify import Identified, identify, torque_on_branches
-from analysis.models.maxwell_slip_fit import identify_maxwell_slip
+from analysis.models.maxwell_slip import identify_maxwell_slip
 from analysis.models.reducer_model import ReducerModel
 from analysis.models.samples import LoopSamples, loop_samples, loop_shape
 from analysis.models.table import MODELS

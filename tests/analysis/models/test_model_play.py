@@ -9,10 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_model_identification import reference_loop, small_loop_model
 
-from analysis.models.elastic import Compliance
-from analysis.models.friction import bouc_wen, dahl
+from analysis.models.elements import Compliance, bouc_wen, dahl
 from analysis.models.identify import identify
-from analysis.models.maxwell_slip_fit import identify_maxwell_slip
+from analysis.models.maxwell_slip import identify_maxwell_slip
 from analysis.models.path import PathState
 from analysis.models.reducer_model import ReducerModel, model_from_json, model_to_json
 from analysis.models.table import MODELS

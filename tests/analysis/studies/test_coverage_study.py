@@ -7,8 +7,7 @@ import pytest
 from scipy import stats
 
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.coverage import CoverageRow, coverage
-from analysis.studies.simulated_pairs import simulated_pairs
+from analysis.studies.coverage import CoverageRow, coverage, simulated_pairs
 from analysis.studies.simulated_run import SimulatedBench
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
 from recipes import load_bench

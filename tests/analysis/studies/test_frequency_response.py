@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from analysis.studies.frequency_response import FrequencyResponse, frequency_response
-from analysis.studies.resonance import fit_resonance
+from analysis.studies.frequency_response import FrequencyResponse, fit_resonance, frequency_response
 from analysis.trace.errors import AnalysisError
 from definitions.units import ARCMIN_PER_RAD
 

@@ -8,8 +8,7 @@ from reference_unit import FIGURES, ReferenceUnit, bench_trace
 
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.coverage import coverage
-from analysis.studies.simulated_pairs import simulated_pairs
+from analysis.studies.coverage import coverage, simulated_pairs
 from analysis.studies.simulated_run import SimulatedBench
 from analysis.torque_ratio.quadrant_fit import fit_quadrants
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine

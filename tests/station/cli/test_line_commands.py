@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from stored_runs import metric, store_lot, store_run
 
 from analysis.trace.errors import AnalysisError
@@ -236,3 +238,32 @@ def test_few_or_equal_values_are_refused_in_words(tmp_path: Path) -> None:
         line.units_of(Asked(None, "value", tmp_path, None), 0.95, as_json=False)
     with pytest.raises(StationError, match="row 2, column time: found 'soon'"):
         line.master_part_of(of_file(csv(tmp_path, "time,value\n2026-01-01,1\nsoon,2\n")), 5, None, 0.99, as_json=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "has 0 rows below its header"),
+        ("operator,part\nA,1\n", "expected operator, part and value"),
+        ("operator,part,value\nA,1,0.1\nA,1,x\n", "row 2, column value: found 'x'"),
+        ("operator,part,value\nA,1,0.1\nA,1,\n", "row 2, column value: is empty"),
+        ("operator,part,value\nA,1,0.1\nA,1\n", "row 2"),
+        ("operator,part,value\nA,1,0.1\nA,2,0.1\nB,1,0.1\n", "part 2 was measured 0 times by operator B"),
+        ("operator,part,value\nA,1,0.1\nA,2,0.1\n", "expected 2 or more of each"),
+        ("operator,part,value\n" + "\n".join(f"{o},{p},nan" for o in "ABAB" for p in "12"), "found 'nan'"),
+    ],
+)
+def test_faults_of_a_gage_study_are_named(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises((StationError, AnalysisError), match=said):
+        command_gage.gage(csv(tmp_path, text), None, tmp_path, "day", (None, 0.95), as_json=False)
+
+
+@settings(max_examples=60)
+@given(st.binary(max_size=80) | st.binary(max_size=50).map(lambda tail: b"operator,part,value\n" + tail))
+def test_no_gage_study_raises_anything_else(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
+    path = tmp_path_factory.getbasetemp() / "gage.csv"
+    path.write_bytes(content)
+    try:
+        command_gage.gage(path, None, path.parent, "day", (None, 0.95), as_json=False)
+    except (StationError, AnalysisError) as error:
+        assert str(error)  # noqa: PT017 - anything else would get through

@@ -1,4 +1,4 @@
-"""Figures that the documents print, converted."""
+"""Stiffness of a fixture by its parts, and that of the unit without it, by the documents' formulas."""
 
 import math
 
@@ -6,33 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.trace.conversions import (
-    angle_at_output,
+from analysis.loop.fixture_curve import (
     compensated_stiffness,
-    encoder_step_arcmin,
     fixture_stiffness,
-    nm_per_arcmin,
-    nm_per_rad,
     series_stiffness,
     stiffness_at_output,
 )
 from analysis.trace.errors import AnalysisError
-from definitions.units import ARCMIN_PER_DEGREE, ARCSEC_PER_ARCMIN
-
-
-def test_stiffness_of_the_static_testing_system() -> None:
-    assert nm_per_arcmin(95_000.0) == pytest.approx(27.634, abs=5e-4)
-    assert nm_per_rad(1.0) == pytest.approx(3437.747, abs=5e-4)
-
-
-def test_angles_at_the_output() -> None:
-    assert angle_at_output(8.0, 121.0) * ARCSEC_PER_ARCMIN == pytest.approx(3.967, abs=5e-4)
-    assert angle_at_output(1.0, 121.0) * ARCMIN_PER_DEGREE == pytest.approx(0.49587, abs=5e-6)
-
-
-def test_encoder_with_ten_thousand_lines() -> None:
-    assert encoder_step_arcmin(10_000) == pytest.approx(2.16)
-    assert encoder_step_arcmin(10_000, interpolation=4) == pytest.approx(0.54)
 
 
 @pytest.mark.parametrize(("fixture", "read"), [(5000.0, 112.58), (2000.0, 108.90), (500.0, 93.61)])
@@ -66,18 +46,11 @@ def test_a_fixture_softer_than_what_was_measured_is_said() -> None:
 
 
 @given(st.floats(1e-6, 1e9), st.floats(0.1, 1e3))
-def test_there_and_back(stiffness: float, ratio: float) -> None:
-    assert nm_per_arcmin(nm_per_rad(stiffness)) == pytest.approx(stiffness)
-    # the same energy at both shafts: a spring moves by 1/i with i times the torque
+def test_a_spring_at_either_shaft_stores_the_same_energy(stiffness: float, ratio: float) -> None:
     angle, torque = 0.01, stiffness * 0.01
-    assert stiffness_at_output(stiffness, ratio) * angle_at_output(angle, ratio) == pytest.approx(torque * ratio)
+    assert stiffness_at_output(stiffness, ratio) * angle / ratio == pytest.approx(torque * ratio)
 
 
-def test_what_cannot_be_is_said() -> None:
-    for call, said in (
-        (lambda: angle_at_output(1.0, 0.0), "ratio: found 0.0"),
-        (lambda: encoder_step_arcmin(-1), "lines: found -1"),
-        (lambda: encoder_step_arcmin(1000, float("nan")), "interpolation: found nan"),
-    ):
-        with pytest.raises(AnalysisError, match=said):
-            call()
+def test_a_ratio_that_cannot_be_is_said() -> None:
+    with pytest.raises(AnalysisError, match=r"ratio: found 0\.0"):
+        stiffness_at_output(1.0, 0.0)

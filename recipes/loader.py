@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from recipes.text.document import OptionPath, Source
-from recipes.text.problems import Problem, RecipeError, nearest
+from recipes.text.problems import OptionPath, Problem, RecipeError, Source, nearest
 from recipes.text.section import FROM_DOCUMENT
 from recipes.text.translation import options_at, problem_of
 from recipes.text.yaml_source import parse_source, read_source

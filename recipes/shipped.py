@@ -11,8 +11,7 @@ from recipes.loader import load_source
 from recipes.schema.bench_schema import Bench
 from recipes.schema.recipe_schema import Recipe
 from recipes.schema.sequence_schema import sequence_order
-from recipes.text.document import Source
-from recipes.text.problems import Problem, RecipeError, nearest, one_of
+from recipes.text.problems import Problem, RecipeError, Source, nearest, one_of
 from recipes.text.quantity import QuantityError, read_quantity
 from recipes.text.section import RATED, REFERENCE
 from recipes.text.yaml_source import parse_source, read_source

@@ -11,7 +11,6 @@ from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 
-from recipes.checks.alignment import check_two_speeds
 from recipes.checks.bus_load import check_bus, check_line
 from recipes.checks.expectations import Finding
 from recipes.checks.limits import check_limits, idle_limits, implausible_limits
@@ -24,6 +23,7 @@ from recipes.checks.measurement import (
     check_sensors,
     check_stored_calibration,
     check_torque_ratio,
+    check_two_speeds,
     of_one_unit,
 )
 from recipes.checks.ratings import (

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from definitions.units import ARCMIN_PER_RAD
 from recipes.schema.recipe_schema import Recipe
 from recipes.schema.sequence_schema import Calibrate, Cycles, FatigueCycles, SpeedCycles, StepCycles, TorqueCycles
-from recipes.text.document import OptionPath
+from recipes.text.problems import OptionPath
 
 Loaded = Calibrate | TorqueCycles | SpeedCycles | StepCycles | FatigueCycles
 """Steps that load the unit."""

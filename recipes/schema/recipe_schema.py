@@ -12,8 +12,7 @@ from recipes.schema.metric_presets import PRESETS
 from recipes.schema.metric_schema import MetricWanted, PresetName, preset_metrics
 from recipes.schema.sequence_schema import Step
 from recipes.schema.validity_schema import Validity
-from recipes.text.document import OptionPath, Source, dotted
-from recipes.text.problems import Problem, excerpt
+from recipes.text.problems import OptionPath, Problem, Source, dotted, excerpt
 from recipes.text.quantity import show
 from recipes.text.section import (
     FROM_DOCUMENT,

@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo
 
-from recipes.text.document import Source
-from recipes.text.problems import Problem, did_you_mean, excerpt, nearest, one_of
+from recipes.text.problems import Problem, Source, did_you_mean, excerpt, nearest, one_of
 from recipes.text.section import (
     FROM_DOCUMENT,
     Acceleration,

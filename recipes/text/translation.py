@@ -13,8 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from recipes.text.document import OptionPath, Source
-from recipes.text.problems import Problem, did_you_mean, excerpt, one_of
+from recipes.text.problems import OptionPath, Problem, Source, did_you_mean, excerpt, one_of
 
 WHOLE = "a whole number"
 NUMBER = "a number"

@@ -27,8 +27,7 @@ from ruamel.yaml.events import (
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.reader import ReaderError
 
-from recipes.text.document import Mark, OptionPath, Source, dotted
-from recipes.text.problems import Problem, RecipeError, excerpt
+from recipes.text.problems import Mark, OptionPath, Problem, RecipeError, Source, dotted, excerpt
 from recipes.text.regular_file import open_regular
 
 LARGEST_FILE = 128 * 1024

@@ -8,7 +8,6 @@ from datetime import date
 import pytest
 
 from recipes import check, default_bench, load_bench, parse_bench, parse_recipe, shipped_benches, shipped_recipes
-from recipes.checks import alignment as check_alignment
 from recipes.checks import bus_load
 from recipes.checks import limits as check_limits
 from recipes.checks import measurement as check_measurement
@@ -263,7 +262,7 @@ def test_recipe_made_without_a_file_has_its_problems_too():
 def test_every_check_is_in_the_table():
     written = {
         value
-        for module in (bus_load, check_alignment, check_limits, check_measurement, check_ratings)
+        for module in (bus_load, check_limits, check_measurement, check_ratings)
         for name, value in vars(module).items()
         if name.startswith("check_")
     }

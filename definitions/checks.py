@@ -152,8 +152,9 @@ _ROWS = (
     ),
     Check(
         "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
-        "torque error caused by the delay between torque and angle, at the ends of the ramps, of the reference torque",
-        "torque and wind-up do not stop at the same time at the ends of the ramps",
+        "torque error caused by the delay between torque and angle, at the ends of the ramps or the turns of the load, "
+        "of the reference torque",
+        "torque and wind-up do not stop, or turn, at the same time",
         "set the filters of torque and angles as in the bench file, or give their lags there",
         settable=SHARES,
     ),

@@ -48,7 +48,8 @@ class Evidence:
 
     noise_declared: a bench is known whose sensors have noise. torque_out_zero_nm: limit that is declared of the zero of
     the output torque [N·m]; 0 where nothing is. torque_noise_nm: standard deviation declared of a torque channel. late:
-    how late the torque is behind the wind-up, or why nothing tells it.
+    how late the torque is behind the wind-up, or why nothing tells it. torque_gain: gain error that is declared of both
+    torque sensors together, relative; None where nothing is.
     """
 
     measured: Measured | None
@@ -58,6 +59,7 @@ class Evidence:
     torque_out_zero_nm: float = 0.0
     torque_noise_nm: Mapping[str, float] = field(default_factory=dict)
     late: Lateness | str = NOT_EVALUATED
+    torque_gain: float | None = None
 
 
 def evidence_of(
@@ -73,6 +75,7 @@ def evidence_of(
         noise_declared=figures.noisy,
         torque_out_zero_nm=figures.torque_out_zero_nm,
         torque_noise_nm=figures.torque_noise_nm,
+        torque_gain=figures.torque_gain,
     )
 
 

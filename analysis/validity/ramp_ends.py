@@ -20,6 +20,7 @@ from analysis.trace.trace import Trace
 from analysis.trace.units import FloatArray
 from analysis.validity.turns import lag_at_turns
 from definitions.checks import CHECKS
+from definitions.units import ARCMIN_PER_RAD
 
 BEFORE_S, AFTER_S = (0.15, 0.35), 0.2
 """What is looked at before and after the end of a ramp, at least and at most; of a dwell as much as there is."""
@@ -50,14 +51,18 @@ SLOWED = 0.5
 
 
 class RampEnd(NamedTuple):
-    """One end of a ramp: delay of the torque behind the wind-up [s], and rate of its torque [N·m/s]."""
+    """One end of a ramp: delay of the torque behind the wind-up [s], rates of torque [N·m/s] and wind-up [arcmin/s]."""
 
     late_s: float
     rate_nm_s: float
+    speed_arcmin_s: float
 
 
 CERTAIN = 3.0
 """Standard uncertainties beyond which a delay is one, and not the scatter of what shows it."""
+
+COUNT_ROWS = 10_000
+"""Rows before and after the middle of a trace by which the counts of an encoder are told."""
 
 LEAST_DELAY, LEAST_EARLY = 0.12, 0.4
 """Shares of the limit of `late_torque` below which no delay is told, of a torque that is late and of one that is early.
@@ -84,7 +89,7 @@ def lateness_of(found: Measured) -> Lateness | str:
     if trace.torque_out_nm is not None:
         ends = list(ramp_ends(trace, measured_windup(trace, found.method).arcmin))
         if len(ends) >= LEAST_ENDS:
-            return _at_ends(ends, found.method.reference_nm)
+            return _at_ends(ends, found)
     told = lag_at_turns(found)
     if isinstance(told, str):
         return told
@@ -94,23 +99,45 @@ def lateness_of(found: Measured) -> Lateness | str:
             f"not measured: {told.turns} turns of the load tell the delay of the torque to "
             f"{CERTAIN * told.u_nm:.2g} N·m only"
         )
-    certain = abs(told.nm) > max(CERTAIN * told.u_nm, _least(told.nm) * allowed_nm)
+    count_nm = count_arcmin(found) * told.nm_per_arcmin
+    certain = abs(told.nm) > max(CERTAIN * told.u_nm + count_nm, _least(told.nm) * allowed_nm)
     in_time = "" if told.seconds is None else f", {abs(told.seconds) * 1e3:.2g} ms"
     words = f"at {told.turns} turns of the load the torque turns {abs(told.nm):.2g} N·m off the wind-up{in_time}"
     return Lateness(abs(told.nm), (told.seconds or 0.0) if certain else 0.0, words)
 
 
-def _at_ends(ends: Sequence[RampEnd], reference_nm: float) -> Lateness:
+def _at_ends(ends: Sequence[RampEnd], found: Measured) -> Lateness:
     # Of a control that was given a late torque the ends differ among themselves, in both directions.
     late_s = float(np.median([abs(one.late_s) for one in ends]))
     nm = late_s * max(abs(one.rate_nm_s) for one in ends)
     signed = np.array([one.late_s for one in ends])
     u_s = 1.25 * float(signed.std(ddof=1)) / math.sqrt(signed.size)
-    allowed_nm = CHECKS["late_torque"].limit / 100.0 * reference_nm
+    allowed_nm = CHECKS["late_torque"].limit / 100.0 * found.method.reference_nm
+    count_s = count_arcmin(found) / float(np.median([abs(one.speed_arcmin_s) for one in ends]))
     middle_s = float(np.median(signed))
-    certain = abs(middle_s) > CERTAIN * u_s and nm > _least(middle_s) * allowed_nm
+    certain = abs(middle_s) > CERTAIN * u_s + count_s and nm > _least(middle_s) * allowed_nm
     words = f"at the ends of {len(ends)} ramps the output torque comes to rest {late_s * 1e3:.2g} ms off the wind-up"
     return Lateness(nm, middle_s if certain else 0.0, words)
+
+
+def count_arcmin(found: Measured) -> float:
+    """Return the least step of the wind-up by the counts of its encoders, arcmin.
+
+    Every cycle turns at the same angle and is rounded alike: their scatter does not show it.
+    """
+    total = 0.0
+    for values, scale in ((found.trace.angle_in_rad, found.method.ratio), (found.trace.angle_out_rad, 1.0)):
+        if values is not None:
+            steps = np.abs(np.diff(_middle(values)))
+            steps = steps[steps > 0.0]
+            total += float(steps.min()) * ARCMIN_PER_RAD / scale if steps.size else 0.0
+    return total
+
+
+def _middle(values: FloatArray) -> FloatArray:
+    """Rows in the middle of a channel that show its counts."""
+    middle = values.size // 2
+    return values[max(0, middle - COUNT_ROWS) : middle + COUNT_ROWS]
 
 
 def _least(late: float) -> float:
@@ -172,7 +199,7 @@ def _ramp_end(
     if grows * rate_nm_s > 0.0:
         # No unit's torque goes on rising while its wind-up stands: that is a channel with a slow filter.
         late, _ = _fits_best(torques, straight)
-    return RampEnd(after_s * late, rate_nm_s)
+    return RampEnd(after_s * late, rate_nm_s, on_ramp)
 
 
 def _fits_best(torques: FloatArray, course: FloatArray) -> tuple[float, float]:

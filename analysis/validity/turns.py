@@ -54,14 +54,15 @@ TOP_SHARE = 0.5
 class TurnLag(NamedTuple):
     """Delay of the torque behind the wind-up: median over the turns and its standard uncertainty.
 
-    seconds: None where the trace has no time. nm: what the torque at the output changes by in that time. turns: how
-    many were told.
+    seconds: None where the trace has no time. nm: what the torque at the output changes by in that time.
+    nm_per_arcmin: torque over wind-up where they arrive. turns: how many were told.
     """
 
     seconds: float | None
     u_seconds: float | None
     nm: float
     u_nm: float
+    nm_per_arcmin: float
     turns: int
 
 
@@ -85,7 +86,7 @@ def lag_at_turns(found: Measured) -> TurnLag | str:
     if not told:
         return "not measured: no turn of the load, from ramp to ramp, shows where torque and wind-up turn"
     columns = np.array(told)
-    overrun, meeting, rate, u_noise, smooth = np.median(columns, axis=0).tolist()
+    overrun, meeting, rate, u_noise, smooth, speed = np.median(columns, axis=0).tolist()
     rows = _late(overrun, meeting, smooth)
     # By the median of the deviations, as the figure itself: one turn that was disturbed does not count.
     scatter = 1.483 * np.median(np.abs(columns - np.median(columns, axis=0)), axis=0)
@@ -93,7 +94,7 @@ def lag_at_turns(found: Measured) -> TurnLag | str:
     u_rows = u_overrun if rows == overrun else math.hypot(u_overrun, u_meeting)
     step_s = None if trace.t_s is None else float(np.median(np.diff(trace.t_s)))
     seconds, u_seconds = (None, None) if step_s is None else (rows * step_s, u_rows * step_s)
-    return TurnLag(seconds, u_seconds, scale * rows * rate, scale * u_rows * rate, len(told))
+    return TurnLag(seconds, u_seconds, scale * rows * rate, scale * u_rows * rate, scale * rate / speed, len(told))
 
 
 def _to_output(found: Measured) -> float:
@@ -106,7 +107,7 @@ class _Turn(NamedTuple):
     """One turn: overrun and meeting after that of the wind-up [rows], and the rate of the torque [N·m per row].
 
     u_noise: standard uncertainty of both by the noise of the torque, rows. smooth: rows that its largest value is the
-    mean of, and by a quarter of which it is low where the load does not rest.
+    mean of, and by a quarter of which it is low where the load does not rest. speed: of the wind-up, arcmin per row.
     """
 
     overrun: float
@@ -114,6 +115,7 @@ class _Turn(NamedTuple):
     rate: float
     u_noise: float
     smooth: int
+    speed: float
 
 
 def _turn(arriving: Run, leaving: Run, torque: FloatArray, windup: FloatArray) -> _Turn | None:
@@ -146,7 +148,7 @@ def _turn(arriving: Run, leaving: Run, torque: FloatArray, windup: FloatArray) -
     middle = slice(round(meets) - wide, round(meets) + wide + 1)
     top = float(load[middle].mean()) if wide > smooth else highest
     u_noise = noise / rises * math.hypot(2.0 / math.sqrt(reach), 1.0 / math.sqrt(max(smooth, 2 * wide)))
-    return _Turn(first + (top - load_at) / rises - turn, meets - turn, rises, u_noise, smooth)
+    return _Turn(first + (top - load_at) / rises - turn, meets - turn, rises, u_noise, smooth, winds)
 
 
 def _late(overrun: float, meeting: float, smooth: float) -> float:

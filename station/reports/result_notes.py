@@ -44,6 +44,7 @@ def note_lines(result: Mapping[str, Any]) -> list[str]:
         fault_notes(result)
         + one_sided(result)
         + within_uncertainty(result)
+        + not_cross_checked(result)
         + loose_limits(result)
         + [note for note in notes if not note.startswith(FAULTS_NOTE)]
     )
@@ -97,6 +98,14 @@ def within_uncertainty(result: Mapping[str, Any]) -> list[str]:
 def _undecided(metric: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
     limits = metric["limits"]["min"], metric["limits"]["max"]
     return judge(row["value"], row["uncertainty"], limits, FULL_GUARD)[0] is Verdict.NOT_DECIDABLE
+
+
+def not_cross_checked(result: Mapping[str, Any]) -> list[str]:
+    """Return one note where nothing held the gain of the torque and the ratio against each other; none elsewhere."""
+    unread = [check for check in result.get("gates") or () if check.get("id") == "ratio_agreement"]
+    if not unread or unread[0].get("passed") is not None:
+        return []
+    return ["gain and ratio not cross-checked: an error of either is in every stiffness and not in its U"]
 
 
 def loose_limits(result: Mapping[str, Any]) -> list[str]:

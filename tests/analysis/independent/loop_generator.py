@@ -274,6 +274,7 @@ def method_of(unit: Kind, bench: Bench, **changes: object) -> Method:
         "ratio": unit.ratio,
         "rated_torque_nm": unit.rated_nm,
         "lags_s": lags,
+        "fixture_stiffness_nm_per_arcmin": bench.fixture_stiffer * unit.spring_nm_per_arcmin,
         "catalogue_stiffness_nm_per_arcmin": float(f"{stiffness:.2g}"),
     }
     return Method(**(common | changes))  # type: ignore[arg-type]

@@ -152,8 +152,9 @@ _ROWS = (
     ),
     Check(
         "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
-        "torque error caused by the delay between torque and angle, at the ends of the ramps, of the reference torque",
-        "torque and wind-up do not stop at the same time at the ends of the ramps",
+        "torque error caused by the delay between torque and angle, at the ends of the ramps or the turns of the load, "
+        "of the reference torque",
+        "torque and wind-up do not stop, or turn, at the same time",
         "set the filters of torque and angles as in the bench file, or give their lags there",
         settable=SHARES,
     ),
@@ -212,9 +213,10 @@ _ROWS = (
         CHECK_RATIO, settable=EFFICIENCIES,
     ),
     Check(
-        "ratio_agreement", "Gear ratio by the torques", FRACTION, 5.0,
+        "ratio_agreement", "Gear ratio by the torques", FRACTION, 0.25,
         "deviation of the ratio that the torques show (harmonic mean of the slopes of loading and unloading) from "
-        "that of the recipe",
+        "that of the recipe, or of its sides from each other; beyond the declared gains of both sensors, friction and "
+        "the scatter of the lines",
         "the measured ratio differs from the ratio in the recipe",
         CHECK_RATIO, settable=SHARES,
     ),
@@ -317,6 +319,14 @@ _ROWS = (
         "residual of the straight-line fit of T_out over T_in, loading (rms), of the reference torque",
         "output torque over input torque is not a straight line",
         "check both torque channels for range, linearity and filters that lag",
+        settable=SHARES,
+    ),
+    Check(
+        "torque_bend", "Bend of the torque ratio", FRACTION, 1.0,
+        "change of the slope of T_out over T_in with the load, loading, beyond the declared gains of both sensors and "
+        "the scatter of the points",
+        "a torque channel is bent: its gain changes with the load",
+        "calibrate both torque channels over their range, and check their mounting for side loads",
         settable=SHARES,
     ),
     Check(

@@ -112,6 +112,7 @@ SIDED = ("+", "-")
 WIDTH = ("width",)
 MEAN = ("mean",)
 LOAD = ("load",)
+UNLOAD = ("unload",)
 BRANCHES = ("load", "unload", "mean")
 CURVES = ("mean", "load", "unload")
 """Branches of a fitted curve."""
@@ -161,6 +162,11 @@ class Metric(NamedTuple):
         """Unit of value and limits; `1` for a plain number."""
         return self.kind.shown
 
+    @property
+    def narrowed_by_delay(self) -> bool:
+        """Say whether a torque that lags makes it smaller: it is read between the branches."""
+        return self.branches in (WIDTH, UNLOAD)
+
 
 def _segment(number: int, torques: str) -> Metric:
     return Metric(
@@ -198,7 +204,7 @@ _ROWS = (
         "unloading branches at zero torque: half the distance of r(0) and f(0), and each side from their mean (so both "
         "sides read half the width), or from the zero of the angle by variant intercept",
         "static testing", LOOSE, PLAY,
-        sides=(*BOTH, *SIDED), branches=("unload",), variants=("centred", "intercept"),
+        sides=(*BOTH, *SIDED), branches=UNLOAD, variants=("centred", "intercept"),
     ),
     Metric(
         "grade", "G", "Precision grade (of the mean backlash)", NUMBER,

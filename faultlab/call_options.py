@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from recipes.text.document import Mark, Source
+from recipes.text.problems import Mark, Source
 from recipes.text.translation import problem_of
 
 HIDDEN = "__tracebackhide__"

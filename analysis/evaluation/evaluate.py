@@ -27,6 +27,10 @@ UNTIMED = (
     "delay and drift are not in its uncertainty, because the trace has no time; the guard band needs them: record "
     "the time (t_s)"
 )
+UNBOUNDED = (
+    "a torque that lags makes it smaller, and nothing tells whether it does ({}); record turns of the load without "
+    "leaving out rows, two or more"
+)
 OF_CYCLES = (NOISE[0], SCATTER[0], "drift", "drift_unseen")
 """Rows of a budget that more cycles make smaller."""
 
@@ -61,14 +65,16 @@ class _Measured(NamedTuple):
 def evaluate(
     wanted: MetricWanted, loops: Sequence[Loop], quadrants: Quadrants | AnalysisError, method: Method,
     decision: Decision, *, invalid: bool, measurement: Measurement | None = None, closed: Sequence[Loop] = (),
-    by_output: Sequence[Loop] = (),
+    by_output: Sequence[Loop] = (), unbounded: str = "",
 ) -> MetricResult:  # fmt: skip
     """Evaluate one wanted metric over all cycles.
 
     quadrants: the measured torque ratio, or why there is none. invalid: the measurement is, so limits decide nothing.
     measurement: what is known of its errors; without it the uncertainty is the scatter of the cycles.
     closed: the loops with their gap undone; what passes by the gap alone is not decided. by_output: where the torque is
-    converted, the loops by the torque at the output; nor is what passes by an error of the conversion alone.
+    converted, the loops by the torque at the output; nor is what passes by an error of the conversion alone. unbounded:
+    why nothing tells how late the torque is; then a metric of the loop's width, which a late torque makes small, is
+    not decided either.
     Raises AnalysisError only for a metric that does not exist or limits that make no sense.
     """
     row = definition(wanted)
@@ -97,6 +103,8 @@ def evaluate(
             values = _from_loops(row, ask, others, None)
             again = judged(wanted, side, values._replace(budget=measured.budget), decision, invalid=invalid)
             one = _without_doubt(wanted.id, row, one, again, doubt)
+        if unbounded and row.narrowed_by_delay and limited and not invalid and one.verdict is Verdict.PASS:
+            one = replace(one, verdict=Verdict.NOT_DECIDABLE, reason=f"{wanted.id}: {UNBOUNDED.format(unbounded)}")
         found.append(one)
     estimator = _estimator(row, variant, fit, method)
     return MetricResult(wanted, row, branch, estimator, band, torque, tuple(found), _choices(wanted, row))

@@ -25,6 +25,7 @@ from analysis.uncertainty.figures import SensorFigures
 from analysis.uncertainty.measurement import measurement_of
 from analysis.validity.evidence import RunFacts, evidence_of
 from analysis.validity.judge import CheckResult, check_reasons, judge_checks
+from analysis.validity.ramp_ends import lateness_of
 
 CURVE_POINTS = 401
 """Torques of the mean curves given for plotting."""
@@ -94,15 +95,18 @@ def analyse(
     rows = [definition(one) for one in wanted]
     with np.errstate(all="ignore"):
         found = measure(trace, method, with_ratio=any(row.calibration for row in rows))
-        checks = judge_checks(evidence_of(found, facts, tuple(invalid), figures), method.check_limits)
+        late = lateness_of(found)
+        checks = judge_checks(evidence_of(found, facts, tuple(invalid), figures, late), method.check_limits)
         problems = check_reasons(checks, tuple(invalid))
         by_output = [] if figures is None else loops_by_output(found)
-        errors, stage = measurement_of(found, figures, by_output=by_output, draws=draws)
+        late_s = 0.0 if isinstance(late, str) else late.seconds
+        errors, stage = measurement_of(found, figures, by_output=by_output, draws=draws, late_s=late_s)
         closed = closed_loops(found)
         metrics = tuple(
             evaluate(
                 one, found.loops, found.quadrants, method, rule,
                 invalid=bool(problems), measurement=errors, closed=closed, by_output=by_output,
+                unbounded=late if isinstance(late, str) and found.skew.u_s is None else "",
             )
             for one in wanted
         )  # fmt: skip

@@ -58,13 +58,16 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
     return replace(moving, left=_leftovers(branches, moving))
 
 
-def fit_lines(trace: Trace, runs: Sequence[Run]) -> dict[str, RatioFit]:
+def fit_lines(
+    trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE
+) -> dict[str, RatioFit]:
     """Fit the line of each quadrant to runs, of any role, in which both torques were measured.
 
+    unloading: shares of the peak torque between which an unloading line is fitted.
     Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
     """
     fits = {}
-    for name, (x, y) in quadrant_points(trace, runs).items():
+    for name, (x, y) in quadrant_points(trace, runs, unloading).items():
         if x.size < LEAST_POINTS:
             raise AnalysisError(
                 f"{trace.source}: torque ratio: quadrant {name} has {x.size} points; expected {LEAST_POINTS} or "
@@ -74,10 +77,13 @@ def fit_lines(trace: Trace, runs: Sequence[Run]) -> dict[str, RatioFit]:
     return fits
 
 
-def quadrant_points(trace: Trace, runs: Sequence[Run]) -> dict[str, tuple[FloatArray, FloatArray]]:
+def quadrant_points(
+    trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE
+) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return input and output torques [N·m] of the runs by quadrant, averaged; a quadrant may have none.
 
-    Raises AnalysisError when a channel is missing, naming it.
+    unloading: shares of the peak torque between which an unloading line is fitted. Raises AnalysisError when a channel
+    is missing, naming it.
     """
     torque_in = trace.channel("torque_in_nm", "the torque ratio")
     torque_out = trace.channel("torque_out_nm", "the torque ratio")
@@ -85,21 +91,23 @@ def quadrant_points(trace: Trace, runs: Sequence[Run]) -> dict[str, tuple[FloatA
     points = {}
     for name in QUADRANTS:
         sign = 1 if name.endswith("positive") else -1
-        loading = name.startswith("load")
-        pairs = [_points(run, torque_in, torque_out, sign, peak, loading=loading) for run in runs]
+        loads = name.startswith("load")
+        within = LOADING_RANGE if loads else unloading
+        pairs = [_points(run, torque_in, torque_out, sign, peak, within, loading=loads) for run in runs]
         x, y = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         points[name] = (x, y)
     return points
 
 
-def _points(
-    run: Run, torque_in: FloatArray, torque_out: FloatArray, sign: int, peak: float, *, loading: bool
-) -> tuple[FloatArray, FloatArray]:
+def _points(  # noqa: PLR0917 - a run, and where of it
+    run: Run, torque_in: FloatArray, torque_out: FloatArray, sign: int, peak: float, within: tuple[float, float], *,
+    loading: bool,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Averaged points of one run in one quadrant."""
     if (run.direction == sign) != loading:
         return np.empty(0), np.empty(0)
     x, y = run.take(torque_in), run.take(torque_out)
-    low, high = LOADING_RANGE if loading else UNLOADING_RANGE
+    low, high = within
     chosen = (sign * y >= low * peak) & (sign * y <= high * peak)
     x, y = x[chosen], y[chosen]
     if x.size <= FIT_BLOCKS:

@@ -62,7 +62,8 @@ class Circumstances:
     unseen_drift_arcmin_per_min: largest drift that the gap of the loop allows where no second cycle shows it; 0 where
     one does, or where there is no gap to read. masked_nm: torque that is masked after the negative turn, where the
     rising branch begins, and after the positive one. u_skew_s: standard uncertainty of a skew of torque and angle that
-    was estimated from the cycles; 0 where it was not.
+    was estimated from the cycles; 0 where it was not. late_s: delay of the torque behind the wind-up that the ends of
+    ramps, or the turns of the load, show and nothing has corrected; 0 where they show none.
     """
 
     method: Method
@@ -77,6 +78,7 @@ class Circumstances:
     unseen_drift_arcmin_per_min: float = 0.0
     masked_nm: tuple[float, float] = (0.0, 0.0)
     u_skew_s: float = 0.0
+    late_s: float = 0.0
 
     @property
     def lines_of_this_run(self) -> bool:
@@ -138,8 +140,8 @@ def line_name(sign: int, direction: int) -> str:
     return f"{'load' if sign == direction else 'unload'}_{'positive' if sign > 0 else 'negative'}"
 
 
-def circumstances_of(found: Measured) -> Circumstances:
-    """Return how the first cycle of a measurement was made."""
+def circumstances_of(found: Measured, *, late_s: float = 0.0) -> Circumstances:
+    """Return how the first cycle of a measurement was made; late_s: delay of the torque that it shows."""
     method, trace, loop = found.method, found.trace, found.loops[0]
     encoders: dict[str, tuple[AngleName, ...]] = {
         "both": ("angle_in", "angle_out"),
@@ -162,6 +164,7 @@ def circumstances_of(found: Measured) -> Circumstances:
         u_drift_arcmin_per_min=found.drift.u_left_arcmin_per_min,
         unseen_drift_arcmin_per_min=_unseen_drift(found),
         u_skew_s=found.skew.u_s or 0.0,
+        late_s=late_s,
         masked_nm=(_masked_nm(found.pairs[0][0]), _masked_nm(found.pairs[0][1])),
     )
 

@@ -145,6 +145,13 @@ class SensorFigures:
         return {"torque_in_nm": _noise_nm(self.torque_in), "torque_out_nm": _noise_nm(self.torque_out)}
 
     @property
+    def torque_gain(self) -> float | None:
+        """Limit of the gain errors of both torque sensors together, relative; None unless both are declared."""
+        if self.torque_in is None or self.torque_out is None:
+            return None
+        return self.torque_in.gain_fraction + self.torque_out.gain_fraction
+
+    @property
     def torque_out_zero_nm(self) -> float:
         """Limit of what the tare leaves of the zero of the output torque, N·m; 0 without that sensor."""
         return 0.0 if self.torque_out is None else self.torque_out.zero_fraction * self.torque_out.full_scale_nm

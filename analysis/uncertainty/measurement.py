@@ -88,14 +88,16 @@ class Measurement:
 
 
 def measurement_of(
-    found: Measured, figures: SensorFigures | None, *, by_output: Sequence[Loop] = (), draws: int = 0
-) -> tuple[Measurement, StageRecord]:
+    found: Measured, figures: SensorFigures | None, *,
+    by_output: Sequence[Loop] = (), draws: int = 0, late_s: float = 0.0,
+) -> tuple[Measurement, StageRecord]:  # fmt: skip
     """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains.
 
     by_output: loops by the torque at the output, where it was measured beside one that is converted. draws: of Monte
-    Carlo beside the budget; 0 for none.
+    Carlo beside the budget; 0 for none. late_s: delay of the torque behind the wind-up that the measurement shows.
     """
-    measurement = Measurement(found.loops[0], circumstances_of(found), figures, by_output=by_output, draws=draws)
+    circumstances = circumstances_of(found, late_s=late_s)
+    measurement = Measurement(found.loops[0], circumstances, figures, by_output=by_output, draws=draws)
     text = WITHOUT_FIGURES if figures is None else WITH_FIGURES if measurement.timed else WITHOUT_TIME
     return measurement, StageRecord("uncertainty", text)
 

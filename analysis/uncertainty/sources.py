@@ -168,6 +168,10 @@ SOURCES: tuple[ErrorSource, ...] = (
         lambda _: "normal", lambda _, circumstances: circumstances.u_skew_s or None, (skew,),
     ),
     ErrorSource(
+        "late", "delay of the torque against the wind-up that the turns of the load show, not corrected", "s",
+        lambda _: "normal", lambda _, circumstances: abs(circumstances.late_s) or None, (skew,),
+    ),
+    ErrorSource(
         "creep", "creep of the wind-up with the torque, alike in every cycle", "arcmin/min", _rectangular,
         lambda figures, circumstances: figures.drift_arcmin_per_min if _timed(circumstances) else None, (creep,),
     ),

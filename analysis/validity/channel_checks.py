@@ -15,7 +15,7 @@ from analysis.loop.measured import Measured
 from analysis.loop.samples import BranchSamples
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import BoolArray, FloatArray
-from analysis.validity.evidence import MIDDLE, Evidence, Figure, Reading, of_measured, of_span
+from analysis.validity.evidence import MIDDLE, NOT_EVALUATED, Evidence, Figure, Reading, of_measured, of_span
 
 EXAMPLE_LAG_S = 0.01
 """Lag whose effect is told where the lag is not known."""
@@ -86,6 +86,14 @@ def _lag_from_speeds(found: Measured) -> Reading | str:
         f"the width of the loop changes with the speed as by {estimated.skew_s * 1e3:.3g} ms between torque and angle"
     )
     return of_span(found, width, words)
+
+
+def late_torque(evidence: Evidence) -> Reading | str:
+    """Torque by which a ramp runs on while the torque is late or early, % of the reference torque."""
+    found, late = evidence.measured, evidence.late
+    if found is None:
+        return NOT_EVALUATED
+    return late if isinstance(late, str) else Reading(100.0 * late.nm / found.method.reference_nm, late.words)
 
 
 @of_measured
@@ -238,6 +246,7 @@ def windup_stands(found: Measured) -> float:
 FIGURES: dict[str, Figure] = {
     "clipping": clipping,
     "lag": lag,
+    "late_torque": late_torque,
     "ramp_rate": ramp_rate,
     "points_per_bin": points_per_bin,
     "monotone_loading": monotone_loading,

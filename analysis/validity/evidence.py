@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from typing import NamedTuple
 
 from analysis.loop.measured import Measured
 from analysis.uncertainty.figures import SensorFigures
+from analysis.validity.ramp_ends import Lateness
 
 NOT_EVALUATED = "the trace could not be evaluated"
 NO_SPAN = "the wind-up does not change over the cycle"
@@ -46,7 +47,9 @@ class Evidence:
     """All that validity checks look at; `measured` is None when the trace could not be evaluated at all.
 
     noise_declared: a bench is known whose sensors have noise. torque_out_zero_nm: limit that is declared of the zero of
-    the output torque [N·m]; 0 where nothing is. torque_noise_nm: standard deviation declared of a torque channel.
+    the output torque [N·m]; 0 where nothing is. torque_noise_nm: standard deviation declared of a torque channel. late:
+    how late the torque is behind the wind-up, or why nothing tells it. torque_gain: gain error that is declared of both
+    torque sensors together, relative; None where nothing is.
     """
 
     measured: Measured | None
@@ -55,15 +58,25 @@ class Evidence:
     noise_declared: bool = False
     torque_out_zero_nm: float = 0.0
     torque_noise_nm: Mapping[str, float] = field(default_factory=dict)
+    late: Lateness | str = NOT_EVALUATED
+    torque_gain: float | None = None
 
 
 def evidence_of(
-    found: Measured, facts: RunFacts | None, objections: tuple[str, ...], figures: SensorFigures | None
-) -> Evidence:
+    found: Measured, facts: RunFacts | None, objections: tuple[str, ...], figures: SensorFigures | None,
+    late: Lateness | str,
+) -> Evidence:  # fmt: skip
     """Return what checks look at for a trace that was evaluated; figures: what is declared of the sensors, if known."""
+    evidence = Evidence(found, facts, objections, late=late)
     if figures is None:
-        return Evidence(found, facts, objections)
-    return Evidence(found, facts, objections, figures.noisy, figures.torque_out_zero_nm, figures.torque_noise_nm)
+        return evidence
+    return replace(
+        evidence,
+        noise_declared=figures.noisy,
+        torque_out_zero_nm=figures.torque_out_zero_nm,
+        torque_noise_nm=figures.torque_noise_nm,
+        torque_gain=figures.torque_gain,
+    )
 
 
 class Reading(NamedTuple):

@@ -15,7 +15,6 @@ from analysis.validity import (
     fixture_checks,
     loop_checks,
     noise_checks,
-    ramp_end_checks,
     record_checks,
     torque_checks,
 )
@@ -30,7 +29,6 @@ TABLES = (
     fixture_checks,
     loop_checks,
     noise_checks,
-    ramp_end_checks,
     record_checks,
     torque_checks,
 )

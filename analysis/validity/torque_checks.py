@@ -13,22 +13,45 @@ output sensor reads there is its zero.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from analysis.loop.measured import Measured
-from analysis.torque_ratio.quadrant_fit import fit_lines
+from analysis.torque_ratio.quadrant_fit import fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
 from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, Reading, of_measured
+from analysis.validity.settled_lines import (
+    SIDES,
+    SettledLines,
+    Told,
+    friction_of,
+    ratio_of,
+    settled_lines,
+    straighter,
+    zero_of,
+)
+from definitions.checks import CHECKS
 
-SIDES = ("positive", "negative")
 CONVERTED_BY = "the torque ratio lines used for the conversion"
 
-LEAST_APART = 0.1
-"""Share of the loading slope by which that of unloading must differ, for their lines to meet anywhere definite."""
+FRICTION_DIFFERS = 0.03
+"""Share by which friction may differ between loading and unloading: the harmonic mean of their slopes then moves by as
+much of the friction. That the two are alike is a model of gears, and not what a catalogue states."""
+
+UNDECLARED_GAIN = 0.01
+"""Gain error that both torque sensors together may have where nothing is declared of them."""
+
+STORED_LINES = 0.01
+"""Expanded uncertainty of the slope of a stored line of which no covariance is known, relative."""
+
+IN_TRANSITION = "not measured: at this load most of the unloading is the transition after its turn, and the lines tell"
+
+TOLD = 0.01
+"""Uncertainty of a ratio up to which it is held against that of the recipe."""
 
 
 class Lines(NamedTuple):
@@ -40,22 +63,6 @@ class Lines(NamedTuple):
     def loading(self) -> list[float]:
         """Slopes of the loading lines of both sides."""
         return [self.by_quadrant[f"load_{side}"].slope for side in SIDES]
-
-    def ratios(self) -> list[float]:
-        """Harmonic mean of the slopes of loading and unloading, both sides: the ratio of the gear; 0 if level."""
-        pairs = [(self.by_quadrant[f"load_{side}"].slope, self.by_quadrant[f"unload_{side}"].slope) for side in SIDES]
-        return [2.0 * load * unload / (load + unload) if load + unload else 0.0 for load, unload in pairs]
-
-    def zero_nm(self) -> float | None:
-        """Output torque at which the lines of a direction of motion meet, N·m; mean of both; None where they do not."""
-        found = []
-        for side, other in (SIDES, SIDES[::-1]):
-            load, unload = self.by_quadrant[f"load_{side}"], self.by_quadrant[f"unload_{other}"]
-            apart = unload.slope - load.slope
-            if not apart > LEAST_APART * load.slope:
-                return None
-            found.append((unload.slope * load.offset_nm - load.slope * unload.offset_nm) / apart)
-        return sum(found) / len(found)
 
 
 def lines_of(found: Measured) -> Lines | str:
@@ -133,16 +140,59 @@ def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Readin
     return Reading(share, words)
 
 
-@of_measured
-def ratio_agreement(found: Measured) -> Reading | str:
-    """How far the ratio that the torques show is from the recipe's, %; the worse side."""
-    lines = lines_of(found)
-    if isinstance(lines, str):
-        return lines
+def shown_lines(found: Measured) -> tuple[SettledLines, str] | str:
+    """Return what both torques show, and where; or why they do not.
+
+    They come from the segments that calibrate, else from the measured cycles; where one torque alone is in the trace,
+    from the stored lines that convert it.
+    """
+    trace = found.trace
+    if trace.torque_in_nm is None or trace.torque_out_nm is None:
+        if not isinstance(found.quadrants, Quadrants):
+            return "not measured: needs two torque channels"
+        stored = {name: getattr(found.quadrants, name) for name in QUADRANTS}
+        ratios = {side: Told(one := ratio_of(stored, side), STORED_LINES * one) for side in SIDES}
+        zero = zero_of(stored)
+        return SettledLines(ratios, Told(zero, 0.0) if math.isfinite(zero) else None, friction_of(stored)), CONVERTED_BY
+    calibration = [run for run in found.runs if run.role == "calibrate"]
+    cycles = [one.run for pair in found.pairs for one in pair]
+    runs, where = straighter(trace, calibration, cycles)
+    try:
+        return settled_lines(trace, runs), where
+    except AnalysisError as error:
+        return f"not measured: {error}"
+
+
+def ratio_agreement(evidence: Evidence) -> Reading | str:
+    """How far the ratio that the torques show is from the recipe's, and those of both sides from each other, %.
+
+    Beyond what the gains of both sensors, friction, and the scatter of the lines explain.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    shown = shown_lines(found)
+    if isinstance(shown, str):
+        return shown
+    lines, where = shown
     ratio = found.method.ratio
-    shown = max(lines.ratios(), key=lambda one: abs(one / ratio - 1.0))
-    words = f"{lines.where} show a ratio of {shown:.4g}, where the recipe has {ratio:g}"
-    return Reading(100.0 * abs(shown / ratio - 1.0), words)
+    friction = FRICTION_DIFFERS * lines.friction
+    gain = UNDECLARED_GAIN if evidence.torque_gain is None else evidence.torque_gain
+    side, worst = max(lines.ratios.items(), key=lambda one: abs(one[1].value / ratio - 1.0))
+    beyond = abs(worst.value / ratio - 1.0) - gain - friction - worst.expanded / ratio
+    words = (
+        f"{where} show a ratio of {worst.value:.4g} on the {side} side, where the recipe has {ratio:g}; gains and "
+        f"friction explain {100.0 * (gain + friction + worst.expanded / ratio):.2g} % of it"
+    )
+    one, other = (lines.ratios[name] for name in SIDES)
+    apart = abs(one.value - other.value) / ratio - friction - math.hypot(one.expanded, other.expanded) / ratio
+    if apart > beyond:
+        beyond = apart
+        words = f"{where} show a ratio of {one.value:.4g} on the positive and {other.value:.4g} on the negative side"
+    unsure = max(one.expanded for one in lines.ratios.values()) / ratio
+    if unsure > max(TOLD, friction) and 100.0 * beyond <= CHECKS["ratio_agreement"].limit:
+        return f"{IN_TRANSITION} the ratio {_amount(100.0 * unsure)} % only"
+    return Reading(100.0 * max(0.0, beyond), words)
 
 
 def torque_out_zero(evidence: Evidence) -> Reading | str:
@@ -152,18 +202,63 @@ def torque_out_zero(evidence: Evidence) -> Reading | str:
         return NOT_EVALUATED
     if found.method.loading == "output":
         return "not measured: with a locked input, the torque lines do not meet at zero torque"
-    lines = lines_of(found)
-    if isinstance(lines, str):
-        return lines
-    zero_nm = lines.zero_nm()
-    if zero_nm is None:
+    shown = shown_lines(found)
+    if isinstance(shown, str):
+        return shown
+    lines, where = shown
+    if lines.zero_nm is None:
         return "not measured: the lines of loading and unloading are nearly the same and have no clear intersection"
+    zero_nm, unsure_nm = lines.zero_nm
+    reference_nm = found.method.reference_nm
     words = (
-        f"{lines.where} meet where the output torque reads {zero_nm:+.3g} N·m, and {evidence.torque_out_zero_nm:.2g} "
+        f"{where} meet where the output torque reads {zero_nm:+.3g} N·m, and {evidence.torque_out_zero_nm:.2g} "
         "N·m are declared of its zero"
     )
-    beyond_nm = max(0.0, abs(zero_nm) - evidence.torque_out_zero_nm)
-    return Reading(100.0 * beyond_nm / found.method.reference_nm, words)
+    beyond_nm = max(0.0, abs(zero_nm) - evidence.torque_out_zero_nm - unsure_nm)
+    allowed_nm = CHECKS["torque_out_zero"].limit / 100.0 * reference_nm
+    if unsure_nm > allowed_nm >= beyond_nm:
+        return f"{IN_TRANSITION} the zero {_amount(unsure_nm)} N·m only"
+    return Reading(100.0 * beyond_nm / reference_nm, words)
+
+
+def _amount(unsure: float) -> str:
+    return f"to {unsure:.2g}" if math.isfinite(unsure) else "to any"
+
+
+LEAST_BLOCKS = 30
+"""Points of a loading line from which its bend is told."""
+
+
+def torque_bend(evidence: Evidence) -> Reading | str:
+    """Change of the slope of T_out over T_in from the lower to the upper half of loading, %: a channel that is bent.
+
+    Beyond the gains that are declared and the scatter of the points; friction grows with the load evenly. A bent
+    torque makes the stiffness at one torque too large and that at another too small, and its ratio agrees.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    trace = found.trace
+    if trace.torque_in_nm is None or trace.torque_out_nm is None:
+        return "not measured: needs both torque channels"
+    points = quadrant_points(trace, [one.run for pair in found.pairs for one in pair])
+    worst, words = 0.0, "the slope of output torque over input torque does not change with the load"
+    gain = UNDECLARED_GAIN if evidence.torque_gain is None else evidence.torque_gain
+    for name in LINE_SHOWN:
+        torque_in, torque_out = points[name]
+        if torque_in.size < LEAST_BLOCKS:
+            return f"not measured: {name} has {torque_in.size} points"
+        span = float(np.ptp(torque_in))
+        if not (span > 0.0 and np.ptp(torque_out) > 0.0):
+            return f"not measured: a torque does not change while loading ({name})"
+        x = (torque_in - torque_in.mean()) / span
+        (bend, slope, _), covariance = np.polyfit(x, torque_out, 2, cov=True)
+        change, u = abs(float(bend / slope)), math.sqrt(float(covariance[0, 0])) / abs(float(slope))
+        beyond = change - gain - 2.0 * u
+        if beyond > worst:
+            worst = beyond
+            words = f"the slope of output torque over input torque changes by {100.0 * change:.2g} % with the load"
+    return Reading(100.0 * worst, words)
 
 
 @of_measured
@@ -192,5 +287,6 @@ FIGURES: dict[str, Figure] = {
     "ratio_agreement": ratio_agreement,
     "torque_out_zero": torque_out_zero,
     "torque_lines": torque_lines,
+    "torque_bend": torque_bend,
 }
 """Figures of these checks, by their ids."""

@@ -45,6 +45,7 @@ def note_lines(result: Result) -> list[str]:
         fault_notes(result)
         + one_sided(result)
         + within_uncertainty(result)
+        + not_cross_checked(result)
         + loose_limits(result)
         + [note for note in notes if not note.startswith(FAULTS_NOTE)]
     )
@@ -94,6 +95,14 @@ def within_uncertainty(result: Result) -> list[str]:
 def _undecided(row: MetricValue) -> bool:
     limits = row.limits.min, row.limits.max
     return judge(row.value, row.uncertainty, limits, FULL_GUARD)[0] is Verdict.NOT_DECIDABLE
+
+
+def not_cross_checked(result: Result) -> list[str]:
+    """Return one note where nothing held the gain of the torque and the ratio against each other; none elsewhere."""
+    unread = [check for check in result.gates if check.id == "ratio_agreement"]
+    if not unread or unread[0].passed is not None:
+        return []
+    return ["gain and ratio not cross-checked: an error of either is in every stiffness and not in its U"]
 
 
 def loose_limits(result: Result) -> list[str]:

@@ -268,6 +268,9 @@ BAD: dict[str, Bad] = {
     "calibrated_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0) | {"method": CONVERTED},
     "torque_out_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0),
     "torque_lines": lambda: changed(torque_in_nm=GOOD.torque_in_nm + 0.1 * np.sin(3.0 * GOOD.torque_in_nm)),
+    "torque_bend": lambda: changed(
+        torque_out_nm=GOOD.torque_out_nm * (0.97 + 0.06 * np.abs(GOOD.torque_out_nm) / 453.2)
+    ),
     "drive_torque_agreement": lambda: both_torques(gain=1.25),
     "drive_torque_gap": lambda: both_torques(lag_s=0.4),
     "locked_compliance": lambda: changed(angle_out_rad=-GOOD.angle_out_rad),

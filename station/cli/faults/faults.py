@@ -18,7 +18,7 @@ from faultlab.matrix.page import markdown, wires_markdown, write_page
 from faultlab.rows import ROWS
 from faultlab.run import run_scenario
 from recipes import RecipeError, find_bench, load_bench
-from recipes.text.document import Source
+from recipes.text.problems import Source
 from recipes.text.yaml_source import read_source
 from station.bench.assemble_virtual import check_clock, choose_unit, load_scenario
 from station.bench.request import find_profile, load_job

@@ -11,7 +11,7 @@ from faultlab.given import begin, given, orders, reactions, visits
 from faultlab.judge import Breach, first_action, first_alarm, low_from
 from faultlab.matrix.matrix import LOW_SHARE_OF_RATED
 from faultlab.run import FaultRun
-from recipes.text.document import Source
+from recipes.text.problems import Source
 from station.bench.virtual_unit import VirtualUnit
 from virtual_bench.faults.scenario import Scenario
 

@@ -1,13 +1,15 @@
-"""Figure of the validity check that asks whether torque and wind-up come to rest together at the ends of ramps.
+"""How late a torque is behind the wind-up: where a ramp ends in a dwell, or where the load turns.
 
 On a steady ramp a late channel reads as friction does; nothing tells them apart. Where a ramp ends and a dwell begins
 friction keeps its side, and torque and wind-up slow down together, whatever the unit is like. A channel that is late
-slows down late. The figure does not depend on what anybody says of the channels.
+slows down late. Where no ramp is known to end in a dwell, the turns of the load tell the same (`turns`). The figure
+does not depend on what anybody says of the channels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +18,9 @@ from analysis.loop.measured import Measured
 from analysis.loop.windup import measured_windup
 from analysis.trace.trace import Trace
 from analysis.trace.units import FloatArray
-from analysis.validity.evidence import Figure, Reading, of_measured
+from analysis.validity.turns import lag_at_turns
+from definitions.checks import CHECKS
+from definitions.units import ARCMIN_PER_RAD
 
 BEFORE_S, AFTER_S = (0.15, 0.35), 0.2
 """What is looked at before and after the end of a ramp, at least and at most; of a dwell as much as there is."""
@@ -47,26 +51,97 @@ SLOWED = 0.5
 
 
 class RampEnd(NamedTuple):
-    """One end of a ramp: delay of the torque behind the wind-up [s], and rate of its torque [N·m/s]."""
+    """One end of a ramp: delay of the torque behind the wind-up [s], rates of torque [N·m/s] and wind-up [arcmin/s]."""
 
     late_s: float
     rate_nm_s: float
+    speed_arcmin_s: float
 
 
-@of_measured
-def late_torque(found: Measured) -> Reading | str:
-    """Torque by which a ramp runs on while the output torque is late or early, % of the reference torque."""
+CERTAIN = 3.0
+"""Standard uncertainties beyond which a delay is one, and not the scatter of what shows it."""
+
+COUNT_ROWS = 10_000
+"""Rows before and after the middle of a trace by which the counts of an encoder are told."""
+
+LEAST_DELAY, LEAST_EARLY = 0.12, 0.4
+"""Shares of the limit of `late_torque` below which no delay is told, of a torque that is late and of one that is early.
+
+The straight courses of a sound unit bend by as much, and a unit that creeps as it comes to rest is late itself.
+"""
+
+
+class Lateness(NamedTuple):
+    """Delay of the torque behind the wind-up: the torque that it makes, its time, and words.
+
+    nm: torque by which a ramp runs on in that time. seconds: signed; 0 where it is no more than the scatter of what
+    shows it, or the trace has no time.
+    """
+
+    nm: float
+    seconds: float
+    words: str
+
+
+def lateness_of(found: Measured) -> Lateness | str:
+    """Return how late the torque is where ramps end in a dwell, else where the load turns; or why nothing tells it."""
     trace = found.trace
-    if trace.torque_out_nm is None:
-        return "not measured: the torque at the output is not in the trace"
-    ends = list(ramp_ends(trace, measured_windup(trace, found.method).arcmin))
-    if len(ends) < LEAST_ENDS:
-        return f"not measured: {len(ends)} ramps of {BEFORE_S[1]:g} s end in a dwell, and {LEAST_ENDS} are needed"
+    if trace.torque_out_nm is not None:
+        ends = list(ramp_ends(trace, measured_windup(trace, found.method).arcmin))
+        if len(ends) >= LEAST_ENDS:
+            return _at_ends(ends, found)
+    told = lag_at_turns(found)
+    if isinstance(told, str):
+        return told
+    allowed_nm = CHECKS["late_torque"].limit / 100.0 * found.method.reference_nm
+    if CERTAIN * told.u_nm > allowed_nm:
+        return (
+            f"not measured: {told.turns} turns of the load tell the delay of the torque to "
+            f"{CERTAIN * told.u_nm:.2g} N·m only"
+        )
+    count_nm = count_arcmin(found) * told.nm_per_arcmin
+    certain = abs(told.nm) > max(CERTAIN * told.u_nm + count_nm, _least(told.nm) * allowed_nm)
+    in_time = "" if told.seconds is None else f", {abs(told.seconds) * 1e3:.2g} ms"
+    words = f"at {told.turns} turns of the load the torque turns {abs(told.nm):.2g} N·m off the wind-up{in_time}"
+    return Lateness(abs(told.nm), (told.seconds or 0.0) if certain else 0.0, words)
+
+
+def _at_ends(ends: Sequence[RampEnd], found: Measured) -> Lateness:
     # Of a control that was given a late torque the ends differ among themselves, in both directions.
     late_s = float(np.median([abs(one.late_s) for one in ends]))
-    rate_nm_s = max(abs(one.rate_nm_s) for one in ends)
+    nm = late_s * max(abs(one.rate_nm_s) for one in ends)
+    signed = np.array([one.late_s for one in ends])
+    u_s = 1.25 * float(signed.std(ddof=1)) / math.sqrt(signed.size)
+    allowed_nm = CHECKS["late_torque"].limit / 100.0 * found.method.reference_nm
+    count_s = count_arcmin(found) / float(np.median([abs(one.speed_arcmin_s) for one in ends]))
+    middle_s = float(np.median(signed))
+    certain = abs(middle_s) > CERTAIN * u_s + count_s and nm > _least(middle_s) * allowed_nm
     words = f"at the ends of {len(ends)} ramps the output torque comes to rest {late_s * 1e3:.2g} ms off the wind-up"
-    return Reading(100.0 * late_s * rate_nm_s / found.method.reference_nm, words)
+    return Lateness(nm, middle_s if certain else 0.0, words)
+
+
+def count_arcmin(found: Measured) -> float:
+    """Return the least step of the wind-up by the counts of its encoders, arcmin.
+
+    Every cycle turns at the same angle and is rounded alike: their scatter does not show it.
+    """
+    total = 0.0
+    for values, scale in ((found.trace.angle_in_rad, found.method.ratio), (found.trace.angle_out_rad, 1.0)):
+        if values is not None:
+            steps = np.abs(np.diff(_middle(values)))
+            steps = steps[steps > 0.0]
+            total += float(steps.min()) * ARCMIN_PER_RAD / scale if steps.size else 0.0
+    return total
+
+
+def _middle(values: FloatArray) -> FloatArray:
+    """Rows in the middle of a channel that show its counts."""
+    middle = values.size // 2
+    return values[max(0, middle - COUNT_ROWS) : middle + COUNT_ROWS]
+
+
+def _least(late: float) -> float:
+    return LEAST_DELAY if late > 0.0 else LEAST_EARLY
 
 
 def ramp_ends(trace: Trace, windup_arcmin: FloatArray) -> Iterator[RampEnd]:
@@ -120,14 +195,14 @@ def _ramp_end(
     straight = np.stack([np.ones_like(windup), windup - windup.mean()], axis=1)
     creep = np.cumsum(1.0 - speed / on_ramp)
     torques = np.stack([np.interp(at_s + late_s, wide_s, torque) for late_s in after_s * TRIED])
-    late, grows = _least(torques, np.column_stack([straight, creep]))
+    late, grows = _fits_best(torques, np.column_stack([straight, creep]))
     if grows * rate_nm_s > 0.0:
         # No unit's torque goes on rising while its wind-up stands: that is a channel with a slow filter.
-        late, _ = _least(torques, straight)
-    return RampEnd(after_s * late, rate_nm_s)
+        late, _ = _fits_best(torques, straight)
+    return RampEnd(after_s * late, rate_nm_s, on_ramp)
 
 
-def _least(torques: FloatArray, course: FloatArray) -> tuple[float, float]:
+def _fits_best(torques: FloatArray, course: FloatArray) -> tuple[float, float]:
     """Return where in `TRIED` the torque follows its course best, and how the last part of the course counts there.
 
     torques: one row for each delay. course: one column for each part of it.
@@ -143,9 +218,3 @@ def _least(torques: FloatArray, course: FloatArray) -> tuple[float, float]:
     bend = below - 2.0 * least + above
     shift = 0.5 * (below - above) / bend if bend > 0.0 else 0.0
     return float(TRIED[best] + shift * (TRIED[1] - TRIED[0])), last
-
-
-FIGURES: dict[str, Figure] = {
-    "late_torque": late_torque,
-}
-"""Figures of these checks, by their ids."""

@@ -1,0 +1,350 @@
+"""Loops of a reducer that shares nothing with the virtual bench or with the analysis, and what they truly are.
+
+The torque at the output drives a generalised Prandtl–Ishlinskii operator: many plays in parallel, of different
+thresholds that grow with the load. Its output loads an arctangent gap, Hertz contact (angle ∝ torque^⅔) and a straight
+spring. Friction at the input is another operator, many stops over the angle turned, times a level that grows with the
+load: it has its own transition after a reversal. So every branch is a closed form of torque and history, and the truth
+of a metric is read off that form at the very torque, without samples, fits or masks.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from analysis.loop.method import Method
+from analysis.trace.trace import SegmentInfo, Trace
+from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
+
+ARCMIN_RAD = math.pi / 10_800.0
+PLAYS = 24
+STOPS = 16
+PERIOD_S = 1e-3
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A type of reducer. Torques are shares of the rated torque at the output, angles arcmin at the output.
+
+    threshold: least and largest friction threshold of the plays; the torque must turn back by twice that before the
+    angle follows wholly. yields: least and largest angle over which friction at the input reverses, halved.
+    """
+
+    name: str
+    ratio: float
+    rated_nm: float
+    spring_nm_per_arcmin: float
+    gap_arcmin: float
+    hertz_arcmin: float
+    threshold: tuple[float, float] = (0.01, 0.05)
+    threshold_grows: float = 0.2
+    gap_torque: float = 0.006
+    negative_angle: float = 1.0
+    input_friction: float = 0.034
+    input_friction_grows: float = 0.27
+    yields: tuple[float, float] = (0.002, 0.06)
+
+    def varied(self, random: np.random.Generator, spread: float = 0.15) -> Kind:
+        """Return another unit of this type."""
+        names = ("spring_nm_per_arcmin", "gap_arcmin", "hertz_arcmin", "threshold_grows", "gap_torque",
+                 "input_friction", "input_friction_grows")  # fmt: skip
+        moved = {name: getattr(self, name) * (1.0 + spread * random.uniform(-1.0, 1.0)) for name in names}
+        low, high = self.threshold
+        wider = 1.0 + spread * random.uniform(-1.0, 1.0)
+        return replace(self, **moved, threshold=(low, high * wider))
+
+    @property
+    def thresholds_nm(self) -> np.ndarray:
+        """Threshold of each play without load, N·m."""
+        return np.linspace(*self.threshold, PLAYS) * self.rated_nm
+
+    def elastic(self, torque_nm: np.ndarray | float) -> np.ndarray:
+        """Angle [arcmin] of gap, contacts and spring under a torque that no friction takes from."""
+        torque = np.asarray(torque_nm, dtype=np.float64)
+        share = np.abs(torque) / self.rated_nm
+        contact = np.sign(torque) * ((share + 1e-3) ** (2.0 / 3.0) - 1e-2)
+        gap = np.arctan(torque / (self.gap_torque * self.rated_nm)) / math.pi
+        angle = self.gap_arcmin * gap + self.hertz_arcmin * contact + torque / self.spring_nm_per_arcmin
+        return np.where(torque < 0.0, self.negative_angle * angle, angle)
+
+    def _reach(self, torque_nm: np.ndarray, direction: int) -> np.ndarray:
+        """Where each play is when it is dragged along: a column per play."""
+        torque = np.atleast_1d(torque_nm)[:, None]
+        drag = self.thresholds_nm * (1.0 + self.threshold_grows * np.abs(torque) / self.rated_nm)
+        return torque - direction * drag
+
+    def moved(self, plays: np.ndarray, torque_nm: np.ndarray, direction: int) -> np.ndarray:
+        """Return each play along a torque of one direction; plays: where they are before it."""
+        reach = self._reach(torque_nm, direction)
+        return np.maximum(plays, reach) if direction > 0 else np.minimum(plays, reach)
+
+    def angle(self, torque_nm: np.ndarray | float, direction: int, peak_nm: float) -> np.ndarray:
+        """Angle [arcmin] on a branch of the closed loop between ±peak: the truth."""
+        turn = self._reach(np.array([-direction * peak_nm]), -direction)[0]
+        along = self.moved(turn, np.atleast_1d(np.asarray(torque_nm, dtype=np.float64)), direction)
+        return np.asarray(self.elastic(along)).mean(axis=1)
+
+
+KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind("RV-20E", 105.0, 167.0, 58.0, 0.35, 0.55),
+        Kind("RV-40E", 121.0, 412.0, 125.0, 0.3, 0.6),
+        Kind("RV-320E", 129.0, 3136.0, 1150.0, 0.25, 0.5),
+        Kind("RV-50", 121.0, 50.0, 33.0, 0.5, 0.4, threshold=(0.01, 0.04), gap_torque=0.02),
+        Kind("strain-wave", 100.0, 67.0, 12.0, 0.1, 1.6, threshold=(0.02, 0.25), gap_torque=0.05,
+             input_friction=0.05, input_friction_grows=0.35, yields=(0.01, 0.4)),
+        Kind("asymmetric", 121.0, 412.0, 125.0, 0.4, 0.6, negative_angle=1.25),
+    )
+}  # fmt: skip
+"""Types of units by name. Scales are those of their catalogues; stiffness_of says what they come to."""
+
+
+def width(unit: Kind, torque_nm: float, peak_nm: float) -> float:
+    """Loop width at a torque [arcmin]: return less forward branch."""
+    return float(unit.angle(torque_nm, -1, peak_nm)[0] - unit.angle(torque_nm, 1, peak_nm)[0])
+
+
+def mean(unit: Kind, torque_nm: float, peak_nm: float) -> float:
+    """Mean of both branches at a torque [arcmin]."""
+    return float(unit.angle(torque_nm, -1, peak_nm)[0] + unit.angle(torque_nm, 1, peak_nm)[0]) / 2.0
+
+
+def _secant(unit: Kind, side: int, peak_nm: float, *, loading: bool) -> float:
+    half, full = 0.5 * side * unit.rated_nm, side * unit.rated_nm
+    if loading:
+        turned = float(np.diff(unit.angle(np.array([half, full]), side, peak_nm))[0])
+    else:
+        turned = mean(unit, full, peak_nm) - mean(unit, half, peak_nm)
+    return 0.5 * unit.rated_nm / abs(turned)
+
+
+def _least_squares(unit: Kind, side: int, peak_nm: float) -> float:
+    torque = side * np.linspace(0.2, 0.8, 4001) * unit.rated_nm
+    return 1.0 / float(np.polyfit(torque, unit.angle(torque, side, peak_nm), 1)[0])
+
+
+def _energy(unit: Kind, _: int, peak_nm: float) -> float:
+    grid = np.linspace(-peak_nm, peak_nm, 40_001)
+    return float(np.trapezoid(unit.angle(grid, -1, peak_nm) - unit.angle(grid, 1, peak_nm), grid))
+
+
+TRUTH = {
+    "backlash_width_3pct": lambda unit, side, peak: width(unit, side * 0.03 * unit.rated_nm, peak),
+    "backlash_width_zero": lambda unit, _, peak: width(unit, 0.0, peak),
+    "lost_motion": lambda unit, _, peak: (
+        mean(unit, 0.03 * unit.rated_nm, peak) - mean(unit, -0.03 * unit.rated_nm, peak)
+    ),
+    "stiffness_50_100 load": lambda unit, side, peak: _secant(unit, side, peak, loading=True),
+    "stiffness_50_100 mean": lambda unit, side, peak: _secant(unit, side, peak, loading=False),
+    "stiffness_lsq": _least_squares,
+    "hysteresis_energy": _energy,
+}
+"""What each metric truly is, by its definition in words: of a unit, a side (+1, -1) and the peak torque [N·m]."""
+
+
+def truth(unit: Kind, metric: str, side: int, peak_nm: float) -> float:
+    """Return what a metric truly is, from the closed form of the branches."""
+    return float(TRUTH[metric](unit, side, peak_nm))
+
+
+def with_backlash(unit: Kind, arcmin: float, peak_nm: float) -> Kind:
+    """Return the unit whose width at +3 % is so much, by bisection of its thresholds on its own noise-free curve."""
+    low, high = 0.05, 20.0
+
+    def scaled(factor: float) -> Kind:
+        return replace(unit, threshold=(unit.threshold[0] * factor, unit.threshold[1] * factor))
+
+    for _ in range(60):
+        middle = math.sqrt(low * high)
+        if width(scaled(middle), 0.03 * unit.rated_nm, peak_nm) < arcmin:
+            low = middle
+        else:
+            high = middle
+    return scaled(low)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """How a run goes: rate as share of the rated torque per second, dwell at each turn, and what is recorded."""
+
+    peak: float = 1.1
+    rate_per_s: float = 0.146
+    cycles: int = 3
+    dwell_s: float = 0.5
+    calibrate: bool = True
+    fixture_stiffer: float = 90.0
+    lag_s: float = 1e-3
+    period_s: float = PERIOD_S
+
+
+@dataclass(frozen=True)
+class Course:
+    """What truly happens, sample by sample: torques [N·m], wind-up [arcmin], angle of the lock [arcmin], segments."""
+
+    t_s: np.ndarray
+    torque_nm: np.ndarray
+    torque_in_nm: np.ndarray
+    windup_arcmin: np.ndarray
+    locked_arcmin: np.ndarray
+    segment: np.ndarray
+    segments: dict[int, SegmentInfo] = field(default_factory=dict)
+
+
+def course_of(unit: Kind, bench: Bench) -> Course:
+    """Run the profile: calibrate (0, +, −, +), cycles (−, +), unload; a dwell at each turn."""
+    peak = bench.peak * unit.rated_nm
+    fixture = bench.fixture_stiffer * unit.spring_nm_per_arcmin
+    plan = [("calibrate" if bench.calibrate else "virgin", 1, 0, 0.0, peak)]
+    if bench.calibrate:
+        plan += [("calibrate", -1, 0, peak, -peak), ("calibrate", 1, 0, -peak, peak)]
+    for cycle in range(1, bench.cycles + 1):
+        plan += [("measure", -1, cycle, peak, -peak), ("measure", 1, cycle, -peak, peak)]
+    plan += [("unload", -1, 0, peak, 0.0)]
+    step = bench.rate_per_s * unit.rated_nm * bench.period_s
+    plays, stops = np.zeros(PLAYS), np.zeros(STOPS)
+    yields = np.linspace(*unit.yields, STOPS)
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in ("torque", "torque_in", "windup", "segment")}
+    table: dict[int, SegmentInfo] = {}
+    at = 0.0
+    rest = round(bench.dwell_s / bench.period_s)
+    for number, (role, direction, cycle, start, stop) in enumerate(plan):
+        torque = np.arange(start, stop, direction * step)
+        along = unit.moved(plays, torque, direction)
+        windup = np.asarray(unit.elastic(along)).mean(axis=1)
+        turned = np.abs(windup + torque / fixture - at)
+        slid = stops + direction * turned[:, None] / yields
+        slid = np.minimum(slid, 1.0) if direction > 0 else np.maximum(slid, -1.0)
+        level = (unit.input_friction * unit.rated_nm + unit.input_friction_grows * np.abs(torque)) / unit.ratio
+        torque_in = torque / unit.ratio + slid.mean(axis=1) * level
+        plays, stops, at = along[-1], slid[-1], float(windup[-1] + torque[-1] / fixture)
+        dwells = rest if number < len(plan) - 1 else 0
+        for name, values in (("torque", torque), ("torque_in", torque_in), ("windup", windup)):
+            parts[name] += [values, np.full(dwells, values[-1])]
+        for info, count in ((SegmentInfo(role, direction, cycle), torque.size), (SegmentInfo("dwell"), dwells)):
+            if count:
+                parts["segment"].append(np.full(count, len(table)))
+                table[len(table)] = info
+    torque, torque_in, windup, segment = (np.concatenate(parts[name]) for name in parts)
+    time = np.arange(torque.size) * bench.period_s
+    return Course(time, torque, torque_in, windup, torque / fixture, segment, table)
+
+
+@dataclass(frozen=True)
+class Defect:
+    """What is wrong with the measurement and nobody has declared. Gains are factors, bends shares of the peak torque.
+
+    lag_s: first-order filter of both torques; out_gain_positive: of the positive side alone; bend: torque · (1 + bend
+    · torque/peak) about both zero and peak of each side.
+    """
+
+    lag_s: float = 0.0
+    lag_out_s: float = 0.0
+    delay_s: float = 0.0
+    in_gain: float = 1.0
+    out_gain: float = 1.0
+    out_gain_positive: float = 1.0
+    bend: float = 0.0
+
+
+SOUND = Defect()
+
+
+def figures_of(unit: Kind) -> SensorFigures:
+    """Return what the bench of a unit declares: sensors of fitting size with certificates."""
+    torque = unit.rated_nm * 2.4
+    return SensorFigures(
+        torque_in=TorqueFigures(1.5 * torque / unit.ratio, stated_by="certificate"),
+        torque_out=TorqueFigures(torque, stated_by="certificate"),
+        angle_in=AngleFigures(2.0 * math.pi / 2**20),
+        angle_out=AngleFigures(2.0 * math.pi / 2**23, accuracy_rad=1e-5, interpolation_rad=5e-7),
+        skew_s=2e-4,
+    )
+
+
+def method_of(unit: Kind, bench: Bench, **changes: object) -> Method:
+    """Return how a recipe for the type would have it evaluated."""
+    lags = dict.fromkeys(("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad"), bench.lag_s)
+    peak = bench.peak * unit.rated_nm
+    low, high = (share * min(peak, unit.rated_nm) for share in (0.25, 0.75))
+    stiffness = (high - low) / abs(mean(unit, high, peak) - mean(unit, low, peak))
+    common = {
+        "ratio": unit.ratio,
+        "rated_torque_nm": unit.rated_nm,
+        "lags_s": lags,
+        "fixture_stiffness_nm_per_arcmin": bench.fixture_stiffer * unit.spring_nm_per_arcmin,
+        "catalogue_stiffness_nm_per_arcmin": float(f"{stiffness:.2g}"),
+    }
+    return Method(**(common | changes))  # type: ignore[arg-type]
+
+
+def measured(unit: Kind, course: Course, bench: Bench, random: np.random.Generator, defect: Defect = SOUND) -> Trace:
+    """Return the run as a bench within its declared figures shows it, and with a defect that it does not declare."""
+    figures = figures_of(unit)
+    rising = np.sign(np.gradient(course.torque_nm))
+    lens = -rising * (1.0 - np.square(course.torque_nm / np.abs(course.torque_nm).max()))
+    skew_s = random.uniform(-1.0, 1.0) * figures.skew_s
+    peak = np.abs(course.torque_nm).max()
+    true_out = course.torque_nm * np.where(course.torque_nm > 0.0, defect.out_gain_positive, 1.0) * defect.out_gain
+    true_out = true_out * (1.0 + defect.bend * (np.abs(course.torque_nm) / peak - 1.0))
+
+    def torque(values: np.ndarray, one: TorqueFigures, lag_s: float) -> np.ndarray:
+        seen = np.interp(course.t_s - bench.lag_s - skew_s - defect.delay_s, course.t_s, values)
+        seen = first_order(seen, lag_s, bench.period_s)
+        scale = one.full_scale_nm
+        seen = seen * (1.0 + random.normal(0.0, one.gain_fraction / 2.0))
+        seen += random.uniform(-1.0, 1.0) * one.zero_fraction * scale
+        seen += random.normal(0.0, one.reversibility_fraction / 2.0) * scale * lens
+        return seen + random.normal(0.0, one.noise_fraction * scale, seen.size)
+
+    def angle(arcmin: np.ndarray, one: AngleFigures) -> np.ndarray:
+        rad = np.interp(course.t_s - bench.lag_s, course.t_s, arcmin * ARCMIN_RAD)
+        for limit, period in ((one.accuracy_rad, 2.0 * math.pi), (one.interpolation_rad, one.line_rad)):
+            phase, amplitude = random.uniform(0.0, 2.0 * math.pi), random.uniform(0.0, limit)
+            rad = rad + amplitude * (np.sin(2.0 * math.pi * rad / period + phase) - math.sin(phase))
+        return np.round(rad / one.step_rad) * one.step_rad
+
+    turned = (course.windup_arcmin + course.locked_arcmin) * unit.ratio
+    return Trace(
+        t_s=course.t_s,
+        torque_in_nm=torque(course.torque_in_nm * defect.in_gain, figures.torque_in, defect.lag_s),
+        torque_out_nm=torque(true_out, figures.torque_out, max(defect.lag_s, defect.lag_out_s)),
+        angle_in_rad=angle(turned, figures.angle_in),
+        angle_out_rad=angle(course.locked_arcmin, figures.angle_out),
+        segment=course.segment,
+        segments=course.segments,
+    )
+
+
+def first_order(values: np.ndarray, lag_s: float, period_s: float) -> np.ndarray:
+    """What a filter of the first order makes of samples."""
+    if lag_s <= 0.0:
+        return values
+    keep = math.exp(-period_s / lag_s)
+    found, last = np.empty_like(values), float(values[0])
+    for index, value in enumerate(values.tolist()):
+        last = value + (last - value) * keep
+        found[index] = last
+    return found
+
+
+def rows_kept(trace: Trace, kept: np.ndarray, *, renumbered: bool = False) -> Trace:
+    """Return the trace with some of its rows; renumbered: with a time that shows no gap."""
+    names = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "segment")
+    channels = {name: values[kept] for name in names if (values := getattr(trace, name)) is not None}
+    if renumbered:
+        channels["t_s"] = np.arange(channels["t_s"].size) * float(np.median(np.diff(trace.t_s)))
+    return replace(trace, **channels)
+
+
+def without_dwells(trace: Trace, *, renumbered: bool = False) -> Trace:
+    """Return the trace without the rows of its dwells."""
+    resting = [index for index, info in trace.segments.items() if info.role == "dwell"]
+    return rows_kept(trace, ~np.isin(trace.segment, resting), renumbered=renumbered)
+
+
+def without_segments(trace: Trace) -> Trace:
+    """Return the trace as somebody exports it who knows no segments."""
+    return replace(trace, segment=None, segments={})

@@ -19,9 +19,10 @@ from station.bench.virtual_unit import VirtualUnit
 from station.documents.timing import Timing
 from station.errors import BenchFaultError, StationError
 from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
+from station.records.process_birth import process_birth
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState, StopCause
-from station.records.run_record import RECORDING, SCAN_REPORT, TIMING, RunRecord, process_birth
+from station.records.run_record import RECORDING, SCAN_REPORT, TIMING, RunRecord
 from station.run import children
 from station.run.conclusion import conclude
 from station.run.desk import Desk

@@ -17,7 +17,8 @@ from station.durable import sync_folder
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
 from station.records.chain.entries import CREATED
-from station.records.run_record import MANIFEST, RECORDING, RunRecord, process_birth
+from station.records.process_birth import process_birth
+from station.records.run_record import MANIFEST, RECORDING, RunRecord
 from station.records.samples.layout import CURRENT, LAYOUT
 from station.wall_clock import WALL_CLOCK, now_text
 

@@ -46,7 +46,6 @@ __all__ = [
     "SCAN_REPORT",
     "TIMING",
     "RunRecord",
-    "process_birth",
 ]
 
 SAMPLES = "samples.bin"

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from station.durable import refused
 from station.errors import RecordError
+from station.records.process_birth import process_birth
 from station.records.ring import ring
 from station.records.ring.ring import (
     FILE_PREFIX,
@@ -27,7 +28,7 @@ from station.records.ring.ring import (
     W_WRITTEN,
     WORD_BYTES,
 )
-from station.records.run_record import MANIFEST, RunRecord, process_birth
+from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
 from station.wall_clock import WALL_CLOCK
 

@@ -248,7 +248,7 @@ for number in range(count):
     longest = max(longest, time.monotonic() - start)
     time.sleep(0.001)
 writer.finish()
-print(writer.written, ring.lost, writer.times.as_json()["longest_flush_s"], writer.times.most_waiting, longest)
+print(writer.written, ring.lost, writer.times.longest_flush_s, writer.times.most_waiting, longest)
 print(ring.stopped_because)
 """
 

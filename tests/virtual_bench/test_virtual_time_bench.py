@@ -236,7 +236,7 @@ def test_a_controller_that_stops_loses_the_drive(bench_config: BenchConfig) -> N
         ({"target": "io.door", "verb": "open", "when": ABOVE}, "allowed: brake.current, can.bus"),
         ({"target": "io.guard", "verb": "shut", "when": ABOVE}, "allowed: open"),
         ({"target": "lock", "verb": "slip", "when": ABOVE}, "needs value"),
-        ({"target": "lock", "verb": "slip", "value": 2, "when": ABOVE}, "allowed: 0 to 1"),
+        ({"target": "lock", "verb": "slip", "value": 2, "when": ABOVE}, "from 0 to 1"),
         ({"target": "io.guard", "verb": "open", "value": 1, "when": ABOVE}, "takes no value"),
         ({"target": "io.guard", "verb": "open", "when": {}}, "exactly one"),
         ({"target": "io.guard", "verb": "open", "whan": {}}, "whan"),

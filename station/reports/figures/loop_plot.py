@@ -117,7 +117,7 @@ def _zoom(axes: Axes, analysis: Result, method: Method) -> None:
     """Draw what decides on backlash, the few percent around zero, in a window of its own."""
     band = 0.09 * method.reference_nm
     curves = analysis.curves
-    inside = axes.inset_axes((0.06, 0.6, 0.36, 0.36))
+    inside = axes.inset_axes((0.06, 0.64, 0.36, 0.32))
     torque = np.linspace(-band, band, 121)
     first = curves.forward[0], curves.backward[0]
     if not all(branch.covers(-band, band) for branch in first):

@@ -19,10 +19,11 @@ from definitions.image import Command
 from station.documents.scan_report import ScanReport
 from station.documents.timing import Disk
 from station.durable import Appender, refused
+from station.records.process_birth import process_birth
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState, StopCause
 from station.records.ring.to_disk import RecordWriter
-from station.records.run_record import INTERRUPTED, RunRecord, process_birth
+from station.records.run_record import INTERRUPTED, RunRecord
 from station.records.run_ring import ring_of
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import finish_seal, is_sealed

@@ -27,8 +27,8 @@ from run_samples import read_back, records_of
 
 from station.cli.measure.conclude import conclude_runs
 from station.cli.runs.replay import replay_run
+from station.records.process_birth import process_birth
 from station.records.ring.reader import RingReader
-from station.records.run_record import process_birth
 
 LONGEST_S = 90.0
 LASTS_S = {"opening": 1.0, "run": 9.0, "ending": 2.0}

@@ -9,9 +9,11 @@ import signal
 import pytest
 from kills import kill, wait_for
 from lostmotion_command import here
+from made_documents import made
 from warm_desk import load, warm
 
-from station.records.run_record import process_birth
+from station.documents.result import Result
+from station.records.process_birth import process_birth
 from station.records.samples.scan_record import RECORD_BYTES
 from station.reports.headline import headline
 
@@ -49,7 +51,7 @@ def test_a_run_whose_desk_was_killed_and_whose_folder_was_moved_says_who_stopped
     assert here("conclude", "M", "--data", str(moved.parent)).exit_code == 0
     shown = here("show", "M", "--data", str(moved.parent), "--json").json
     assert (shown["state"], shown["stopped_by"]) == ("stopped", "desk_silent")
-    assert headline(shown).text == "STOPPED: the supervisor process ended during the run"
+    assert headline(made(Result, shown)).text == "STOPPED: the supervisor process ended during the run"
     assert not any("operator" in reason or "ended in the middle" in reason for reason in shown["reasons"])
 
 

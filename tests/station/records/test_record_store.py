@@ -20,9 +20,10 @@ from station.cli.runs.show import stored_result
 from station.durable import NEXT_ACTIONS, Appender, read_from_disk, refused, write_durable
 from station.errors import RecordError, StationError
 from station.records.data_folder import Store, check_operator, check_serial
+from station.records.process_birth import process_birth
 from station.records.ring.ring import ScanState, create
 from station.records.ring.writer import RingWriter
-from station.records.run_record import RunRecord, process_birth
+from station.records.run_record import RunRecord
 from station.records.samples.scan_record import pack
 from station.run.new_record import Wanted, new_record
 from station.run.way_back.recover import recover

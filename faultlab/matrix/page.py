@@ -86,10 +86,10 @@ WIRES_HEAD = """# Faults over wires
 This page is written by `lostmotion faults matrix --wires --page docs/wire-faults.md`.
 
 Every row is a run over wires: the virtual bench in a process of its own, which waits for the scan, CAN by socketcand
-and Modbus by TCP on loopback, judged from the run's record. When a fault acted is known from the bench's own note on the monotonic clock;
-it is counted from the last scan that was due before. The bound is that of virtual time and four scans more: the
-rounding down, the 2 ms after which the bench looks at its faults again, and the way back. Figures as in the
-[matrix in virtual time](fault-matrix.md).
+and Modbus by TCP on loopback, judged from the run's record. When a fault acted is known from the bench's own note on
+the monotonic clock; it is counted from the last scan that was due before. The bound is that of virtual time and four
+scans more: the rounding down, the 2 ms after which the bench looks at its faults again, and the way back. Figures as
+in the [matrix in virtual time](fault-matrix.md).
 
 """
 

@@ -29,14 +29,8 @@ FEW_SCANS = {
     "  drive_age: 40 ms": "  drive_age: 50 ms",
     "torque_rate: 300 N·m/s": "torque_rate: 75 N·m/s",
     "{id: torque_ratio_slope}": "{id: torque_ratio_slope, min: 80, max: 110}",
-    "validity:\n": "validity:\n  torque_out_zero: 2 %\n",
 }
-"""A system call costs the guest many times ours: the recipe of the golden runs in as few scans as its checks allow.
-
-At a third of the load most of an unloading branch is the transition after its turn. Its line has some fifty points
-then, and one more or less at its end moves the zero that it shows by 2 N·m (0.5 %): the limit is wider here, as that of
-the ratio is in the golden runs.
-"""
+"""A system call costs the guest many times ours: the recipe of the golden runs in as few scans as its checks allow."""
 
 ON_VCAN = {
     "embedded: true ": "embedded: false",

@@ -36,7 +36,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 
 
 def timed(args: tuple[str, ...], data: Path, tries: int) -> tuple[float, float]:
-    """Return the least wall time and the least processor time of a command, in seconds."""
+    """Return the median wall time and the median processor time of a command, in seconds."""
     walls, work = [], []
     for _ in range(tries):
         before, started = os.times(), time.perf_counter()

@@ -128,16 +128,11 @@ class ChainPlace:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DeskProcess:
-    """The supervisor process of a run: its id, and its start in ticks of the kernel, which tells it from others."""
+class RunningProcess:
+    """The supervisor process or the scan process of a run: its id, and its start in ticks of the kernel.
 
-    pid: ProcessId
-    birth: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScanProcess:
-    """The scan process of a run, as its report names it."""
+    The start tells it from a later process that got the same id.
+    """
 
     pid: ProcessId
     birth: str
@@ -214,7 +209,7 @@ class Manifest:
     started: Moment
     ended: str | None
     format: CountFrom1
-    desk: DeskProcess
+    desk: RunningProcess
     trouble: str | None = left_out()
     records: Count | None = left_out()
     samples: PackedSamples | None = left_out()

@@ -11,7 +11,7 @@ import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from station.documents.manifest import DeskProcess, Manifest, Setup
+from station.documents.manifest import Manifest, RunningProcess, Setup
 from station.documents.reading import plain
 from station.durable import sync_folder
 from station.errors import RecordError, StationError
@@ -110,7 +110,7 @@ class Store:
                     started=now_text(),
                     ended=None,
                     format=FORMAT_VERSION,
-                    desk=DeskProcess(pid=os.getpid(), birth=process_birth(os.getpid())),
+                    desk=RunningProcess(pid=os.getpid(), birth=process_birth(os.getpid())),
                 )
                 record.write_json(CREATED_MANIFEST, plain(manifest))
                 parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256}

@@ -25,7 +25,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, ScanProcess
+from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
 from station.documents.reading import Document, plain, read_document
 from station.durable import as_json, open_file, refused, write_durable
 from station.errors import RecordError
@@ -167,7 +167,7 @@ class RunRecord:
         if not self.has(SCAN_REPORT):
             return 0
         with suppress(RecordError):
-            said = self.read(ScanProcess, SCAN_REPORT)
+            said = self.read(RunningProcess, SCAN_REPORT)
             return said.pid if said.birth and process_birth(said.pid) == said.birth else 0
         return 0
 

@@ -209,7 +209,9 @@ def _fits_best(torques: FloatArray, course: FloatArray) -> tuple[float, float]:
     """
     basis, mix = np.linalg.qr(course)
     parts = torques @ basis
-    left = np.square(torques - parts @ basis.T).sum(axis=1)
+    # As a share of what there is to explain: the longer the delay, the less of the ramp is still looked at, and a
+    # torque at rest follows anything.
+    left = np.square(torques - parts @ basis.T).sum(axis=1) / torques.var(axis=1)
     best = int(np.argmin(left))
     last = float(parts[best, -1] / mix[-1, -1])
     if not 0 < best < TRIED.size - 1:

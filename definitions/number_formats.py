@@ -1,4 +1,4 @@
-"""Number formats of object dictionaries and registers: their names in profile files, sizes and ranges."""
+"""Number formats: of object dictionaries and registers by their names in profile files, and of records."""
 
 from __future__ import annotations
 
@@ -23,3 +23,6 @@ RANGES: Mapping[str, tuple[int, int]] = {
     "i32": (-0x8000_0000, 0x7FFF_FFFF),
 }
 """Smallest and largest value of each integer type."""
+
+LARGEST_COUNT, LARGEST = (1 << 31) - 1, (1 << 63) - 1
+"""Largest count and largest other whole number of a record: what the integers of a database hold."""

@@ -106,8 +106,8 @@ def _file(path: str | Path, shipped: Mapping[str, Path], what: str) -> Path:
     named = Path(path)
     if str(path) in shipped and not named.is_file():
         return shipped[str(path)]
-    if named.parent == Path() and not named.suffix and not named.exists():
-        meant = nearest(str(path), shipped)
+    if named.parent == Path() and not named.exists():
+        meant = nearest(named.stem, shipped)
         hint = f"Did you mean '{meant}'?" if meant else "Check the path."
         allowed = f"the path of a {what} file, or {one_of(list(shipped))}"
         raise RecipeError([Problem(str(path), 1, 1, "", "no such file", allowed, hint)])

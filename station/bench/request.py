@@ -19,11 +19,11 @@ from recipes import (
     check,
     default_bench,
     find_bench,
+    find_recipe,
     parse_bench,
     parse_document,
     parse_recipe,
     read_bytes,
-    shipped_recipes,
     warnings,
 )
 from recipes.compiler.compiler import compile_program
@@ -123,12 +123,6 @@ def find_profile(name: str, bench_path: Path) -> Path:
     raise RecipeError([Problem(str(bench_path), 0, 0, "profile", found, f"a file there, or one of {shipped}")])
 
 
-def recipe_path(name_or_path: str) -> Path:
-    """Return a recipe's file by path or by the name of a shipped one."""
-    path = Path(name_or_path)
-    return path if path.exists() else shipped_recipes().get(name_or_path, path)
-
-
 def trace_file(name: str) -> Path | None:
     """Return the file of a trace that was measured elsewhere; None for the name of a stored run.
 
@@ -187,7 +181,7 @@ def load_job(recipe_name: str, bench_name: str | None, day: date | None = None) 
 
     """
     return _loaded(
-        lambda: Source.read(recipe_path(recipe_name)),
+        lambda: Source.read(find_recipe(recipe_name)),
         lambda recipe: None if bench_name is None and recipe is None else Source.read(_bench_file(bench_name, recipe)),
         day,
     )

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from definitions.number_formats import LARGEST
+
 DEFAULT_DATA = Path("runs")
 
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
@@ -29,7 +31,9 @@ UnitOption = Annotated[
 ]
 SeedOption = Annotated[
     int | None,
-    typer.Option("--seed", metavar="N", min=0, help="Seed of the noise on the virtual bench. Default: a new one."),
+    typer.Option(
+        "--seed", metavar="N", min=0, max=LARGEST, help="Seed of the noise on the virtual bench. Default: a new one."
+    ),
 ]
 ScenarioOption = Annotated[
     Path | None,

@@ -9,6 +9,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from definitions.number_formats import LARGEST, LARGEST_COUNT
 from station.documents.reading import Number, left_out, one_of
 
 MANIFEST = "run.json"
@@ -52,8 +53,9 @@ Moment = Annotated[
 RunState = Annotated[str, one_of(*STATES)]
 VerdictName = Annotated[str, one_of(*VERDICTS)]
 ClockName = Annotated[str, one_of(*CLOCK_NAMES)]
-Count = Annotated[int, Field(ge=0, description="a whole number of at least 0")]
-CountFrom1 = Annotated[int, Field(ge=1, description="a whole number of at least 1")]
+Count = Annotated[int, Field(ge=0, le=LARGEST_COUNT, description=f"a whole number from 0 to {LARGEST_COUNT}")]
+CountFrom1 = Annotated[int, Field(ge=1, le=LARGEST_COUNT, description=f"a whole number from 1 to {LARGEST_COUNT}")]
+Large = Annotated[int, Field(ge=0, le=LARGEST, description=f"a whole number from 0 to {LARGEST}")]
 Finite = Annotated[Number, Field(allow_inf_nan=False, description="a number")]
 ProcessId = Annotated[int, Field(ge=0, le=LARGEST_PID, description=f"a whole number from 0 to {LARGEST_PID}")]
 Period = Annotated[int, Field(ge=1, le=LARGEST_PERIOD_NS, description=f"a whole number from 1 to {LARGEST_PERIOD_NS}")]
@@ -98,7 +100,7 @@ class Unit:
 
     model: Name
     virtual: str | None = None
-    noise_seed: Count | None = None
+    noise_seed: Large | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +112,7 @@ class Software:
     commit: str | None = None
     changed: bool | None = None
     files_sha256: str | None = None
-    decisions: int | None = None
+    decisions: Count | None = None
     dependencies: Mapping[str, str | None] = field(default_factory=dict)
     python: str = ""
     platform: str = ""
@@ -123,7 +125,7 @@ class ChainPlace:
     """The entry of the chain that begins a run: id of the chain, its counter, hash of the entry before it."""
 
     id: str
-    counter: int
+    counter: Count
     previous: str
 
 
@@ -143,7 +145,7 @@ class Checksum:
     """SHA-256 and size of a file."""
 
     sha256: str
-    bytes: int
+    bytes: Large
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +154,7 @@ class PackedSamples:
 
     file: PathText
     sha256: str
-    bytes: Count
+    bytes: Large
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from station.documents.manifest import Count
 from station.documents.reading import Number
 
 
@@ -13,7 +14,7 @@ class BenchHead:
     """The bench that measured."""
 
     name: str = ""
-    revision: int | None = None
+    revision: Count | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,8 +28,8 @@ class RatioLine:
     correlation: Number
     residual_sd_nm: Number
     r_squared: Number | None = None
-    points: int | None = None
-    flagged: int | None = None
+    points: Count | None = None
+    flagged: Count | None = None
     theil_sen_slope: Number | None = None
     theil_sen_offset_nm: Number | None = None
 

@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import AliasChoices, Field
 
 from station.documents.events import Alarm, LeftState
-from station.documents.manifest import BenchSource, RecipeHead, Unit, VerdictName
+from station.documents.manifest import BenchSource, Count, RecipeHead, Unit, VerdictName
 from station.documents.reading import Number, left_out
 from station.documents.timing import Timing
 
@@ -32,7 +32,7 @@ class BudgetRow:
 class MonteCarlo:
     """Monte Carlo beside a budget: number of draws, their u and mean shift, ends of the 95.45 % interval."""
 
-    draws: int
+    draws: Count
     u: Number
     shift: Number
     low: Number
@@ -86,7 +86,7 @@ class MetricValue:
     choices: tuple[str, ...] = ()
     band: Number | None = None
     torque_nm: Number | None = None
-    cycles: int | None = None
+    cycles: Count | None = None
     mean: Number | None = None
     standard_deviation: Number | None = None
     per_cycle: tuple[Number, ...] = ()
@@ -155,7 +155,7 @@ class OriginNote:
 
     run: str
     serial: str | None = None
-    attempt: int | None = None
+    attempt: Count | None = None
     started: str | None = None
     state: str | None = None
     verdict: str | None = None
@@ -177,7 +177,7 @@ class Result:
 
     run: str | None
     serial: str | None
-    attempt: int | None = None
+    attempt: Count | None = None
     recipe: RecipeHead
     bench: BenchSource | None = None
     unit: Unit | None = None

@@ -52,7 +52,7 @@ def ratio_csv(analysis: Result | None) -> bytes:
     writer.writerow(("quadrant", "torque_in_nm", "torque_out_nm"))
     for name, fit in analysis.quadrants.fits.items():
         pairs = zip(fit.inputs_nm.tolist(), fit.outputs_nm.tolist(), strict=True)
-        writer.writerows((name, f"{x:.10g}", f"{y:.10g}") for x, y in pairs)
+        writer.writerows((name, x, y) for x, y in pairs)  # every digit: the line can be fitted again
     return stream.getvalue().encode()
 
 

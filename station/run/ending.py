@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 from station.documents.events import Note
-from station.documents.manifest import Count, Finite
+from station.documents.manifest import Count, Finite, Large
 from station.documents.reading import plain
 from station.documents.scan_report import ScanReport
 from station.documents.timing import Disk, Pace, Realtime, ScanTimes
@@ -48,7 +48,7 @@ class Ending:
     refused: bool = False
     counters: Mapping[str, int] = field(default_factory=dict)
     times: ScanTimes = field(default_factory=ScanTimes)
-    started_ns: Count = 0
+    started_ns: Large = 0
     clock_jumped_s: Finite = 0.0
     """By how much the computer's wall clock was set in the middle."""
     stopped_because: str = ""

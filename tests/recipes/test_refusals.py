@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field
 from refusal_support import problems
 
-from recipes import RecipeError, load_bench, load_document, shipped_recipes
+from recipes import RecipeError, find_recipe, load_bench, load_document, shipped_recipes
 
 GOOD = shipped_recipes()["rv-40e-121-inverse"].read_text(encoding="utf-8")
 
@@ -214,6 +214,12 @@ def test_a_wrong_rated_torque_is_one_problem_and_not_one_per_percentage():
 def test_what_cannot_be_opened(tmp_path, name, words):
     with pytest.raises(RecipeError, match=words):
         load_bench(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["rv-40e-121-invers", "rv-40e-121-invers.yaml"])
+def test_a_misspelt_recipe_names_the_shipped_one(name):
+    with pytest.raises(RecipeError, match="Did you mean 'rv-40e-121-inverse'"):
+        find_recipe(name)
 
 
 def test_unreadable_file(tmp_path, monkeypatch):

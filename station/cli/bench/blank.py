@@ -13,7 +13,7 @@ from analysis.loop.measured import measure
 from analysis.trace.trace import Trace
 from analysis.trace.trace_files import read_trace
 from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
-from station.bench.request import recipe_path, trace_file
+from station.bench.request import trace_file
 from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, scalar
 from station.cli.runs.evaluate_anew import method_without_run
 from station.errors import StationError
@@ -61,7 +61,7 @@ def _source(
             raise StationError(f"{trace}: --recipe is missing: it gives the loading of the dummy and the ratio")
         own = None if bench is None else load_bench(find_bench(bench))
         made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
-        return read_trace(path), made, load_recipe(recipe_path(recipe)), own, f"blank-{made.isoformat()}"
+        return read_trace(path), made, load_recipe(recipe), own, f"blank-{made.isoformat()}"
     run = Store(data).find(trace)
     return _of_run(run, recipe, bench)
 
@@ -70,7 +70,7 @@ def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trac
     if run.state() != "complete":
         raise StationError(f"{run.id}: the run is {run.state()}; expected a complete one")
     manifest = run.manifest()
-    own = load_recipe(run.folder / "recipe.yaml" if recipe is None else recipe_path(recipe))
+    own = load_recipe(run.folder / "recipe.yaml" if recipe is None else recipe)
     where = load_bench(run.folder / "bench.yaml" if bench is None else find_bench(bench))
     segments = StoredProgram.of(run).segments
     trace = trace_of(read_samples(run), segments, where, manifest.period_ns, run.id)

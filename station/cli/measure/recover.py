@@ -22,7 +22,7 @@ from station.documents.events import Alarm, LeftState
 from station.documents.manifest import LeftBy, Setup
 from station.documents.reading import left_out, plain
 from station.errors import BenchFaultError, RecordError, StationError
-from station.records.clocks import SCAN, WALL, clock_of
+from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
 from station.records.data_folder import Store
 from station.records.left_state import left_state
 from station.records.program_file import PROGRAM, StoredProgram, plain_program
@@ -156,6 +156,7 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
     """Return the newest run over wires, on this bench when one is named, or the recovery that came after it."""
     name = None if bench is None else load_bench(find_bench(bench)).bench.name
     runs = [*store.runs(), *Store(store.data / FOLDER).runs()]
+    virtual = False
     for run in sorted(runs, key=lambda item: item.id, reverse=True):
         try:
             manifest = run.manifest()
@@ -163,12 +164,20 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
             # It may be the one that left the bench as it is: a person is told before anything is asked.
             sys.stderr.write(f"WARNING  run {run.id} is passed over: {error}\n")
             continue
-        if clock_of(manifest.clock) in (WALL, SCAN) and run.records() and name in (None, manifest.bench.name):
+        if name not in (None, manifest.bench.name):
+            continue
+        if clock_of(manifest.clock) == VIRTUAL:
+            virtual = True
+        elif clock_of(manifest.clock) in (WALL, SCAN) and run.records():
             if run.state() == "recording":
                 raise StationError(f"{run.id}: this run is still in progress. Wait for its end, or stop it")
             return run
-    where = f"{store.data}: no run" + (f" on bench {name}" if name else "")
-    raise StationError(f"{where} has left a record: name the runs' folder with --data")
+    on = f" on bench {name}" if name else ""
+    if virtual:
+        raise StationError(
+            f"{store.data}: the runs{on} are in virtual time, which leaves no bench behind: nothing to recover"
+        )
+    raise StationError(f"{store.data}: no run{on} has left a record: name the runs' folder with --data")
 
 
 def _create(data: Path, run: RunRecord, job: Job, left: LeftBy) -> RunRecord:

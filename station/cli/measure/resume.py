@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from station.run.way_back.recover import recover, resume
 def resume_run(name: str, data: Path, *, as_json: bool, report: bool | None = None) -> int:
     """Take over a run, or conclude it when its scan has ended, with its report; return the exit code of its result.
 
-    A run that was concluded before is shown only.
+    A run that was concluded before is shown only, and that is said.
 
     Raises:
         StationError: there is no such run.
@@ -42,6 +43,8 @@ def resume_run(name: str, data: Path, *, as_json: bool, report: bool | None = No
     if refused is not None:
         return no_record(run, refused, as_json=as_json)
     result = stored_result(run)
+    if before:
+        sys.stderr.write(f"{run.id}: nothing is left to resume: the run was concluded before, {run.manifest().ended}\n")
     if before or not is_sealed(run.manifest()):
         print_result(result, as_json=as_json)
         return exit_code(result)

@@ -134,11 +134,13 @@ def finish(record: RunRecord, result: Result, shown: Callable[[], Shown] | None,
     The operator waits for the result, nobody for the report: that is made when the result is on the screen.
     """
     log.info("run ended", state=result.state, verdict=result.verdict, reasons=list(result.reasons))
-    print_result(result, as_json=as_json)
-    bring_up_store(record.folder.parent)
-    if shown is not None:
-        _report(record, shown, log, as_json=as_json)
-    elif not as_json:
+    try:
+        print_result(result, as_json=as_json)
+    finally:  # whoever read the progress may be gone: the run is stored and reported like any other
+        bring_up_store(record.folder.parent)
+        if shown is not None:
+            _report(record, shown, log, as_json=as_json)
+    if shown is None and not as_json:
         sys.stdout.write(f"report  lostmotion report {record.folder}\n")
     return exit_code(result)
 

@@ -20,12 +20,12 @@ from recipes import (
     Selection,
     check_alone,
     find_bench,
+    find_recipe,
     left_out,
     load_bench,
     load_recipe,
     warnings,
 )
-from station.bench.request import recipe_path
 from station.cli.runs.show import stored_result
 from station.documents.manifest import RecipeHead, Software
 from station.documents.result import Evaluation, Judged, Result
@@ -68,7 +68,7 @@ def elsewhere(
             another unit model.
 
     """
-    recipe_file = recipe_path(recipe_name)
+    recipe_file = find_recipe(recipe_name)
     recipe = _deciding_recipe(recipe_file)
     bench = None if bench_name is None else load_bench(find_bench(bench_name))
     method, wanted = method_without_run(recipe, bench), wanted_of(recipe, selection)
@@ -156,7 +156,7 @@ def reevaluate(
         return evaluation_of(replace(stored_result(run), metrics=()))
     manifest = run.manifest()
     own_recipe, own_bench = run.folder / "recipe.yaml", run.folder / "bench.yaml"
-    recipe_file = own_recipe if recipe_name is None else recipe_path(recipe_name)
+    recipe_file = own_recipe if recipe_name is None else find_recipe(recipe_name)
     bench_file = own_bench if bench_name is None else find_bench(bench_name)
     recipe = load_recipe(recipe_file) if recipe_name is None else _deciding_recipe(recipe_file)
     bench = load_bench(bench_file)

@@ -9,8 +9,8 @@ from pathlib import Path
 from analysis.trace.errors import AnalysisError
 from controller.controller import Controller
 from controller.held_lock import Left
-from recipes import Recipe, check
-from station.bench.request import Job, Source, recipe_path
+from recipes import Recipe, check, find_recipe
+from station.bench.request import Job, Source
 from station.documents.result import Judged, MetricValue, Result
 from station.documents.timing import Timing
 from station.errors import StationError
@@ -83,7 +83,7 @@ class Question:
     """
 
     def __init__(self, name: str, run: RunRecord, job: Job, left: Left | None) -> None:
-        path = recipe_path(name)
+        path = find_recipe(name)
         source = Source.read(path)
         recipe = source.recipe()
         check_recipe_fits(recipe, path, job.recipe, run)

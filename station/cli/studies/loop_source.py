@@ -18,7 +18,7 @@ from analysis.uncertainty.figures import SensorFigures
 from definitions.units import ARCMIN_PER_RAD
 from recipes import find_bench, load_bench, load_recipe
 from station.bench.figures import figures_of
-from station.bench.request import recipe_path, trace_file
+from station.bench.request import trace_file
 from station.cli.runs.evaluate_anew import method_without_run
 from station.errors import StationError
 from station.records.clocks import VIRTUAL, clock_of
@@ -62,7 +62,7 @@ def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = 
     if recipe is None:
         return source
     stand = None if bench is None else load_bench(find_bench(bench))
-    method = method_without_run(load_recipe(recipe_path(recipe)), stand)
+    method = method_without_run(load_recipe(recipe), stand)
     return replace(source, method=method, figures=None if stand is None else figures_of(stand))
 
 
@@ -71,7 +71,7 @@ def loop_source(name: str, recipe: str | None, bench: str | None, data: Path) ->
     source = trace_source(name, recipe, data, bench)
     if recipe is None or source.method is None:
         return source
-    asked = load_recipe(recipe_path(recipe))
+    asked = load_recipe(recipe)
     return replace(source, result=analyse(source.trace, source.method, wanted_of(asked), decision_of(asked)))
 
 

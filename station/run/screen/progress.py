@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from types import TracebackType
 from typing import Self, TextIO
 
@@ -48,6 +49,8 @@ def signed(value: float | None, decimals: int) -> str:
 class Progress:
     """Shows records as they come; a context manager, so that the terminal is left as it was found.
 
+    A run does not depend on who watches it: with a terminal or a pipe that is gone nothing is shown, and nothing ends.
+
     Args:
         reader: turns records into what is shown.
         title: serial number and recipe.
@@ -75,24 +78,28 @@ class Progress:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         if self._live is not None:
-            self._live.stop()
+            with suppress(OSError):
+                self._live.stop()
             self._live = None
 
     def say(self, text: str) -> None:
         """Print one line."""
-        if self._live is not None:
-            self._live.console.print(f"  {text}", style="dim", highlight=False)
-        else:
-            self._line(text)
+        with suppress(OSError):
+            if self._live is not None:
+                self._live.console.print(f"  {text}", style="dim", highlight=False)
+            else:
+                self._stream.write(text + "\n")
+                self._stream.flush()
 
     def show(self, record: bytes | memoryview) -> None:
         """Show the newest record."""
         view = self._reader.read(record)
         if self._live is not None:
-            self._live.update(panel(view, self.title), refresh=True)
+            with suppress(OSError):
+                self._live.update(panel(view, self.title), refresh=True)
         elif view.state is not self._last:
             cycle = f", cycle {view.cycle} of {view.cycles}" if view.cycle else ""
-            self._line(f"{clock(view.time_s):>6}  {view.words}{cycle}, {signed(view.torque_nm, 1)} N·m")
+            self.say(f"{clock(view.time_s):>6}  {view.words}{cycle}, {signed(view.torque_nm, 1)} N·m")
         self._last = view.state
         if self._say_alarms:
             for word, texts in (("ALARM", view.alarms), ("note", view.notes)):
@@ -100,10 +107,6 @@ class Progress:
                     if text not in self._said:
                         self._said.add(text)
                         self.say(f"{word}  {text}")
-
-    def _line(self, text: str) -> None:
-        self._stream.write(text + "\n")
-        self._stream.flush()
 
 
 def progress_of(job: Job, serial: str, *, as_json: bool) -> Progress:

@@ -9,12 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from closed_pipe import read_by_nobody
 from lostmotion_command import ROOT, here
 from run_copies import desert
 from run_samples import as_recorded
 
 import station.records.ring.ring
 from station.bench.request import stored_job
+from station.cli.measure.resume import resume_run
 from station.records.ring.ring import create
 from station.records.run_record import RunRecord
 from station.records.samples.samples import check_samples
@@ -142,8 +144,29 @@ def test_a_run_that_has_ended_is_concluded_with_its_report_once(run: RunRecord, 
     ran = here("resume", str(run.folder), "--report", "--json")
     assert ran.json["state"] == "complete"
     made = {name: (run.folder / name).stat().st_mtime_ns for name in (*MADE_AT_THE_END, "log.jsonl")}
-    assert here("resume", str(run.folder), "--report", "--json").json == ran.json
+    again = here("resume", str(run.folder), "--report", "--json")
+    assert again.json == ran.json
+    assert "concluded before" in again.err
     assert made == {name: (run.folder / name).stat().st_mtime_ns for name in made}
+
+
+def test_a_result_that_nobody_reads_is_stored_and_reported_all_the_same(
+    run: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without_reports(run)
+    report = {"state": "finished", "written": run.records(), "lost": 0, "realtime": {"details": {}}}
+    desert(run, ring=tmp_path / "gone", report=report)
+    with monkeypatch.context() as patched, read_by_nobody() as stream:
+        patched.setattr("sys.stdout", stream)
+        with pytest.raises(BrokenPipeError):
+            resume_run(str(run.folder), run.folder.parent, as_json=True, report=True)
+    assert all((run.folder / name).stat().st_size for name in MADE_AT_THE_END)
+
+
+def test_nothing_is_recovered_after_virtual_time(run: RunRecord) -> None:
+    ran = here("recover", "--data", str(run.folder.parent))
+    assert ran.exit_code == 2
+    assert "virtual time, which leaves no bench behind" in ran.err
 
 
 def test_a_recipe_that_cannot_be_read_any_more_costs_the_screen_and_not_the_records(

@@ -4,6 +4,7 @@ import io
 from dataclasses import replace
 
 import pytest
+from closed_pipe import read_by_nobody
 from hypothesis import given
 from hypothesis import strategies as st
 from made_documents import alarm, metric, result
@@ -22,7 +23,7 @@ from station.reports.metric_sides import all_rows, judging_rows
 from station.reports.result_text import limits_text, metric_name, number, uncertainty_text
 from station.reports.result_view import alarm_lines
 from station.run.screen.live import LiveReader, LiveView, alarm_texts
-from station.run.screen.progress import STATE_COLOURS, clock, panel, signed
+from station.run.screen.progress import STATE_COLOURS, Progress, clock, panel, signed
 
 
 def test_every_state_has_words_and_a_colour() -> None:
@@ -42,6 +43,13 @@ def test_the_panel_shows_state_torque_cycle_and_alarms(state: State) -> None:
     text = stream.getvalue()
     for part in (state.name.replace("_", " "), "−123.4 N·m", "+1.250 ′", "2 of 3", "1:15", "Guard opened"):
         assert part in text
+
+
+def test_a_run_does_not_end_with_the_pipe_that_shows_it() -> None:
+    job = load_job("rv-40e-121-quick", None)
+    with read_by_nobody() as stream, Progress(LiveReader(job.program, angle_out=True), "SN1", stream) as progress:
+        progress.say("SN1")
+        progress.show(pack((0, 0, 0, 0), IMAGE, ORDERS))
 
 
 @given(value=st.floats(min_value=1e-6, max_value=1e9))

@@ -1,23 +1,20 @@
 """The interlocks: conditions that are looked at in every scan, in the states where they mean something.
 
-One row per interlock: the fault it raises (`definitions.faults` holds reaction and wording, `controller.debounce` how
-long a condition must hold), and the states in which it is live. Whether its condition is present says
-`controller.conditions`, by the fault's bit. Conditions are debounced in one place, here.
+Each is a row of `definitions.faults` with its states. Whether its condition is present says `controller.beyond_limits`
+where a channel is held against a limit of the row, and `controller.conditions` for the others, by the fault's bit.
+Conditions are debounced in one place, here.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from controller.beyond_limits import BeyondLimits
 from controller.conditions import Measured, present
 from controller.debounce import debounce_scans, leaks
-from definitions.faults import FAULT_BY_ID, bit_of
+from definitions.faults import FAULT_BY_ID, FAULTS, bit_of
 from definitions.image import Image, State
 from definitions.program import Program
-from definitions.states import LOADED, LOCKED, RUNNING
-
-S = State
-_ALWAYS = RUNNING | {S.FAULT}
 
 
 class Interlock(NamedTuple):
@@ -27,43 +24,7 @@ class Interlock(NamedTuple):
     live_in: frozenset[State]
 
 
-INTERLOCKS: tuple[Interlock, ...] = (
-    Interlock("estop", _ALWAYS),
-    Interlock("guard_open", _ALWAYS),
-    Interlock("operator_quick_stop", _ALWAYS | {S.IDLE}),
-    Interlock("can_lost", _ALWAYS),
-    Interlock("drive_heartbeat_lost", _ALWAYS),
-    Interlock("drive_data_stale", _ALWAYS),
-    Interlock("amplifier_lost", _ALWAYS),
-    Interlock("sample_stale", _ALWAYS),
-    Interlock("sample_frozen", RUNNING),
-    Interlock("brake_link_lost", _ALWAYS),
-    Interlock("remote_io_lost", _ALWAYS),
-    Interlock("drive_fault", _ALWAYS),
-    Interlock("drive_emergency", _ALWAYS),
-    Interlock("drive_dropped_out", RUNNING),
-    Interlock("drive_mode_refused", RUNNING),
-    Interlock("drive_internal_limit", RUNNING),
-    Interlock("torque_out_trip", _ALWAYS),
-    Interlock("torque_in_trip", _ALWAYS),
-    Interlock("torque_out_alarm", LOADED),
-    Interlock("overspeed", _ALWAYS),
-    Interlock("over_travel", _ALWAYS),
-    Interlock("lock_slip", LOCKED),
-    Interlock("brake_current_lost", LOCKED | {S.FAULT}),
-    Interlock("housing_temperature", _ALWAYS),
-    Interlock("missed_periods", RUNNING),
-    Interlock("sensor_not_a_number", _ALWAYS),
-    Interlock("sensor_saturated", _ALWAYS),
-    Interlock("torque_channels_disagree", LOCKED | {S.RELEASE, S.FAULT}),
-    # not in FAULT, nor on the way back (`angles_compared`): a torque goes to zero there, by torque sensors that watch
-    # each other, and a dead angle sensor must not stand against it
-    Interlock("angle_channels_disagree", LOCKED),
-    Interlock("brake_stays_closed", frozenset({S.HOME})),
-    Interlock("sample_late", LOADED),
-    Interlock("sample_not_ready", _ALWAYS),
-    Interlock("drive_not_following", LOADED | {S.UNLOAD}),
-)
+INTERLOCKS: tuple[Interlock, ...] = tuple(Interlock(fault.id, fault.live_in) for fault in FAULTS if fault.live_in)
 
 RAISED_BY_STEPS: frozenset[str] = frozenset(
     {
@@ -101,6 +62,7 @@ class Watch:
     def __init__(self, program: Program) -> None:
         self._program = program
         self._limits = program.limits
+        self._beyond_limits = BeyondLimits(program.limits)
         faults = [FAULT_BY_ID[row.fault] for row in INTERLOCKS]
         self._live = {state: sum(bit_of(row.fault) for row in INTERLOCKS if state in row.live_in) for state in State}
         self._rows = {f.number: Debounced(debounce_scans(f, program), int(f.reaction)) for f in faults}
@@ -112,7 +74,8 @@ class Watch:
 
     def look(self, image: Image, measured: Measured, state: State) -> int:
         """Evaluate the live interlocks; the strongest reaction of all active ones (`Reaction` as int)."""
-        found = present(image, measured, self._limits, self._program) & self._live[state]
+        found = present(image, measured, self._limits, self._program) | self._beyond_limits.present(image, measured)
+        found &= self._live[state]
         if found:
             return self._weigh(found)
         # the usual scan: no condition is present, so nothing counts

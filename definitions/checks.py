@@ -8,16 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from definitions.units import FRACTION, LOSS, NUMBER, SAMPLES, SCANS, TEMPERATURE, TEMPERATURE_CHANGE, Kind
-
-
-class Range(NamedTuple):
-    """Limits that a recipe may set, in the unit of the check."""
-
-    least: float
-    most: float
-    beyond_least: bool = False
-    """The least value itself is not allowed."""
+from definitions.units import FRACTION, LOSS, NUMBER, SAMPLES, SCANS, TEMPERATURE, TEMPERATURE_CHANGE, Kind, Range
 
 
 class Check(NamedTuple):

@@ -7,8 +7,10 @@ never from the sign of a noisy difference.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
+from typing import TYPE_CHECKING, Any
 
+from definitions.faults import LIMITS
 from definitions.image import State
 
 
@@ -51,34 +53,43 @@ ROLES: dict[str, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """Interlock limits in SI units; ages and times in scans. `inf` only where a sensor is absent.
+class OtherLimits:
+    """Limits that no single option of a recipe's `interlocks` gives: half an age, a step's, the bench's, and budgets.
 
     `angle_agreement_rad` and `coupling_rad_per_nm` are at the loaded shaft: how far drive and angle sensor may differ
     at rest, and what the coupling between them adds to that under torque.
     """
 
-    torque_out_alarm_nm: float
-    torque_out_trip_nm: float
-    torque_in_trip_nm: float
-    speed_rad_s: float
-    travel_rad: float
-    lock_slip_rad: float
     lock_proof_motion_rad: float
-    housing_temperature_c: float
     sample_late_scans: int
-    sample_stale_scans: int
-    drive_stale_scans: int
-    heartbeat_scans: int
-    io_stale_scans: int
-    brake_stale_scans: int
-    missed_in_a_row: int
-    internal_limit_scans: int
     torque_agreement_nm: float
     torque_agreement_ratio: float
     angle_agreement_rad: float
     angle_lag_scans: float
     coupling_rad_per_nm: float
+
+
+if TYPE_CHECKING:
+
+    class Limits(OtherLimits):
+        """What `make_dataclass` below makes, for the type checker, which cannot know the rows."""
+
+        def __init__(self, **limits: float) -> None: ...
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    Limits = make_dataclass(
+        "Limits",
+        [(limit.in_program, int if limit.whole else float) for limit in LIMITS],
+        bases=(OtherLimits,),
+        namespace={
+            "__module__": __name__,
+            "__doc__": "Interlock limits in SI units, those of the fault table and the others; ages and times in scans."
+            " `inf` only where a sensor is absent.",
+        },
+        frozen=True,
+        slots=True,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,15 @@ class Kind(NamedTuple):
         return self.name.split(" ", 1)[1]
 
 
+class Range(NamedTuple):
+    """Values that an option may have, in the unit for people."""
+
+    least: float
+    most: float
+    beyond_least: bool = False
+    """The least value itself is not allowed."""
+
+
 TORQUE = Kind("a torque", "N*m", "N·m", "412 N·m")
 TORQUE_RATE = Kind("a torque rate", "N*m/s", "N·m/s", "60 N·m/s")
 STIFFNESS = Kind("a stiffness", "N*m/arcmin", "N·m/arcmin", "27.6 N·m/arcmin")

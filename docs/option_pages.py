@@ -28,11 +28,11 @@ from recipes.schema.calibration_schema import (
     FixtureParts,
     QuadrantLine,
 )
+from recipes.schema.interlock_schema import Interlocks
 from recipes.schema.metric_schema import MetricWanted
 from recipes.schema.recipe_schema import (
     Decision,
     Header,
-    Interlocks,
     LoadingTorqueRatio,
     Measurement,
     Sampling,

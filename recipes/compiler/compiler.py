@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
+from definitions.faults import LIMITS, Limit
 from definitions.program import Limits, Lock, Program, Tare, TorqueControl
 from recipes import Bench, Recipe
 from recipes.compiler.budgets import budget
@@ -30,24 +31,15 @@ def _limits(recipe: Recipe, bench: Bench, period_s: float) -> Limits:
     def scans(seconds: float) -> int:
         return max(1, round(seconds / period_s))
 
+    def limit(row: Limit) -> float:
+        asked: float = getattr(interlocks, row.option)
+        return scans(asked) if row.in_scans else asked
+
     return Limits(
-        torque_out_alarm_nm=interlocks.torque_out_alarm_nm,
-        torque_out_trip_nm=interlocks.torque_out_trip_nm,
-        torque_in_trip_nm=interlocks.torque_in_trip_nm,
-        speed_rad_s=interlocks.speed_rad_s,
-        travel_rad=interlocks.travel_rad,
-        lock_slip_rad=interlocks.lock_slip_rad,
+        **{row.in_program: limit(row) for row in LIMITS},
         lock_proof_motion_rad=lock.max_motion_rad,
-        housing_temperature_c=interlocks.housing_temperature_c,
         # held up at half of what trips: a short hiccup pauses the ramp, a long one stops it
         sample_late_scans=max(2, scans(interlocks.sample_age_s) // 2),
-        sample_stale_scans=scans(interlocks.sample_age_s),
-        drive_stale_scans=scans(interlocks.drive_age_s),
-        heartbeat_scans=scans(interlocks.drive_heartbeat_s),
-        io_stale_scans=scans(interlocks.io_age_s),
-        brake_stale_scans=scans(interlocks.brake_age_s),
-        missed_in_a_row=interlocks.missed_in_a_row,
-        internal_limit_scans=scans(interlocks.internal_limit_s),
         torque_agreement_nm=budget("agreement_of_rated") * rated_nm,
         torque_agreement_ratio=budget("agreement_ratio"),
         angle_agreement_rad=drive.angle_agreement_rad if angle else math.inf,

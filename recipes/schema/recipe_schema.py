@@ -8,6 +8,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 
 from definitions.method import ONE_SIDED_95, DecisionRule, Loading, OutputTorque
 from definitions.units import TORQUE
+from recipes.schema.interlock_schema import Interlocks
 from recipes.schema.metric_presets import PRESETS
 from recipes.schema.metric_schema import MetricWanted, PresetName, preset_metrics
 from recipes.schema.sequence_schema import Step
@@ -23,16 +24,11 @@ from recipes.text.section import (
     Revision,
     Section,
     SignedTorque,
-    SmallAngle,
-    Speed,
     Stiffness,
-    Temperature,
     Text,
     Torque,
     TorqueOfRated,
     TorqueOfReference,
-    TorqueSlope,
-    Travel,
     refusal,
 )
 
@@ -112,34 +108,6 @@ class Sampling(Section):
     def period_s(self) -> float:
         """Scan period [s]."""
         return self.period_ns * 1e-9
-
-
-class Interlocks(Section):
-    """Limits that are watched in every scan."""
-
-    torque_out_alarm_nm: TorqueOfRated
-    torque_out_trip_nm: TorqueOfRated
-    torque_in_trip_nm: Torque
-    speed_rad_s: Speed
-    travel_rad: Travel
-    lock_slip_rad: SmallAngle
-    housing_temperature_c: Temperature
-    sample_age_s: Age = 0.02
-    drive_age_s: Age = 0.02
-    io_age_s: Age = 0.1
-    brake_age_s: Age = 0.1
-    drive_heartbeat_s: Age = 0.1
-    missed_in_a_row: Annotated[int, Field(ge=1, le=1000)] = 40
-    internal_limit_s: Age = 0.05
-    torque_rate_nm_s: TorqueSlope | None = None
-
-    @model_validator(mode="after")
-    def _alarm_before_trip(self) -> Interlocks:
-        if self.torque_out_alarm_nm >= self.torque_out_trip_nm:
-            found = f"an alarm at {show(self.torque_out_alarm_nm, TORQUE)}"
-            allowed = f"an alarm below torque_out_trip, {show(self.torque_out_trip_nm, TORQUE)}"
-            raise refusal(found, allowed, "Lower the alarm or raise the trip.", at="torque_out_alarm")
-        return self
 
 
 class Decision(Section):

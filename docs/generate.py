@@ -21,6 +21,7 @@ from docs.option_pages import bench_options, recipe_options
 from docs.schemas import FILES, schema_of
 from drivers.servo_drive.cia402 import CONTROL_WORDS
 from recipes.compiler.budgets import BUDGETS
+from recipes.text.section import option_name
 from virtual_bench.faults.reactions import REACTIONS
 from virtual_bench.faults.vocabulary import FAULTS as INJECTED
 from virtual_bench.faults.vocabulary import NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES, on_the_wire
@@ -71,6 +72,7 @@ def faults() -> str:
             f.number,
             f"`{f.id}`",
             f.reaction.name.lower(),
+            f"`{option_name(f.limit.option)}`" if f.limit else "",
             debounce_text(f),
             f"{f.text}. {f.cause}.",
             f.next_action,
@@ -78,11 +80,12 @@ def faults() -> str:
         )
         for f in FAULTS
     )
-    head = ("no.", "fault", "reaction", "debounce", "what happened and why", "what to do", "watched in")
+    head = ("no.", "fault", "reaction", "limit", "debounce", "what happened and why", "what to do", "watched in")
     return (
         "# Faults\n\n" + NOTE + "\nReactions by severity: warn < hold < unload < quick stop < power off; the strongest of all"
         " active faults wins. From unload upwards a fault is latched: it stays until its cause is gone **and** a person has"
-        " acknowledged it and asked for the reset.\n\nA debounce in scans starts anew with the first good scan. One in time"
+        " acknowledged it and asked for the reset.\n\nA limit is the option of that name in the recipe's section"
+        " `interlocks`.\n\nA debounce in scans starts anew with the first good scan. One in time"
         " counts up with each bad scan and down with each good one, so that what is wrong most of the time is seen too;"
         " only `sample_frozen` starts anew, for one new sample disproves it.\n\n" + table(head, rows)
     )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from definitions.faults import LIMITS as TABLE
 from definitions.image import State
 from definitions.program import Limits, Lock, Program, Segment, Tare, TorqueControl
 
@@ -32,7 +33,15 @@ ROWS: tuple[tuple[State, str, int, int, float, float, float, float, int], ...] =
     (S.UNLOAD, "unload", -1, 0, PEAK_NM, 0.0, 800.0, 0.0, 0),
 )
 
-LIMITS = Limits(
+
+def limits(**given: float) -> Limits:
+    """Limits of a program; those that a recipe may leave out are the table's, at a period of 1 ms, unless given."""
+    rows = ((row, row.default) for row in TABLE if row.default is not None)
+    left_out = {row.in_program: round(default * 1000) if row.in_scans else default for row, default in rows}
+    return Limits(**left_out | given)
+
+
+LIMITS = limits(
     torque_out_alarm_nm=470.0,
     torque_out_trip_nm=494.0,
     torque_in_trip_nm=5.4,

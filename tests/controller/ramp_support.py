@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from functools import cache
 
-from programs import short_program
+from programs import LIMITS, short_program
 from timeline import Timeline
 
+from controller.conditions import Measured
+from definitions.faults import FAULTS
 from definitions.image import (
     AGE_NEVER,
     DriveCommand,
@@ -21,16 +23,20 @@ from definitions.image import (
 S = State
 
 
+# The limits that hold for a channel of the image, as it came: one more than each.
+OF_THE_IMAGE: dict[str, dict[str, float]] = {
+    fault.id: {fault.limit.channel: getattr(LIMITS, fault.limit.in_program) + 1}
+    for fault in FAULTS
+    if fault.limit and fault.limit.channel and fault.limit.channel not in Measured.__slots__
+}
+
 # fault -> what the image shows; the condition is put on in the middle of a ramp with about +200 N·m on the unit
-SHOWN: dict[str, dict[str, float]] = {
+SHOWN: dict[str, dict[str, float]] = OF_THE_IMAGE | {
     "estop": {"estop_released": 0},
     "guard_open": {"guard_closed": 0},
     "operator_quick_stop": {},
     "can_lost": {"links_lost": Link.CAN},
-    "drive_heartbeat_lost": {"drive_heartbeat_age_scans": 101},
-    "drive_data_stale": {"drive_age_scans": 11},
     "amplifier_lost": {"links_lost": Link.AMPLIFIER},
-    "sample_stale": {"sample_age_scans": 11},
     "sample_late": {"sample_age_scans": 6},
     "sample_frozen": {"sample_counter": 7},
     "brake_link_lost": {"brake_age_scans": AGE_NEVER},
@@ -47,8 +53,6 @@ SHOWN: dict[str, dict[str, float]] = {
     "over_travel": {"angle_in_rad": 1.2},
     "lock_slip": {"angle_out_rad": 1e-3},
     "brake_current_lost": {"brake_current_a": 5.0},
-    "housing_temperature": {"housing_temp_c": 61.0},
-    "missed_periods": {"missed_periods": 21},
     "sensor_not_a_number": {"torque_out_nm": math.nan},
     "sensor_saturated": {"sample_status": SampleStatus.TORQUE_OUT_SATURATED},
     "torque_channels_disagree": {"torque_in_nm": 0.0, "torque_out_nm": 400.0},

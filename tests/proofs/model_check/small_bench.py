@@ -11,9 +11,10 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from bench_model import READY
+from programs import limits
 
 from definitions.image import Command, DriveCommand, DriveMode, DriveState, Image, Orders, State
-from definitions.program import Limits, Lock, Program, Segment, Tare, TorqueControl
+from definitions.program import Lock, Program, Segment, Tare, TorqueControl
 
 S, D, C = State, DriveState, DriveCommand
 PROOF_NM, PEAK_NM, TORQUE_LIMIT_NM, SLEW_NM, RELEASE_NM, WILD_NM = 1.0, 2.0, 2.0, 1.0, 1.0, 50.0
@@ -42,7 +43,7 @@ ROWS: tuple[tuple[State, str, int, float, float, int], ...] = (
     (S.REVERSE, "dwell", 0, PEAK_NM, PEAK_NM, 1),
     (S.UNLOAD, "unload", -1, PEAK_NM, 0.0, 0),
 )
-LIMITS = Limits(
+LIMITS = limits(
     torque_out_alarm_nm=3.2, torque_out_trip_nm=4.2, torque_in_trip_nm=4.2, speed_rad_s=1.5, travel_rad=1.0,
     lock_slip_rad=0.2, lock_proof_motion_rad=0.1, housing_temperature_c=60.0, sample_late_scans=5,
     sample_stale_scans=10, drive_stale_scans=10, heartbeat_scans=100, io_stale_scans=100, brake_stale_scans=100,

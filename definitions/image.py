@@ -180,10 +180,10 @@ class Image:
     brake_current_a: Annotated[F64, "A", "measured current of the lock brake"]
     brake_on: Annotated[U8, "", "the brake supply's output is on"]
     brake_age_scans: Annotated[U16, "scans", "age of the brake's values"]
-    estop_released: Annotated[U8, "", "1 while the emergency stop chain is closed"]
-    guard_closed: Annotated[U8, "", "1 while the guard is closed"]
-    housing_temp_c: Annotated[F64, "°C", "temperature of the unit's housing"]
-    ambient_temp_c: Annotated[F64, "°C", "temperature of the room"]
+    estop_released: Annotated[U8, "", "1 while the emergency stop chain is closed", "remote_io"]
+    guard_closed: Annotated[U8, "", "1 while the guard is closed", "remote_io"]
+    housing_temp_c: Annotated[F64, "°C", "temperature of the unit's housing", "remote_io"]
+    ambient_temp_c: Annotated[F64, "°C", "temperature of the room", "remote_io"]
     io_age_scans: Annotated[U16, "scans", "age of the remote I/O's values"]
     links_lost: Annotated[U8, "", "Link bits of connections that are down"]
 
@@ -222,12 +222,17 @@ class Orders(NamedTuple):
     angle_out_zero_rad: Annotated[F64, "rad", "output angle at the reference, to be subtracted"]
 
 
-def _fields_of(kind: type) -> tuple[Field, ...]:
-    hints = get_type_hints(kind, include_extras=True)
-    return tuple(Field(name, *hint.__metadata__) for name, hint in hints.items() if name != "_fields")
+def _fields_of(kind: type, device: str = "") -> tuple[Field, ...]:
+    """Return the rows of a class, or those only that a device delivers: a row may name it behind its meaning."""
+    hints = get_type_hints(kind, include_extras=True).items()
+    rows = ((name, hint.__metadata__) for name, hint in hints if name != "_fields")
+    return tuple(Field(name, *told[:3]) for name, told in rows if not device or device in told[3:])
 
 
 IMAGE_FIELDS = _fields_of(Image)
+REMOTE_IO_FIELDS = _fields_of(Image, "remote_io")
+"""What the remote I/O delivers: drivers and virtual bench carry these fields by their names."""
+
 ORDERS_FIELDS = _fields_of(Orders)
 
 Image._fields = tuple(field.name for field in IMAGE_FIELDS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from definitions.first_image import first_image
-from definitions.image import AGE_NEVER, DriveState, Image, Link
+from definitions.image import AGE_NEVER, REMOTE_IO_FIELDS, DriveState, Image, Link
 from drivers.modbus.device import ModbusDevice
 from drivers.servo_drive.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
 from drivers.servo_drive.data_types import picker
@@ -24,7 +24,7 @@ SAMPLE = (
     "sample_status",
 )
 LOCK = ("brake_on", "brake_current_a")
-CONTACTS = ("estop_released", "guard_closed", "housing_temp_c", "ambient_temp_c")
+CONTACTS = tuple(field.name for field in REMOTE_IO_FIELDS)
 
 
 class WireImage:
@@ -127,8 +127,5 @@ class WireImage:
 
     def _take_contacts(self, values: list[float]) -> None:
         image, self._contacts = self._image, values
-        estop, guard, housing, ambient = self._contacts_of(values)
-        image.estop_released = 1 if estop else 0
-        image.guard_closed = 1 if guard else 0
-        image.housing_temp_c = float(housing)
-        image.ambient_temp_c = float(ambient)
+        for field, value in zip(REMOTE_IO_FIELDS, self._contacts_of(values), strict=True):
+            setattr(image, field.name, float(value) if field.format == "d" else 1 if value else 0)

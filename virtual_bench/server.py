@@ -34,6 +34,7 @@ from virtual_bench.faults.scenario import Scenario
 from virtual_bench.faults.schedule import Acted
 from virtual_bench.pace_port import PacePort
 from virtual_bench.physics.plant import Plant, warm_up
+from virtual_bench.slow_devices import remote_io_shows
 from virtual_bench.wires.python_can_port import PythonCanPort
 from virtual_bench.wires.slcan_server import SlcanServer
 from virtual_bench.wires.socketcand_server import SocketcandServer
@@ -254,14 +255,7 @@ class VirtualBench:
         self.plant.set_brake_current(values["brake_current_a"] if self._brake_on else 0.0)
 
     def _read_remote_io(self) -> dict[str, float]:
-        wires = self.drive.faults.wires
-        return {
-            "estop_released": wires.estop_released,
-            "guard_closed": wires.guard_closed,
-            "housing_temp_c": self.plant.housing_temp_c + wires.housing_offset_k,
-            "ambient_temp_c": self.plant.ambient_temp_c,
-            "life_counter": self._life_counter(),
-        }
+        return {**remote_io_shows(self.plant, self.drive.faults), "life_counter": self._life_counter()}
 
     def _life_counter(self) -> int:
         return self.plant.now_ns // DEVICE_CYCLE_NS & 0xFFFF

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from definitions.image import AGE_NEVER, Image, Link, Orders
+from definitions.image import AGE_NEVER, REMOTE_IO_FIELDS, Image, Link, Orders
 from virtual_bench.config import BenchConfig
 from virtual_bench.faults.injector import FaultInjector
 from virtual_bench.physics.plant import SAMPLE_US, Plant, Sample
@@ -20,6 +20,17 @@ LINKS: dict[str, int] = {
 }
 CURRENT_STEP_A = 1e-3
 TEMPERATURE_STEP_C = 0.1
+
+
+def remote_io_shows(plant: Plant, faults: FaultInjector) -> dict[str, float]:
+    """Return what contacts and sensors at the remote I/O show, by the names of the image."""
+    wires = faults.wires
+    return {
+        "estop_released": wires.estop_released,
+        "guard_closed": wires.guard_closed,
+        "housing_temp_c": plant.housing_temp_c + wires.housing_offset_k,
+        "ambient_temp_c": plant.ambient_temp_c,
+    }
 
 
 class Answer(NamedTuple):
@@ -131,17 +142,16 @@ class SlowDevices:
         self._image.brake_current_a, self._image.brake_on = values
         self.brake_scan = scan + 1
 
-    def _read_io(self) -> tuple[int, int, float, float]:
-        wires = self._faults.wires
-        housing_c = self._plant.housing_temp_c + wires.housing_offset_k
-        return (
-            int(wires.estop_released),
-            int(wires.guard_closed),
-            round(housing_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
-            round(self._plant.ambient_temp_c / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C,
-        )
+    def _read_io(self) -> dict[str, float]:
+        shown = remote_io_shows(self._plant, self._faults)
+        return {
+            field.name: round(shown[field.name] / TEMPERATURE_STEP_C) * TEMPERATURE_STEP_C
+            if field.unit == "°C"
+            else int(shown[field.name])
+            for field in REMOTE_IO_FIELDS
+        }
 
-    def _take_io(self, values: tuple[int, int, float, float], scan: int) -> None:
-        image = self._image
-        image.estop_released, image.guard_closed, image.housing_temp_c, image.ambient_temp_c = values
+    def _take_io(self, values: dict[str, float], scan: int) -> None:
+        for name, value in values.items():
+            setattr(self._image, name, value)
         self.io_scan = scan + 1

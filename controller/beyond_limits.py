@@ -1,11 +1,11 @@
 """Channels beyond their limits: the conditions that the fault table describes entirely, by a limit and a channel.
 
-Each scan compares all channels of a kind with their limits at once; which of them it was is asked only when one is.
+Each scan compares the magnitudes of all channels with their limits at once; which one it was, and whether its magnitude
+counts, is asked only when one is beyond.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from operator import attrgetter, gt
 from typing import Any, NamedTuple
 
@@ -30,16 +30,6 @@ class Channel(NamedTuple):
         return self.name not in Measured.__slots__
 
 
-class Group(NamedTuple):
-    """Channels that are compared at once: of one object, and all by magnitude or none."""
-
-    of_image: bool
-    by_magnitude: bool
-    channels: tuple[Channel, ...]
-    limits: tuple[float, ...]
-    values: Callable[[object], tuple[Any, ...]]
-
-
 class BeyondLimits:
     """The channels of the fault table's limits against the limits of a program."""
 
@@ -49,30 +39,30 @@ class BeyondLimits:
             for fault in FAULTS
             if fault.limit and fault.limit.channel
         ]
-        kinds = sorted({(one.of_image, one.beyond is Beyond.MAGNITUDE) for one in channels})
-        self._groups = tuple(_group(kind, channels) for kind in kinds)
+        self._of_image = tuple(one for one in channels if one.of_image)
+        self._measured = tuple(one for one in channels if not one.of_image)
+        self._image_limits = tuple(one.limit for one in self._of_image)
+        self._measured_limits = tuple(one.limit for one in self._measured)
+        self._image_values = attrgetter(*(one.name for one in self._of_image))
+        self._measured_values = attrgetter(*(one.name for one in self._measured))
 
     def present(self, image: Image, measured: Measured) -> int:
         """Return the bits of the faults whose channel is beyond its limit, whether an interlock is live or not."""
+        # A magnitude is no smaller than the value or the age that counts: where none is beyond, nothing is looked at.
         bits = 0
-        for of_image, by_magnitude, channels, limits, values_of in self._groups:
-            values = values_of(image if of_image else measured)
-            if any(map(gt, map(abs, values) if by_magnitude else values, limits)):
-                bits |= _beyond(channels, values, image)
+        values = self._image_values(image)
+        if any(map(gt, map(abs, values), self._image_limits)):
+            bits = _beyond(self._of_image, values, image)
+        values = self._measured_values(measured)
+        if any(map(gt, map(abs, values), self._measured_limits)):
+            bits |= _beyond(self._measured, values, image)
         return bits
-
-
-def _group(kind: tuple[bool, bool], channels: list[Channel]) -> Group:
-    mine = tuple(one for one in channels if (one.of_image, one.beyond is Beyond.MAGNITUDE) == kind)
-    names = [one.name for one in mine]
-    # the last one twice: the getter of a single name would return a value, no tuple; comparing ends with the limits
-    return Group(*kind, mine, tuple(one.limit for one in mine), attrgetter(*names, names[-1]))
 
 
 def _beyond(channels: tuple[Channel, ...], values: tuple[Any, ...], image: Image) -> int:
     """Return the bits of those that are beyond their limits."""
     bits = 0
-    for channel, found in zip(channels, values, strict=False):
+    for channel, found in zip(channels, values, strict=True):
         value = found
         if channel.beyond is Beyond.MAGNITUDE:
             value = abs(found)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from analysis.line.capability import MOVING_RANGE
 from analysis.line.samples import checked_level, checked_row
@@ -90,12 +90,12 @@ def master_part_trend(
     sd = float(np.abs(np.diff(row[:baseline])).mean()) / MOVING_RANGE
     if not sd > 0.0:
         raise AnalysisError("master part: the baseline never changes; are the values rounded too far?")
-    line = stats.linregress(when - when[0], row)
-    p = float(line.pvalue) if math.isfinite(float(line.pvalue)) else 0.0
-    reach = sd * math.sqrt(1.0 + 1.0 / baseline) * float(stats.t.ppf(INSIDE_ONE_SIDE, 0.62 * (baseline - 1)))
+    slope, u_slope = _line(when, row)
+    p = 2.0 * float(special.stdtr(row.size - 2, -abs(slope) / u_slope)) if u_slope > 0.0 else float(slope == 0.0)
+    reach = sd * math.sqrt(1.0 + 1.0 / baseline) * float(special.stdtrit(0.62 * (baseline - 1), INSIDE_ONE_SIDE))
     signals = _signals(row, centre, reach)
     if p < 1.0 - level:
-        signals.append(Signal("trend", row.size, f"drifts by {line.slope:.3g} per day: look for what wears or creeps"))
+        signals.append(Signal("trend", row.size, f"drifts by {slope:.3g} per day: look for what wears or creeps"))
     bias = u_bias = None
     if reference is not None:
         certified, u_certified = reference
@@ -107,13 +107,21 @@ def master_part_trend(
         centre=centre,
         low_limit=centre - reach,
         high_limit=centre + reach,
-        slope_per_day=float(line.slope),
-        u_slope_per_day=float(line.stderr),
+        slope_per_day=slope,
+        u_slope_per_day=u_slope,
         p_no_trend=p,
         bias=bias,
         u_bias_expanded=u_bias,
         signals=tuple(signals),
     )
+
+
+def _line(when: FloatArray, row: FloatArray) -> tuple[float, float]:
+    """Return slope and standard uncertainty of the line by ordinary least squares."""
+    x, y = when - when.mean(), row - row.mean()
+    spread = float(np.square(x).sum())
+    slope = float((x * y).sum()) / spread
+    return slope, math.sqrt(float(np.square(y - slope * x).sum()) / (row.size - 2) / spread)
 
 
 def _signals(row: FloatArray, centre: float, reach: float) -> list[Signal]:

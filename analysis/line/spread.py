@@ -15,7 +15,7 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from analysis.line.samples import LARGEST, checked_level, checked_row
 from analysis.trace.errors import AnalysisError
@@ -102,7 +102,7 @@ def unit_to_unit(by_unit: Mapping[str, Sequence[float] | FloatArray], level: flo
     means = np.add.reduceat(values, first) / sizes
     sd = float(means.std(ddof=1))
     freedom = means.size - 1
-    low, high = (sd * math.sqrt(freedom / stats.chi2.ppf(0.5 + sign * 0.5 * level, freedom)) for sign in (1, -1))
+    low, high = (sd * math.sqrt(freedom / special.chdtri(freedom, 0.5 - sign * 0.5 * level)) for sign in (1, -1))
     within, between = _components(values, sizes, means)
     names = list(by_unit)
     distance = np.abs(means - np.median(means))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from analysis.line.samples import checked_level, checked_row
 from analysis.trace.errors import AnalysisError
@@ -79,8 +79,8 @@ def temperature_trend(
     residual = y - y.mean() - slope * (x - centre)
     sd = math.sqrt(float(np.square(residual).sum()) / (x.size - 2))
     u_slope = sd / math.sqrt(spread)
-    half = float(stats.t.ppf(0.5 + 0.5 * level, x.size - 2)) * u_slope
-    p = 2.0 * float(stats.t.sf(abs(slope) / u_slope, x.size - 2)) if u_slope > 0.0 else float(slope == 0.0)
+    half = float(special.stdtrit(x.size - 2, 0.5 + 0.5 * level)) * u_slope
+    p = 2.0 * float(special.stdtr(x.size - 2, -abs(slope) / u_slope)) if u_slope > 0.0 else float(slope == 0.0)
     return TemperatureTrend(
         slope_per_c=slope,
         u_slope_per_c=u_slope,

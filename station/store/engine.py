@@ -7,18 +7,22 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event, inspect, text
+from sqlalchemy import Column, Connection, Engine, MetaData, String, Table, create_engine, event, insert, inspect, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.pool import StaticPool
 
 from station.errors import StationError
 from station.store.places import StorePlace
+from station.store.tables import METADATA
 
 HEAD = "0001"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
 VERSIONS = "alembic_version"
+_VERSION = Table(VERSIONS, MetaData(), Column("version_num", String(32), primary_key=True))
+"""The table in which Alembic keeps the version of the others."""
+
 IN_MEMORY = "sqlite://"
 BUSY_S = 3.0
 """How long another writer, or a server that does not answer, is waited for."""
@@ -75,7 +79,10 @@ class Database:
             version = _version(connection)
             if version == HEAD:
                 return
-            _upgrade(connection, self.place, version)
+            if version is None:
+                _make_tables(connection)
+            else:
+                upgrade(connection, self.place, version)
 
 
 def _version(connection: Connection) -> str | None:
@@ -84,8 +91,21 @@ def _version(connection: Connection) -> str | None:
     return connection.execute(text(f"SELECT version_num FROM {VERSIONS}")).scalar()  # noqa: S608 - a constant
 
 
-def _upgrade(connection: Connection, place: StorePlace, version: str | None) -> None:
-    # Here, because only a store that is new or older than the program needs it.
+def _make_tables(connection: Connection) -> None:
+    """Make the tables of a new store as they are now; a table that is there already is an error, and not taken over."""
+    METADATA.create_all(connection, checkfirst=False)
+    _VERSION.create(connection)
+    connection.execute(insert(_VERSION).values(version_num=HEAD))
+
+
+def upgrade(connection: Connection, place: StorePlace, version: str | None) -> None:
+    """Take the tables of an older version, None for no tables at all, through all migrations to this version.
+
+    Raises:
+        StoreError: the version is not known here.
+
+    """
+    # Here, because only a store that is older than the program needs it, and loading it takes a third of a second.
     from alembic import command  # noqa: PLC0415
     from alembic.config import Config  # noqa: PLC0415
     from alembic.script import ScriptDirectory  # noqa: PLC0415

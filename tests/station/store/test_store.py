@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from lostmotion_command import here
+from sqlalchemy import Connection, inspect, text
 from station_samples import SETUP
 from stored_runs import metric, store_lot, store_run
 
@@ -26,7 +27,7 @@ from station.records.chain.chain_file import CHAIN, Chain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.store import tables
-from station.store.engine import HEAD, Database, StoreError
+from station.store.engine import HEAD, VERSIONS, Database, StoreError, upgrade
 from station.store.outbox import catch_up, rebuild
 from station.store.places import FILE, STORE_URL, StorePlace, network_type, store_place
 from station.store.table_counts import all_rows, behind, counts
@@ -303,17 +304,48 @@ def test_a_store_of_a_newer_version_is_left_as_it_is(plain: Path) -> None:
     assert len(stored_values(plain, ASK).values) == 6
 
 
-def test_the_migrations_make_the_tables(store_url: str | None, tmp_path: Path) -> None:
+def test_the_migrations_make_the_tables_of_a_new_store(store_url: str | None, tmp_path: Path) -> None:
     from alembic.autogenerate import compare_metadata  # noqa: PLC0415 - for this test alone
     from alembic.migration import MigrationContext  # noqa: PLC0415
 
+    def differences(connection: Connection) -> list[Any]:
+        return compare_metadata(MigrationContext.configure(connection), tables.METADATA)
+
     place = StorePlace(f"sqlite:///{tmp_path / 'x'}") if store_url is None else store_place(tmp_path)
     database = Database(place)
-    with database.reading() as connection:
-        assert compare_metadata(MigrationContext.configure(connection), tables.METADATA) == []
+    with database.writing() as connection:
+        assert differences(connection) == []
+        new = _as_made(connection)
+        tables.METADATA.drop_all(connection)
+        connection.execute(text(f"DROP TABLE {VERSIONS}"))
+        upgrade(connection, place, None)
+        assert differences(connection) == []
+        assert _as_made(connection) == new
+        assert MigrationContext.configure(connection).get_current_heads() == (HEAD,)
     database.close()
     folder = Path(station.store.migrations.versions.__file__).parent
     assert max(path.stem[1:5] for path in folder.glob("v*.py")) == HEAD
+
+
+def test_a_table_that_is_there_without_a_version_is_not_taken_over(plain: Path) -> None:
+    with sqlite3.connect(plain / FILE) as connection:
+        connection.execute("CREATE TABLE runs (chain TEXT)")
+    with pytest.raises(StoreError, match="runs"):
+        opened(plain)
+
+
+def _as_made(connection: Connection) -> dict[str, Any]:
+    """Return all tables as the database sees them, with their keys, indexes and options."""
+    look = inspect(connection)
+    kinds = ["columns", "pk_constraint", "indexes"]
+    if connection.dialect.name == "sqlite":
+        kinds.append("table_options")  # without row ids; PostgreSQL has none to tell
+    whole = [getattr(look, f"get_multi_{kind}")() for kind in kinds]
+    return {name: [_shown(kind[key]) for kind in whole] for key in whole[0] if (name := key[1]) != VERSIONS}
+
+
+def _shown(found: Any) -> Any:
+    return sorted(map(str, found)) if isinstance(found, list) else str(found)
 
 
 MOUNT_LINES = """\

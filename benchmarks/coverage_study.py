@@ -13,10 +13,10 @@ import time
 from dataclasses import replace
 
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.coverage import CoverageRow, coverage, simulated_pairs
-from analysis.studies.simulated_run import SimulatedBench
 from analysis.uncertainty.distributions import STATED_BY
 from analysis.uncertainty.figures import SensorFigures, StatedBy
+from benchmarks.simulated.coverage import CoverageRow, coverage, simulated_pairs
+from benchmarks.simulated.simulated_run import SimulatedBench
 from definitions.metrics import METRICS
 from recipes import load_bench
 from station.bench.figures import figures_of

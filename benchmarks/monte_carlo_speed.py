@@ -8,8 +8,8 @@ import numpy as np
 
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.simulated_run import SimulatedBench, course_of, measured_trace
-from analysis.studies.simulated_unit import SimulatedUnit
+from benchmarks.simulated.simulated_run import SimulatedBench, course_of, measured_trace
+from benchmarks.simulated.simulated_unit import SimulatedUnit
 from definitions.metrics import METRICS
 from recipes import load_bench
 from station.bench.figures import figures_of

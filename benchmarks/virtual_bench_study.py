@@ -17,9 +17,9 @@ from pathlib import Path
 
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import MetricWanted
-from analysis.studies.coverage import Pair, coverage
 from analysis.trace.trace import Trace
 from benchmarks.coverage_study import HEAD, line, wanted
+from benchmarks.simulated.coverage import Pair, coverage
 from controller.controller import Controller
 from definitions.image import State
 from station.bench.assemble_virtual import choose_unit, virtual_config

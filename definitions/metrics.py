@@ -248,7 +248,7 @@ _ROWS = (
     ),
     Metric(
         "stiffness_50_100", "K_50", "Stiffness (secant, 50–100 % T_r)", STIFFNESS,
-        "secant between 50 % and 100 % of the reference torque on the chosen branch",
+        "secant between 50 % and 100 % of the reference torque on the chosen branch, as measured",
         "Nabtesco, general practice", SOFT, CATALOGUE,
         sides=SIDED, branches=BRANCHES, estimator="secant", reach=1.0,
     ),
@@ -296,8 +296,8 @@ _ROWS = (
     ),
     Metric(
         "asymmetry_at_rated", "A", "Asymmetry of the sides at T_r", ARCSECONDS,
-        "half the difference in wind-up of the two sides at the reference torque: |m(+T) + m(−T) − 2 m(0)| / 2; not "
-        "the transmission error, which needs rotation",
+        "half the difference in wind-up of the two sides at the reference torque: |m(+T) + m(−T) − 2 m(0)| / 2, as "
+        "measured; not the transmission error, which needs rotation",
         "static testing, there called transmission accuracy",
         Bad("high", "the two sides differ less than expected", "one side winds up more than the other"),
         Usual(1.0, 600.0),

@@ -11,7 +11,7 @@ The same loop gives different numbers under the same word, so the definition is 
 and `lostmotion metrics` give it beside the value, with the branch, the estimator, its break torques and the cycles.
 
 T is the torque at the output, T_r the reference torque, f(T) the forward branch (torque rising), r(T) the return branch (torque falling), and
-m(T) = (f + r) / 2 the centreline, all as measured; F(T) is the centreline as fitted. Loading on the positive side is f,
+m(T) = (f + r) / 2 the centreline, all as measured, next to a turn too; F(T) is the centreline as fitted. Loading on the positive side is f,
 on the negative side r. A recipe chooses with `branch`, `side`, `torque`, `band`, `variant` and `fit`; the first of the
 names below is taken when it says nothing.
 
@@ -20,6 +20,15 @@ FIT_WORDS = """`fit` chooses the curve for metrics that read one. With `branch: 
 of that branch alone. Near the rated torque the fits differ on one and the same loop: the spring constant of unit
 P1, loaded to ±480 N·m without noise, reads 115.17, 115.75 and 109.28 N·m/arcmin by the three fits; the unit's elastic
 stiffness there is 109.34.
+
+"""
+REVERSAL_WORDS = """After a turn the friction of the unit goes over to the other side, and one branch is steeper there than the spring of
+the unit. What is read off the branches has that in it: a secant of `branch: mean` or `branch: unload` next to the turn
+is stiffer than that of the loading branch, the more the less the unit was loaded beyond the reference torque. Fits leave that
+stretch out: at most 2.25 times the friction torque of the loop, no more than 1.125 times the torque by which the loop shows its friction reversed,
+and less of it, down to nothing, where the branch does not leave its turn steeply. It grows without a step; the result
+says how long it is. U of a fitted metric has in it what finding the stretch costs, for it is found again in every loop that the
+budget moves.
 
 """
 PRESET_WORDS = """A preset asks for the definitions that belong together at one source. In a recipe, beside `metrics` or instead
@@ -80,7 +89,7 @@ def metrics() -> str:
     grades = ((row.grade, f"{row.most_arcmin:g} arcmin" if row.most_arcmin < 1e9 else "", row.text) for row in GRADES)
     return (
         "# Metrics\n\n" + NOTE + METRIC_WORDS + table(head, rows)
-        + "\n## Fits of the stiffness curve\n\n" + FIT_WORDS
+        + "\n## Fits of the stiffness curve\n\n" + FIT_WORDS + REVERSAL_WORDS
         + table(("fit", "what it does", "where it comes from"), ((f"`{k}`", f.text, f.source) for k, f in FITS.items()))
         + "\n## Presets\n\n" + PRESET_WORDS + table(preset_head, presets)
         + "\n## Precision grades\n\n" + GRADE_WORDS + table(("grade", "up to", "what it means"), grades)

@@ -23,8 +23,16 @@ from analysis.trace.units import FloatArray
 MIDDLE_OF_LOOP = (0.25, 0.75)
 """Share of the angle between the turning points over which the friction torque is read."""
 
-STEEP = 3.0
-"""A branch leaves its turn steeply when it is this much stiffer than the one that arrived, over twice the friction."""
+STEEP = (1.0 / 3.0, 2.0 / 3.0)
+"""By which share a branch leaves its turn steeper than the other arrived, until friction has reversed.
+
+From the first share on a part of the friction counts as reversing there, from the second on all of it."""
+
+REVERSED = 0.95
+"""Share of the height of the loop after a turn from which on friction counts as reversed."""
+
+DEPTHS = 65
+"""Torques after a turn at which the height of the loop is read."""
 
 Curve = MeanCurve | RegionCurve
 """What a fit makes of wind-up over torque."""
@@ -58,21 +66,37 @@ class Loop:
 
     @cached_property
     def exclusion_nm(self) -> tuple[float, float]:
-        """Torque in which friction still reverses after the turn at the negative and at the positive end, N·m.
+        """Torque after the turn at the negative and at the positive end that no fit sees, for friction reverses there.
 
-        Zero where the branch does not leave the turn steeply: the friction of that loop does not reverse there.
+        `method.reversal_exclusion` times the friction torque, or half of that times the torque by which the loop shows
+        it reversed, whichever is less. Less still where the branch does not leave its turn steeply, and zero where it
+        leaves it as it arrived: the friction of that loop does not reverse there. It grows without a step, so no small
+        change of a unit makes another fit. N·m.
         """
         return self._excluded(-1), self._excluded(1)
 
     def _excluded(self, end: int) -> float:
         leaving, arriving = (self.backward, self.forward) if end > 0 else (self.forward, self.backward)
         turn = float(leaving.torque_nm[-1 if end > 0 else 0])
-        span = min(2.0 * self.friction_nm, abs(turn) / 2.0)
-        inner = turn - end * span
+        stretch = min(2.0 * self.friction_nm, self._reversed_nm(leaving, arriving, turn, end))
+        inner = turn - end * min(stretch, abs(turn) / 2.0)
         arrived = abs(float(np.interp(turn, arriving.torque_nm, arriving.angle_arcmin)
                             - np.interp(inner, arriving.torque_nm, arriving.angle_arcmin)))  # fmt: skip
-        left = abs(self._measured(leaving, turn) - self._measured(leaving, inner))
-        return self.method.reversal_exclusion * self.friction_nm if arrived > STEEP * left else 0.0
+        left = abs(_at(leaving, turn) - _at(leaving, inner))
+        if not arrived > left:
+            return 0.0
+        low, high = STEEP
+        part = min(max((1.0 - left / arrived - low) / (high - low), 0.0), 1.0)
+        return part * self.method.reversal_exclusion / 2.0 * stretch
+
+    def _reversed_nm(self, leaving: Branch, arriving: Branch, turn_nm: float, end: int) -> float:
+        """Torque after a turn by which the height of the loop has come to `REVERSED` of what it comes to."""
+        depth = np.linspace(0.0, min(self.method.reversal_exclusion * self.friction_nm, abs(turn_nm)), DEPTHS)
+        torque = turn_nm - end * depth
+        angle = np.interp(torque, leaving.torque_nm, leaving.angle_arcmin)
+        there = np.interp(angle, np.maximum.accumulate(arriving.angle_arcmin), arriving.torque_nm)
+        height = np.maximum.accumulate(end * (there - torque))
+        return float(np.interp(REVERSED * height[-1], height, depth))
 
     @cached_property
     def fit(self) -> SixSegmentFit:
@@ -91,24 +115,16 @@ class Loop:
         return self.method.reference_nm
 
     def rising_at(self, torque_nm: float) -> float:
-        """f(T) [arcmin]; next to the turning point that the branch starts from, its fitted segment instead."""
-        if torque_nm < float(self.forward.torque_nm[0]) + self.exclusion_nm[0] and torque_nm < 0.0:
-            return self._fitted(torque_nm, self.fit.forward[0])
-        return self._measured(self.forward, torque_nm)
+        """f(T) [arcmin], as measured."""
+        return _at(self.forward, torque_nm)
 
     def falling_at(self, torque_nm: float) -> float:
-        """r(T) [arcmin]; next to the turning point that the branch starts from, its fitted segment instead."""
-        if torque_nm > float(self.backward.torque_nm[-1]) - self.exclusion_nm[1] and torque_nm > 0.0:
-            return self._fitted(torque_nm, self.fit.backward[2])
-        return self._measured(self.backward, torque_nm)
+        """r(T) [arcmin], as measured."""
+        return _at(self.backward, torque_nm)
 
     def mean_at(self, torque_nm: float) -> float:
-        """m(T) = (f + r) / 2 [arcmin]."""
+        """m(T) = (f + r) / 2 [arcmin], as measured: next to a turn it has in it what friction does there."""
         return (self.rising_at(torque_nm) + self.falling_at(torque_nm)) / 2.0
-
-    def raw_mean_at(self, torque_nm: float) -> float:
-        """m(T) [arcmin] of the branches as measured, next to the turning points too."""
-        return (self._measured(self.forward, torque_nm) + self._measured(self.backward, torque_nm)) / 2.0
 
     def branch_at(self, branch: str, side: int, torque_nm: float) -> float:
         """Wind-up [arcmin] at a torque >= 0 of one side, turned to that side: "load", "unload" or "mean" branch."""
@@ -129,16 +145,10 @@ class Loop:
         high = min(float(self.forward.torque_nm[-1]), float(self.backward.torque_nm[-1]))
         return _area(self.backward, low, high) - _area(self.forward, low, high)
 
-    def _measured(self, branch: Branch, torque_nm: float) -> float:
-        return float(branch.at(np.array([torque_nm]))[0])
 
-    def _fitted(self, torque_nm: float, segment: FloatArray) -> float:
-        if not self.method.break_nm <= abs(torque_nm) <= 1.05 * self.method.fit_nm:
-            raise AnalysisError(
-                f"at {torque_nm:.4g} N·m friction is still reversing ({max(self.exclusion_nm):.3g} N·m next to the "
-                "turning point are excluded); load the unit further beyond the torques that are evaluated"
-            )
-        return float(np.polynomial.polynomial.polyval(torque_nm, segment))
+def _at(branch: Branch, torque_nm: float) -> float:
+    """Wind-up [arcmin] of a branch at one torque."""
+    return float(branch.at(np.array([torque_nm]))[0])
 
 
 def _area(branch: Branch, low_nm: float, high_nm: float) -> float:
@@ -152,7 +162,9 @@ def reversal_record(loops: Sequence[Loop]) -> StageRecord:
     """Say how much torque after each turning point is taken from the fit."""
     first = loops[0]
     below, above = first.exclusion_nm
-    friction = f"{first.method.reversal_exclusion:g} × friction of {first.friction_nm:.3g} N·m where it reverses"
+    friction = (
+        f"at most {first.method.reversal_exclusion:g} × friction of {first.friction_nm:.3g} N·m where it reverses"
+    )
     text = (
         f"reversal: {below:.3g} N·m after the negative and {above:.3g} N·m after the positive turning point are taken "
         f"from the fit ({friction})"

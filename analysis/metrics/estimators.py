@@ -169,7 +169,7 @@ def spring_constant(loop: Loop, ask: Ask) -> float:
     end = loop.reference_nm + {"ending": 0.0, "centred": 0.5, "from": 1.0, "direct": 0.0}[ask.variant] * step
     torques = ask.side * np.array([end - step, end])
     if ask.variant == "direct":
-        angles = np.array([_measured(loop, ask, float(torque)) for torque in torques])
+        angles = np.array([ask.side * loop.branch_at(ask.branch, ask.side, float(abs(torque))) for torque in torques])
     else:
         angles = _curve(loop, ask).at(torques)
     return _ratio(ask.side * step, float(angles[1] - angles[0]))
@@ -179,7 +179,7 @@ def windup(loop: Loop, ask: Ask) -> float:
     """F(+T_r) − F(−T_r) of the fitted mean curve, arcmin; variant "direct": of the branches as measured."""
     torque = loop.reference_nm
     if ask.variant == "direct":
-        return loop.raw_mean_at(torque) - loop.raw_mean_at(-torque)
+        return loop.mean_at(torque) - loop.mean_at(-torque)
     low, high = _curve(loop, ask).at(np.array([-torque, torque]))
     return float(high - low)
 
@@ -198,14 +198,6 @@ def hysteresis_energy(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
 
 def _curve(loop: Loop, ask: Ask) -> Curve:
     return fitted_curve(loop, ask.fit, ask.branch, ask.side)
-
-
-def _measured(loop: Loop, ask: Ask, torque_nm: float) -> float:
-    """Wind-up of the branch or of the mean, as measured next to the turning points too."""
-    if ask.branch == "mean":
-        return loop.raw_mean_at(torque_nm)
-    branch = loop.forward if (ask.branch == "load") == (ask.side > 0) else loop.backward
-    return float(branch.at(np.array([torque_nm]))[0])
 
 
 def _ratio(torque_nm: float, angle_arcmin: float) -> float:

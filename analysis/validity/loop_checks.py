@@ -57,7 +57,7 @@ def _secant_nm_per_arcmin(loop: Loop, side: int) -> float | None:
     if not peak > 0.0 or not all(branch.covers(*sorted((side * low, side * high))) for branch in
                                  (loop.forward, loop.backward)):  # fmt: skip
         return None
-    way = side * (loop.raw_mean_at(side * high) - loop.raw_mean_at(side * low))
+    way = side * (loop.mean_at(side * high) - loop.mean_at(side * low))
     return (high - low) / way if way else math.inf
 
 

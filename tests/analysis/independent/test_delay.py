@@ -8,7 +8,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from loop_generator import (
+
+from analysis.evaluation.pipeline import Result, analyse
+from analysis.evaluation.verdict import Verdict
+from analysis.loop.method import Decision, MetricWanted
+from analysis.trace.trace import SegmentInfo, Trace
+from benchmarks.simulated.loop_generator import (
     KINDS,
     SOUND,
     Bench,
@@ -23,11 +28,6 @@ from loop_generator import (
     without_dwells,
     without_segments,
 )
-
-from analysis.evaluation.pipeline import Result, analyse
-from analysis.evaluation.verdict import Verdict
-from analysis.loop.method import Decision, MetricWanted
-from analysis.trace.trace import SegmentInfo, Trace
 
 RV40 = KINDS["RV-40E"]
 BENCH = Bench()

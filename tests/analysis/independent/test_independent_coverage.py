@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import defaultdict
 
 import numpy as np
-from loop_generator import KINDS, Bench, course_of, figures_of, measured, method_of, truth
 
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import MetricWanted
+from benchmarks.simulated.loop_generator import KINDS, Bench, course_of, figures_of, measured, method_of, truth
 
 WANTED = (
     MetricWanted("backlash_width_3pct", max=6.0),

@@ -9,13 +9,13 @@ from reference_unit import FIGURES, ReferenceUnit, bench_trace
 from analysis.evaluation.pipeline import analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.simulated_run import SimulatedBench, course_of
-from analysis.studies.simulated_unit import SimulatedUnit
 from analysis.torque_ratio.quadrant_fit import fit_quadrants
 from analysis.torque_ratio.quadrants import Quadrants, TorqueLine, output_torque
 from analysis.trace.errors import AnalysisError
 from analysis.trace.runs import commanded_runs
 from analysis.trace.trace import Trace
+from benchmarks.simulated.simulated_run import SimulatedBench, course_of
+from benchmarks.simulated.simulated_unit import SimulatedUnit
 
 METHOD = Method(ratio=121, rated_torque_nm=412, output_torque="calibrated")
 WANTED = [

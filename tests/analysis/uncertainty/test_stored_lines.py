@@ -8,13 +8,13 @@ from reference_unit import FIGURES, ReferenceUnit, bench_trace
 
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.coverage import coverage, simulated_pairs
-from analysis.studies.simulated_run import SimulatedBench
 from analysis.torque_ratio.quadrant_fit import fit_quadrants
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.runs import commanded_runs
 from analysis.uncertainty.figures import LineCovariance, UnitDeviation
 from analysis.uncertainty.scatter import student_factor
+from benchmarks.simulated.coverage import coverage, simulated_pairs
+from benchmarks.simulated.simulated_run import SimulatedBench
 from recipes import load_bench
 from station.bench.figures import figures_of
 

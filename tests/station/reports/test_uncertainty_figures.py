@@ -10,12 +10,12 @@ import pyarrow.csv as pa_csv
 import pytest
 from lostmotion_command import here
 
-from analysis.studies.simulated_run import SimulatedBench, course_of, measured_trace
-from analysis.studies.simulated_unit import SimulatedUnit
 from analysis.trace.segment_names import segment_name
 from analysis.trace.trace import SegmentInfo
 from analysis.uncertainty.distributions import DISTRIBUTIONS, STATED_BY
 from analysis.uncertainty.figures import StatedBy
+from benchmarks.simulated.simulated_run import SimulatedBench, course_of, measured_trace
+from benchmarks.simulated.simulated_unit import SimulatedUnit
 from recipes import RecipeError, load_bench, parse_bench, shipped_benches
 from recipes.schema.bench_schema import TorqueSensor
 from station.bench.figures import figures_of

@@ -10,11 +10,11 @@ import pyarrow as pa
 import pytest
 from pyarrow import csv as pa_csv
 
-from analysis.studies.simulated_run import SimulatedBench, course_of
-from analysis.studies.simulated_unit import SimulatedUnit
 from analysis.trace.errors import AnalysisError
 from analysis.trace.segment_names import segment_name
 from analysis.trace.trace import SegmentInfo, Trace
+from benchmarks.simulated.simulated_run import SimulatedBench, course_of
+from benchmarks.simulated.simulated_unit import SimulatedUnit
 from recipes import check, find_recipe, load_bench, parse_recipe
 from recipes.schema.recipe_schema import Measurement
 from station.cli.runs.evaluate_anew import elsewhere

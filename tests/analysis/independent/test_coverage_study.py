@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.coverage import CoverageRow, coverage, simulated_pairs
-from analysis.studies.simulated_run import SimulatedBench
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
+from benchmarks.simulated.coverage import CoverageRow, coverage, simulated_pairs
+from benchmarks.simulated.simulated_run import SimulatedBench
 from recipes import load_bench
 from station.bench.figures import figures_of
 

@@ -18,7 +18,11 @@ from scipy import special
 from analysis.evaluation.metric_result import MetricResult
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.simulated_run import (
+from analysis.torque_ratio.quadrant_fit import fit_quadrants
+from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
+from analysis.trace.runs import commanded_runs
+from analysis.uncertainty.figures import LineCovariance, SensorFigures, UnitDeviation
+from benchmarks.simulated.simulated_run import (
     Course,
     Sensors,
     SimulatedBench,
@@ -28,11 +32,7 @@ from analysis.studies.simulated_run import (
     exact_trace,
     measured_trace,
 )
-from analysis.studies.simulated_unit import SimulatedUnit
-from analysis.torque_ratio.quadrant_fit import fit_quadrants
-from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
-from analysis.trace.runs import commanded_runs
-from analysis.uncertainty.figures import LineCovariance, SensorFigures, UnitDeviation
+from benchmarks.simulated.simulated_unit import SimulatedUnit
 
 Pair = tuple[Sequence[MetricResult], Sequence[MetricResult]]
 """Metrics of one unit: true, and as measured."""

@@ -7,8 +7,8 @@ import pytest
 
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import Method, MetricWanted
-from analysis.studies.simulated_run import SimulatedBench, course_of, exact_trace
-from analysis.studies.simulated_unit import SIDES, SimulatedUnit
+from benchmarks.simulated.simulated_run import SimulatedBench, course_of, exact_trace
+from benchmarks.simulated.simulated_unit import SIDES, SimulatedUnit
 
 PEAK_NM = 453.2
 TORQUE = np.linspace(-PEAK_NM, PEAK_NM, 4001)

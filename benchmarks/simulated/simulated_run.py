@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.studies.simulated_unit import SimulatedUnit
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import SegmentInfo, Trace
 from analysis.trace.units import FloatArray, IntArray
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
+from benchmarks.simulated.simulated_unit import SimulatedUnit
 from definitions.units import RAD_PER_ARCMIN
 
 PERIOD_S = 1e-3

@@ -237,7 +237,9 @@ class Defect:
     """What is wrong with the measurement and nobody has declared. Gains are factors, bends shares of the peak torque.
 
     lag_s: first-order filter of both torques; out_gain_positive: of the positive side alone; bend: torque · (1 + bend
-    · torque/peak) about both zero and peak of each side.
+    · torque/peak) about both zero and peak of each side. ripple_arcmin, ripple_per_turn, ripple_phase_rad: error of the
+    input encoder that repeats so often in its turn. creep_arcmin_per_min: wind-up that creeps the way the torque
+    points, and below zero against it. hysteresis_nm: of the output sensor at mid-range; falling torque reads high.
     """
 
     lag_s: float = 0.0
@@ -247,6 +249,11 @@ class Defect:
     out_gain: float = 1.0
     out_gain_positive: float = 1.0
     bend: float = 0.0
+    ripple_arcmin: float = 0.0
+    ripple_per_turn: float = 8.0
+    ripple_phase_rad: float = 0.0
+    creep_arcmin_per_min: float = 0.0
+    hysteresis_nm: float = 0.0
 
 
 SOUND = Defect()
@@ -306,7 +313,11 @@ def measured(unit: Kind, course: Course, bench: Bench, random: np.random.Generat
             rad = rad + amplitude * (np.sin(2.0 * math.pi * rad / period + phase) - math.sin(phase))
         return np.round(rad / one.step_rad) * one.step_rad
 
-    turned = (course.windup_arcmin + course.locked_arcmin) * unit.ratio
+    true_out = true_out + defect.hysteresis_nm * lens
+    crept = np.cumsum(np.sign(course.torque_nm)) * bench.period_s / 60.0 * defect.creep_arcmin_per_min
+    turned = (course.windup_arcmin + crept + course.locked_arcmin) * unit.ratio
+    phase = defect.ripple_per_turn * turned * ARCMIN_RAD + defect.ripple_phase_rad
+    turned = turned + defect.ripple_arcmin * np.sin(phase)
     return Trace(
         t_s=course.t_s,
         torque_in_nm=torque(course.torque_in_nm * defect.in_gain, figures.torque_in, defect.lag_s),

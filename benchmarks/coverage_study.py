@@ -1,4 +1,6 @@
-"""`python -m benchmarks.coverage_study [--units N]`: the study of whether the stated uncertainty holds.
+"""`python -m benchmarks.coverage_study [--units N] [--types]`: the study of whether the stated uncertainty holds.
+
+With --types: units of six types by a generator that shares nothing with the analysis, in one table.
 
 Seeded units around the default one, every parameter ± 20 % and the sides ± 5 % apart, are measured by a simulated bench
 with errors drawn from the figures of a bench file, and compared with their own loops without errors. The table is
@@ -11,12 +13,15 @@ import argparse
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 from analysis.loop.method import Method, MetricWanted
 from analysis.uncertainty.distributions import STATED_BY
 from analysis.uncertainty.figures import SensorFigures, StatedBy
+from benchmarks.page import put
 from benchmarks.simulated.coverage import CoverageRow, coverage, simulated_pairs
 from benchmarks.simulated.simulated_run import SimulatedBench
+from benchmarks.simulated.types_of_units import table
 from definitions.metrics import METRICS
 from recipes import load_bench
 from station.bench.figures import figures_of
@@ -65,7 +70,15 @@ def main() -> None:
     parser.add_argument("--bench", default="virtual", help="bench file or shipped bench (default virtual)")
     parser.add_argument("--torque", choices=[*TORQUES], action="append", help="default: all")
     parser.add_argument("--stated-by", choices=STATED_BY, help="of the torque sensors' figures (default: the bench's)")
+    parser.add_argument("--types", action="store_true", help="units of six types, by the independent generator")
+    parser.add_argument("--page", type=Path, help="with --types: put the table into this page")
     asked = parser.parse_args()
+    if asked.types:
+        found = table(asked.units)
+        print(found)
+        if asked.page:
+            put(asked.page, "types of units", found)
+        return
     bench = load_bench(asked.bench)
     figures = stated(figures_of(bench), asked.stated_by)
     by = figures.torque_out.stated_by.replace("_", " ") if figures.torque_out else "nobody"

@@ -39,7 +39,8 @@ def _expanded(random: np.random.Generator, limit: float, draws: int, components:
 
 
 def _cyclic(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:  # noqa: ARG001
-    return _phased(random, random.uniform(0.0, limit, draws))
+    phase = random.uniform(0.0, 2.0 * math.pi, draws)
+    return limit * np.stack([np.sin(phase), np.cos(phase)], axis=1)
 
 
 def _quantised(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:
@@ -50,19 +51,18 @@ def _quantised(random: np.random.Generator, limit: float, draws: int, components
     return drawn
 
 
-def _phased(random: np.random.Generator, amplitude: FloatArray) -> FloatArray:
-    phase = random.uniform(0.0, 2.0 * math.pi, amplitude.size)
-    return np.stack([amplitude * np.sin(phase), amplitude * np.cos(phase)], axis=1)
-
-
 DISTRIBUTIONS: dict[str, Distribution] = {
     "normal": Distribution("normal, the figure is its standard deviation", 1.0, _normal),
     "rectangular": Distribution("anywhere within ± the figure", math.sqrt(3.0), _rectangular),
     "normal, k = 2": Distribution("normal, the figure is an expanded uncertainty with k = 2", 2.0, _expanded),
-    "cyclic": Distribution("a sine of any phase, amplitude anywhere up to the figure", math.sqrt(6.0), _cyclic),
+    "cyclic": Distribution("a sine of any phase whose peak is the figure", math.sqrt(2.0), _cyclic),
     "quantised": Distribution("rounding to steps of twice the figure", math.sqrt(3.0), _quantised),
 }
-"""By name. GUM 4.3.3 (k = 2), 4.3.7; cyclic: variance of r·sin(x), r rectangular in 0…a, is a²/6 per component."""
+"""By name. GUM 4.3.3 (k = 2), 4.3.7.
+
+cyclic: a·sin(x) at a phase that nobody knows has the arcsine distribution, of variance a²/2 per component (GUM-S1,
+6.4.6). What an encoder declares is its largest deviation, so it is the peak of that sine.
+"""
 
 STATED_BY = {"data_sheet": "rectangular", "certificate": "normal, k = 2"}
 """Distribution of a sensor's figure by who states it: limits of a whole series, or a calibration of this one piece."""

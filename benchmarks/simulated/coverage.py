@@ -96,13 +96,14 @@ def coverage(wanted: Sequence[MetricWanted], pairs: Iterable[Pair]) -> list[Cove
                 else:
                     row.append((exact.value, side.value - exact.value, side.uncertainty))
     return [
-        _row(one, unit, values, units)
+        coverage_row(one, unit, values, units)
         for one, unit, values in zip(wanted, names, found, strict=True)
         if not np.isnan(values).all()
     ]
 
 
-def _row(wanted: MetricWanted, unit: str, values: list[tuple[float, float, float]], units: int) -> CoverageRow:
+def coverage_row(wanted: MetricWanted, unit: str, values: list[tuple[float, float, float]], units: int) -> CoverageRow:
+    """Return the row of a metric: values are its true value, error and U, of each side of so many units."""
     exact, error, expanded = np.array(values).T
     return CoverageRow(
         metric=wanted.id if wanted.branch is None else f"{wanted.id} {wanted.branch}",

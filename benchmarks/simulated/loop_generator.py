@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -131,6 +132,87 @@ def _energy(unit: Kind, _: int, peak_nm: float) -> float:
     return float(np.trapezoid(unit.angle(grid, -1, peak_nm) - unit.angle(grid, 1, peak_nm), grid))
 
 
+def _chord(unit: Kind, side: int, peak_nm: float, low: float, high: float) -> float:
+    """Chord of the loading branch between two shares of the rated torque."""
+    torque = side * np.array([low, high]) * unit.rated_nm
+    return (high - low) * unit.rated_nm / abs(float(np.diff(unit.angle(torque, side, peak_nm))[0]))
+
+
+def _end_point(unit: Kind, side: int, peak_nm: float) -> float:
+    loaded, unloaded = unit.angle(side * unit.rated_nm, side, peak_nm), unit.angle(0.0, -side, peak_nm)
+    return unit.rated_nm / abs(float(loaded[0] - unloaded[0]))
+
+
+def _asymmetry(unit: Kind, _: int, peak_nm: float) -> float:
+    positive, negative, zero = (mean(unit, share * unit.rated_nm, peak_nm) for share in (1.0, -1.0, 0.0))
+    return abs(positive + negative - 2.0 * zero) * 30.0
+
+
+BREAK, FIT_END, STEP_NM = 90.0 / 412.0, 420.0 / 412.0, 10.0
+"""Break and end of the six-segment fit of the rated torque, step of the spring constant, as the sources have them."""
+
+
+def reversing_nm(unit: Kind, peak_nm: float) -> tuple[float, float]:
+    """Torque after the negative and the positive turn that no fit sees, by its definition in words.
+
+    1.125 times the torque by which the height of the loop comes to 95 % of its largest within 2.25 times the friction
+    torque, and by 2.25 times the friction torque at most; that times how far the steepness over it lies between a third
+    and two thirds.
+    """
+    grid = np.linspace(-peak_nm, peak_nm, 20_001)
+    rising, falling = unit.angle(grid, 1, peak_nm), unit.angle(grid, -1, peak_nm)
+    middle = rising[0] + (rising[-1] - rising[0]) * np.linspace(0.25, 0.75, 501)
+    friction = float(np.median(np.interp(middle, rising, grid) - np.interp(middle, falling, grid))) / 2.0
+    found = []
+    for end, left, arrived in ((-1, rising, falling), (1, falling, rising)):
+        depth = np.linspace(0.0, 2.25 * friction, 2001)
+        away = np.interp(end * (peak_nm - depth), grid, left)
+        height = end * (np.interp(away, arrived, grid) - end * (peak_nm - depth))
+        whole = depth[int(np.argmax(height >= 0.95 * height.max()))]
+        stretch = min(2.0 * friction, float(whole))
+        ends = end * (peak_nm - np.array([0.0, stretch]))
+        ways = [abs(float(np.diff(np.interp(ends, grid, branch))[0])) for branch in (left, arrived)]
+        found.append(1.125 * stretch * float(np.clip(3.0 * (1.0 - ways[0] / ways[1]) - 1.0, 0.0, 1.0)))
+    return found[0], found[1]
+
+
+@lru_cache(maxsize=4)
+def _fitted_mean(unit: Kind, peak_nm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coefficients of the mean of both branches as fitted: negative, middle with the mean gap added, positive."""
+    reference, (below, above) = unit.rated_nm, reversing_nm(unit, peak_nm)
+    end = FIT_END * reference
+    ends = {1: (max(-end, below - peak_nm), end), -1: (-end, min(end, peak_nm - above))}
+    parts: list[list[np.ndarray]] = [[], [], []]
+    for direction, (low, high) in ends.items():
+        borders = (low, -BREAK * reference, BREAK * reference, high)
+        for part, degree in enumerate((2, 1, 2)):
+            torque = np.linspace(borders[part], borders[part + 1], 2001)
+            parts[part].append(np.polyfit(torque / reference, unit.angle(torque, direction, peak_nm), degree))
+    negative, middle, positive = (np.mean(part, axis=0) for part in parts)
+    gaps = [np.polyval(outer, at) - np.polyval(middle, at) for outer, at in ((negative, -BREAK), (positive, BREAK))]
+    middle[-1] += np.mean(gaps)
+    return negative, middle, positive
+
+
+def _fitted_at(unit: Kind, side: int, peak_nm: float, *torques_nm: float) -> list[float]:
+    outer = _fitted_mean(unit, peak_nm)[0 if side < 0 else 2]
+    return [float(np.polyval(outer, side * torque / unit.rated_nm)) for torque in torques_nm]
+
+
+def _spring(unit: Kind, side: int, peak_nm: float) -> float:
+    low, high = _fitted_at(unit, side, peak_nm, unit.rated_nm - STEP_NM, unit.rated_nm)
+    return STEP_NM / abs(high - low)
+
+
+def _slope_at_half(unit: Kind, side: int, peak_nm: float) -> float:
+    low, high = _fitted_at(unit, side, peak_nm, (0.5 - 1e-6) * unit.rated_nm, (0.5 + 1e-6) * unit.rated_nm)
+    return 2e-6 * unit.rated_nm / abs(high - low)
+
+
+def _windup(unit: Kind, _: int, peak_nm: float) -> float:
+    return _fitted_at(unit, 1, peak_nm, unit.rated_nm)[0] - _fitted_at(unit, -1, peak_nm, unit.rated_nm)[0]
+
+
 TRUTH = {
     "backlash_width_3pct": lambda unit, side, peak: width(unit, side * 0.03 * unit.rated_nm, peak),
     "backlash_width_zero": lambda unit, _, peak: width(unit, 0.0, peak),
@@ -140,7 +222,15 @@ TRUTH = {
     "stiffness_50_100 load": lambda unit, side, peak: _secant(unit, side, peak, loading=True),
     "stiffness_50_100 mean": lambda unit, side, peak: _secant(unit, side, peak, loading=False),
     "stiffness_lsq": _least_squares,
+    "stiffness_two_point": lambda unit, side, peak: _chord(unit, side, peak, 0.2, 0.8),
+    "stiffness_estimate": lambda unit, side, peak: _chord(unit, side, peak, 0.0, 1.0),
+    "stiffness_end_point": _end_point,
     "hysteresis_energy": _energy,
+    "hysteresis_angle": lambda unit, side, peak: 60.0 * width(unit, side * 0.5 * unit.rated_nm, peak),
+    "asymmetry_at_rated": _asymmetry,
+    "stiffness_at": _slope_at_half,
+    "spring_constant": _spring,
+    "windup": _windup,
 }
 """What each metric truly is, by its definition in words: of a unit, a side (+1, -1) and the peak torque [N·m]."""
 
@@ -308,10 +398,12 @@ def measured(unit: Kind, course: Course, bench: Bench, random: np.random.Generat
 
     def angle(arcmin: np.ndarray, one: AngleFigures) -> np.ndarray:
         rad = np.interp(course.t_s - bench.lag_s, course.t_s, arcmin * ARCMIN_RAD)
+        rad = rad + random.uniform(0.0, 2.0 * math.pi)  # where on its scale the encoder stands at the start
+        shown = rad.copy()
         for limit, period in ((one.accuracy_rad, 2.0 * math.pi), (one.interpolation_rad, one.line_rad)):
-            phase, amplitude = random.uniform(0.0, 2.0 * math.pi), random.uniform(0.0, limit)
-            rad = rad + amplitude * (np.sin(2.0 * math.pi * rad / period + phase) - math.sin(phase))
-        return np.round(rad / one.step_rad) * one.step_rad
+            shown += limit * np.sin(2.0 * math.pi * rad / period + random.uniform(0.0, 2.0 * math.pi))
+        shown = np.round(shown / one.step_rad) * one.step_rad
+        return shown - shown[0]
 
     true_out = true_out + defect.hysteresis_nm * lens
     crept = np.cumsum(np.sign(course.torque_nm)) * bench.period_s / 60.0 * defect.creep_arcmin_per_min

@@ -175,7 +175,7 @@ def _angle(angle: FloatArray, figures: AngleFigures, random: np.random.Generator
     shown = angle + place
     for limit, period in ((figures.accuracy_rad, 2.0 * math.pi), (figures.interpolation_rad, figures.line_rad)):
         phase = random.uniform(0.0, 2.0 * math.pi)
-        shown = shown + random.uniform(0.0, limit) * np.sin(2.0 * math.pi * (angle + place) / period + phase)
+        shown = shown + limit * np.sin(2.0 * math.pi * (angle + place) / period + phase)
     if figures.noise_rad > 0.0:
         shown = shown + random.normal(0.0, figures.noise_rad, angle.size)
     found: FloatArray = np.round(shown / figures.step_rad) * figures.step_rad - place

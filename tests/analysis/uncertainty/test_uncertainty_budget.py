@@ -90,7 +90,7 @@ def test_encoder_at_two_angles_counts_twice_when_they_are_half_a_period_apart() 
         line = width_rad / periods
         encoder = AngleFigures(line / 512, accuracy_rad=0.0, interpolation_rad=limit)
         figures = SensorFigures(torque_out=TorqueFigures(1000.0, **NO_ERRORS), angle_in=encoder)
-        u = limit / math.sqrt(6) / RATIO * 180 / math.pi * 60
+        u = limit / math.sqrt(2) / RATIO * 180 / math.pi * 60
         expected = u * math.sqrt(2 * (1 - math.cos(2 * math.pi * periods)))
         assert contributions(metric("backlash_width_3pct", figures))["angle_in_line"] == pytest.approx(
             expected, rel=0.02

@@ -1,0 +1,51 @@
+"""The study of wrong passes: its unit is bad, a size that passes is found, and its table has every defect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from analysis.evaluation.verdict import Verdict
+from benchmarks import wrong_pass
+from benchmarks.page import put
+from benchmarks.simulated.loop_generator import truth
+from benchmarks.wrong_pass import BENCHES, CASES, METRICS, PEAK_NM, UNIT, Case, Passed, largest_passing, limited, table
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_unit_is_beyond_its_limit_and_fails_without_a_defect(metric: str) -> None:
+    wanted = limited(metric)
+    for side in (1, -1):
+        exact = truth(UNIT, metric, side, PEAK_NM)
+        assert exact / wanted.max > 1.149 if wanted.max is not None else exact / wanted.min < 0.851
+    result = wrong_pass._judged(Case("none", "", 1.0), 0.0, "whole run", [wanted])
+    assert result.verdict is Verdict.FAIL
+
+
+def test_largest_size_is_searched_from_above_in_both_signs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sizes of either sign have an end of their own: -0.3 passes and 0.2 does, so it is the first."""
+    case = Case("made", "1", 1.0)
+    monkeypatch.setattr(
+        wrong_pass, "_passes", lambda _, size, __: (["m"] if -0.3 <= size <= 0.2 and size else [], True)
+    )
+    found = largest_passing(case, "whole run")
+    assert found.size == pytest.approx(-0.3, rel=0.1)
+    assert (found.metric, found.disguises) == ("m", True)
+    monkeypatch.setattr(wrong_pass, "_passes", lambda *_: ([], False))
+    assert largest_passing(case, "whole run") == Passed(None, "", disguises=False)
+
+
+def test_table_has_every_defect_and_goes_into_its_place(tmp_path: Path) -> None:
+    now = {name: dict.fromkeys(BENCHES, Passed(None, "", disguises=True)) for name in CASES}
+    page = tmp_path / "page.md"
+    page.write_text("above\n<!-- wrong passes -->\nold\n<!-- end of wrong passes -->\nbelow\n", encoding="utf-8")
+    put(page, "wrong passes", table(now, {}))
+    found = page.read_text(encoding="utf-8")
+    assert found.startswith("above\n")
+    assert found.endswith("below\n")
+    assert "old" not in found
+    for case in CASES.values():
+        assert f"| {case.text} |" in found
+    with pytest.raises(ValueError, match=r"page\.md"):
+        put(page, "another", "")

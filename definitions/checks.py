@@ -171,6 +171,14 @@ _ROWS = (
         settable=SHARES,
     ),
     Check(
+        "interrupted", "Interrupted ramps", FRACTION, 3.0,
+        "torque of a branch that is left out where a ramp was held or went back, of the torque between its turning "
+        "points",
+        "a ramp was interrupted",
+        "find out what held it (late samples, an overshoot, an alarm limit), and measure again",
+        settable=SHARES,
+    ),
+    Check(
         "points_per_bin", "Samples per torque bin", SAMPLES, 3.0,
         "smallest number of samples of a branch in a torque bin (2 % of the reference torque)",
         "too few samples per torque bin",

@@ -52,6 +52,12 @@ _CONVERSION = _Doubt(
 )
 
 
+_INTERRUPTED = _Doubt(
+    "with the steps that interrupted ramps left in it: without them",
+    "find out what held the ramps, and measure again",
+)
+
+
 class _Measured(NamedTuple):
     """Values per cycle, the budget of their mean, and what went wrong if there are none."""
 
@@ -65,16 +71,17 @@ class _Measured(NamedTuple):
 def evaluate(
     wanted: MetricWanted, loops: Sequence[Loop], quadrants: Quadrants | AnalysisError, method: Method,
     decision: Decision, *, invalid: bool, measurement: Measurement | None = None, closed: Sequence[Loop] = (),
-    by_output: Sequence[Loop] = (), unbounded: str = "",
+    by_output: Sequence[Loop] = (), unbroken: Sequence[Loop] = (), unbounded: str = "",
 ) -> MetricResult:  # fmt: skip
     """Evaluate one wanted metric over all cycles.
 
     quadrants: the measured torque ratio, or why there is none. invalid: the measurement is, so limits decide nothing.
     measurement: what is known of its errors; without it the uncertainty is the scatter of the cycles.
     closed: the loops with their gap undone; what passes by the gap alone is not decided. by_output: where the torque is
-    converted, the loops by the torque at the output; nor is what passes by an error of the conversion alone. unbounded:
-    why nothing tells how late the torque is; then a metric of the loop's width, which a late torque makes small, is
-    not decided either.
+    converted, the loops by the torque at the output; nor is what passes by an error of the conversion alone. unbroken:
+    the loops with the steps undone that interrupted ramps left; nor is what passes by these alone. unbounded: why
+    nothing tells how late the torque is; then a metric of the loop's width, which a late torque makes small, is not
+    decided either.
     Raises AnalysisError only for a metric that does not exist or limits that make no sense.
     """
     row = definition(wanted)
@@ -96,7 +103,8 @@ def evaluate(
         judged = _judged_grade if row.graded else _judged
         one = judged(wanted, side, measured, decision, invalid=invalid)
         limited = wanted.min is not None or wanted.max is not None
-        for doubt, others in ((_GAP, closed), (_CONVERSION, by_output if _misconverted(measured.budget) else ())):
+        converted = by_output if _misconverted(measured.budget) else ()
+        for doubt, others in ((_GAP, closed), (_CONVERSION, converted), (_INTERRUPTED, unbroken)):
             if not others or not limited or row.calibration or invalid or one.verdict is not Verdict.PASS:
                 continue
             # Of the values alone: U was in the first judgement, and the budget moves hardly with them.

@@ -13,6 +13,7 @@ from analysis.evaluation.verdict import Verdict, worst
 from analysis.loop.branches import Branch
 from analysis.loop.closure import closed_loops
 from analysis.loop.fits import MeanCurve
+from analysis.loop.interruptions import mended
 from analysis.loop.loop import Loop
 from analysis.loop.measured import loops_by_output, measure
 from analysis.loop.method import Decision, Method, MetricWanted
@@ -101,11 +102,11 @@ def analyse(
         by_output = [] if figures is None else loops_by_output(found)
         late_s = 0.0 if isinstance(late, str) else late.seconds
         errors, stage = measurement_of(found, figures, by_output=by_output, draws=draws, late_s=late_s)
-        closed = closed_loops(found)
+        closed, unbroken = closed_loops(found), mended(found.loops, found.interruptions)
         metrics = tuple(
             evaluate(
                 one, found.loops, found.quadrants, method, rule,
-                invalid=bool(problems), measurement=errors, closed=closed, by_output=by_output,
+                invalid=bool(problems), measurement=errors, closed=closed, by_output=by_output, unbroken=unbroken,
                 unbounded=late if isinstance(late, str) and found.skew.u_s is None else "",
             )
             for one in wanted

@@ -14,6 +14,13 @@ from analysis.loop.branches import Blocks, binned, branch_records, monotone
 from analysis.loop.drift import Drift, Pairs, correct_drift
 from analysis.loop.fixture import correct_fixture
 from analysis.loop.fixture_curve import Angles
+from analysis.loop.interruptions import (
+    Interruption,
+    interruption_records,
+    interruptions_of,
+    of_branch,
+    without_interruptions,
+)
 from analysis.loop.loop import Loop, fit_record, reversal_record
 from analysis.loop.method import Method
 from analysis.loop.samples import converts, evaluated_samples
@@ -44,6 +51,8 @@ class Measured:
     loops: Sequence[Loop]
     stages: Sequence[StageRecord]
     recorded: Trace
+    interruptions: Sequence[Interruption] = ()
+    """Stretches of the branches that are left out of the loops; `blocks` and `pairs` have them still."""
 
 
 def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measured:
@@ -87,15 +96,21 @@ def _stages(trace: Trace, skew: Skew, method: Method, *, with_ratio: bool) -> Me
     if pairs_now is not pairs:
         blocks = _binned(pairs_now)
     sides = [one for pair in pairs_now for one in pair]
-    branches = [monotone(some, one.run.direction, one.where) for some, one in zip(blocks, sides, strict=True)]
+    broken = interruptions_of(sides)
+    whole = [
+        without_interruptions(some, of_branch(broken, one.cycle, one.run.direction))
+        for some, one in zip(blocks, sides, strict=True)
+    ]
+    branches = [monotone(some, one.run.direction, one.where) for some, one in zip(whole, sides, strict=True)]
     loops = [Loop(rising, falling, method) for rising, falling in zip(branches[::2], branches[1::2], strict=True)]
     stages = (
         skew.record, windup.record, *samples.records, drift.record, fixture,
-        *branch_records(pairs_now, blocks, branches), reversal_record(loops), fit_record(loops),
+        *interruption_records(broken), *branch_records(pairs_now, blocks, branches), reversal_record(loops),
+        fit_record(loops),
     )  # fmt: skip
     return Measured(
         trace, method, samples.runs, windup.angles, skew, drift, samples.quadrants, pairs_now, blocks, loops, stages,
-        recorded=trace,
+        recorded=trace, interruptions=broken,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.loop.branches import Branch
 from analysis.loop.closure import closure_gaps_arcmin
+from analysis.loop.interruptions import Interruption
 from analysis.loop.loop import Loop
 from analysis.loop.measured import Measured
 from analysis.loop.method import Method
@@ -63,7 +64,8 @@ class Circumstances:
     one does, or where there is no gap to read. masked_nm: torque that is masked after the negative turn, where the
     rising branch begins, and after the positive one. u_skew_s: standard uncertainty of a skew of torque and angle that
     was estimated from the cycles; 0 where it was not. late_s: delay of the torque behind the wind-up that the ends of
-    ramps, or the turns of the load, show and nothing has corrected; 0 where they show none.
+    ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
+    branches of all cycles, so many.
     """
 
     method: Method
@@ -79,6 +81,8 @@ class Circumstances:
     masked_nm: tuple[float, float] = (0.0, 0.0)
     u_skew_s: float = 0.0
     late_s: float = 0.0
+    interruptions: tuple[Interruption, ...] = ()
+    cycles: int = 1
 
     @property
     def lines_of_this_run(self) -> bool:
@@ -165,6 +169,8 @@ def circumstances_of(found: Measured, *, late_s: float = 0.0) -> Circumstances:
         unseen_drift_arcmin_per_min=_unseen_drift(found),
         u_skew_s=found.skew.u_s or 0.0,
         late_s=late_s,
+        interruptions=tuple(found.interruptions),
+        cycles=len(found.loops),
         masked_nm=(_masked_nm(found.pairs[0][0]), _masked_nm(found.pairs[0][1])),
     )
 

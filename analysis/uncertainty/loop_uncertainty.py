@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.loop.branches import MOST_BLOCKS, Branch, made_rising
+from analysis.loop.interruptions import after
 from analysis.loop.loop import Loop
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
@@ -46,6 +47,7 @@ LINE = "calibration_"
 
 OTHER_UNIT = ("other_unit", "how units differ from the mean of those whose lines are stored, at the reference torque")
 TRANSFER = ("transfer", "friction about zero torque and after reversals that the calibration leaves over")
+INTERRUPTED = ("interrupted", "steps of the wind-up where a ramp was interrupted")
 MASKED = ("masked", "stretch after a reversal that is masked, which a fit continues", "rectangular")
 CONVERSION = (
     "conversion", "converted torque against the torque at the output, beyond lines, transfer and mask", "normal"
@@ -98,7 +100,29 @@ def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigure
     u, moves = transfer_moves(loop, circumstances, figures)
     if u > 0.0:
         found.append(UsedSource(*TRANSFER, "N·m", "normal", 1.0, u, 1.0, moves))
+    u, moves = interruption_moves(loop, circumstances)
+    if u > 0.0:
+        found.append(UsedSource(*INTERRUPTED, "arcmin", "normal", 1.0, u, 1.0, moves))
     return tuple(found)
+
+
+def interruption_moves(loop: Loop, circumstances: Circumstances) -> tuple[float, tuple[Move, ...]]:
+    """Return the standard uncertainty [arcmin] of the steps that interruptions leave in the mean cycle, and its moves.
+
+    A step that is known and not corrected counts as it is (GUM F.2.4.5, note): whether the unit keeps it, or goes back
+    to its branch, the rest of that branch does not say. Nor whether the other branch of its cycle is moved by it.
+    """
+    still = (0.0, 0.0)
+    sizes, moves = [], []
+    for one in circumstances.interruptions:
+        size = math.hypot(one.step_arcmin or 0.0, one.u_arcmin) / circumstances.cycles
+        branch = loop.forward if one.direction > 0 else loop.backward
+        step, all_of_it = (0.0, size * after(branch.torque_nm, one, one.direction)), (0.0, size)
+        moves += [Move(step, still), Move(still, all_of_it)] if one.direction > 0 else [
+            Move(still, step), Move(all_of_it, still),
+        ]  # fmt: skip
+        sizes.append(size)
+    return math.hypot(*sizes), tuple(moves)
 
 
 def _change(base: float, high: float, low: float) -> float:

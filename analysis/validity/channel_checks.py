@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.loop.alignment import skew_of_cycles, windup_speed
 from analysis.loop.branches import Blocks
+from analysis.loop.interruptions import of_branch
 from analysis.loop.measured import Measured
 from analysis.loop.samples import BranchSamples
 from analysis.trace.errors import AnalysisError
@@ -143,6 +144,24 @@ def _spread(rate: FloatArray, halves: list[BoolArray]) -> float:
 
 
 @of_measured
+def interrupted(found: Measured) -> Reading | str:
+    """Largest share of a branch's torque that is left out as interrupted, %; infinity where its step is not known."""
+    worst = Reading(0.0)
+    for one, some in zip(_sides(found), found.blocks, strict=True):
+        left_out = of_branch(found.interruptions, one.cycle, one.run.direction)
+        share = 100.0 * sum(each.high_nm - each.low_nm for each in left_out) / float(np.ptp(some.torque_nm))
+        unknown = [each for each in left_out if each.step_arcmin is None]
+        if unknown:
+            at_nm = unknown[0].middle_nm
+            return Reading(
+                np.inf, f"{one.where}: the ramp was interrupted at {at_nm:.4g} N·m, too near to a turn to tell its step"
+            )
+        if share > worst.figure:
+            worst = Reading(share, f"{one.where}: the ramp was interrupted")
+    return worst
+
+
+@of_measured
 def points_per_bin(found: Measured) -> Reading | str:
     """Fewest samples of a branch in a bin of 2 % of the reference torque."""
     width = BIN_FRACTION * found.method.reference_nm
@@ -248,6 +267,7 @@ FIGURES: dict[str, Figure] = {
     "lag": lag,
     "late_torque": late_torque,
     "ramp_rate": ramp_rate,
+    "interrupted": interrupted,
     "points_per_bin": points_per_bin,
     "monotone_loading": monotone_loading,
     "temperature_change": temperature_change,

@@ -257,6 +257,21 @@ def with_backlash(unit: Kind, arcmin: float, peak_nm: float) -> Kind:
 
 
 @dataclass(frozen=True)
+class Hold:
+    """A ramp that is held: in a measured branch (from 0), at a share of its way; for how long, and how far it goes.
+
+    overshoot_nm: by which it runs on first, and is then set back. creep_arcmin: of the wind-up while it rests, which
+    the unit keeps.
+    """
+
+    branch: int
+    share: float
+    rest_s: float = 0.06
+    overshoot_nm: float = 0.0
+    creep_arcmin: float = 0.0
+
+
+@dataclass(frozen=True)
 class Bench:
     """How a run goes: rate as share of the rated torque per second, dwell at each turn, and what is recorded."""
 
@@ -268,6 +283,7 @@ class Bench:
     fixture_stiffer: float = 90.0
     lag_s: float = 1e-3
     period_s: float = PERIOD_S
+    holds: tuple[Hold, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -300,10 +316,16 @@ def course_of(unit: Kind, bench: Bench) -> Course:
     table: dict[int, SegmentInfo] = {}
     at = 0.0
     rest = round(bench.dwell_s / bench.period_s)
+    crept, branch = 0.0, 0
     for number, (role, direction, cycle, start, stop) in enumerate(plan):
         torque = np.arange(start, stop, direction * step)
         along = unit.moved(plays, torque, direction)
-        windup = np.asarray(unit.elastic(along)).mean(axis=1)
+        windup = np.asarray(unit.elastic(along)).mean(axis=1) + crept
+        for hold in bench.holds if role == "measure" else ():
+            if hold.branch == branch:
+                torque, along, windup = held(unit, (torque, along, windup), hold, bench.period_s)
+                crept += direction * hold.creep_arcmin
+        branch += role == "measure"
         turned = np.abs(windup + torque / fixture - at)
         slid = stops + direction * turned[:, None] / yields
         slid = np.minimum(slid, 1.0) if direction > 0 else np.maximum(slid, -1.0)
@@ -320,6 +342,32 @@ def course_of(unit: Kind, bench: Bench) -> Course:
     torque, torque_in, windup, segment = (np.concatenate(parts[name]) for name in parts)
     time = np.arange(torque.size) * bench.period_s
     return Course(time, torque, torque_in, windup, torque / fixture, segment, table)
+
+
+Ramp = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Torque [N·m], plays, and wind-up [arcmin] of one ramp."""
+
+
+def held(unit: Kind, ramp: Ramp, hold: Hold, period_s: float) -> Ramp:
+    """Return torque, plays and wind-up of a ramp with a hold in it: on, back, rest with creep, and on again."""
+    torque, along, windup = ramp
+    step, direction = abs(float(torque[1] - torque[0])), 1 if torque[1] > torque[0] else -1
+    at = round(hold.share * torque.size)
+    over = at + max(1, round(hold.overshoot_nm / step))
+    back = torque[at:over][::-1]
+    after = unit.moved(along[over - 1], back, -direction)
+    returned = np.asarray(unit.elastic(after)).mean(axis=1) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
+    rest = max(1, round(hold.rest_s / period_s))
+    creep = direction * hold.creep_arcmin
+    again = unit.moved(after[-1], torque[at:], direction)
+    onward = np.asarray(unit.elastic(again)).mean(axis=1) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
+    return (
+        np.concatenate((torque[:over], back, np.full(rest, back[-1]), torque[at:])),
+        np.concatenate((along[:over], after, np.repeat(after[-1:], rest, axis=0), again)),
+        np.concatenate((
+            windup[:over], returned, returned[-1] + creep * np.linspace(0.0, 1.0, rest), onward + creep,
+        )),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

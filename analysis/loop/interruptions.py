@@ -1,0 +1,231 @@
+"""Stage: stretches of a ramp in which torque and wind-up stand or go back, and the step that they leave in the branch.
+
+A hold, or an overshoot that is taken back, is no part of a branch: the unit creeps while it rests, and goes through a
+small loop of its own. Both torque and wind-up slow down there; where a unit takes up its play one of them does not.
+Such a stretch is left out until the torque is beyond all that it was before. What it leaves is a step of the wind-up
+between the branch before and after it, read by one cubic through both sides.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.loop.branches import Blocks, Branch
+from analysis.loop.loop import Loop
+from analysis.loop.samples import BranchSamples
+from analysis.loop.stages import Figure, StageRecord
+from analysis.trace.units import BoolArray, FloatArray
+
+SLOWED, CREEPS = 0.35, 0.85
+"""Shares of the rates around them below which torque and wind-up have slowed down: the wind-up may creep at rest."""
+
+STEADY = 0.15
+"""Deviation of half of all rates from their median below which it is the torque that is ramped, and stands for itself:
+on a ramp of constant speed it slows down wherever the unit is softer."""
+
+UNDER_WAY = 0.7
+"""Share of these rates at which a ramp is under way: what comes before is its start, what comes after its end."""
+
+LEAST_USUAL = 0.6
+"""Share of the median of all rates that the rates around a block are at least."""
+
+AROUND = 20
+"""Blocks on each side that say what the rates are."""
+
+LEAST_ROWS, LEAST_BLOCKS = 4, 12
+"""Rows of a block at least, and blocks of a branch of which stretches are told."""
+
+NOISE_SHARE = 12.0
+"""Rows of a block to the power of 3/2, in noise of the torque over its advance per row: the noise of a rate is then a
+quarter of the difference between a ramp and a rest."""
+
+REACH_SHARE = 0.025
+"""Share of the torque of a branch on each side of a stretch by which its step is read."""
+
+LEAST_SIDE = 12
+"""Rows on a side by which a step is read, at least."""
+
+
+class Interruption(NamedTuple):
+    """One stretch of a branch that is left out: rows of its samples, torque [N·m] and time of it, and its step.
+
+    cycle: from 1. direction: of the branch. seconds: rows where the trace has no time. step_arcmin: wind-up after less
+    before it; None where too little of the branch is beside it. u_arcmin: standard uncertainty of it by what the curve
+    leaves over.
+    """
+
+    cycle: int
+    direction: int
+    rows: slice
+    low_nm: float
+    high_nm: float
+    seconds: float
+    step_arcmin: float | None
+    u_arcmin: float
+
+    @property
+    def middle_nm(self) -> float:
+        """Torque at which the step is."""
+        return (self.low_nm + self.high_nm) / 2.0
+
+
+def interruptions_of(sides: Sequence[BranchSamples]) -> tuple[Interruption, ...]:
+    """Return the interruptions of all branches that were loaded in one ramp."""
+    return tuple(one for side in sides if len(side.run.pieces) == 1 for one in _of_branch(side))
+
+
+def _of_branch(side: BranchSamples) -> Iterator[Interruption]:
+    torque = side.run.direction * side.torque_nm
+    rows = np.arange(torque.size, dtype=np.float64)
+    time = rows if side.t_s is None else side.t_s
+    size = _block_rows(torque)
+    if torque.size < LEAST_BLOCKS * size:
+        return
+    edges = np.arange(0, torque.size - size + 1, size)
+    at, load, angle = (
+        np.add.reduceat(values[: edges[-1] + size], edges) / size
+        for values in (time, torque, side.run.direction * side.windup_arcmin)
+    )
+    found: list[tuple[int, int]] = []
+    for first, last in _slow(np.diff(at), np.diff(load), np.diff(angle)):
+        beyond = np.flatnonzero(load[last + 1 :] > load[: last + 2].max())
+        if not beyond.size:
+            continue  # the ramp has ended here
+        start = int(edges[first])
+        stop = int(edges[max(min(last + 2, edges.size - 1), last + 1 + int(beyond[0]))])
+        if found and start <= found[-1][1]:
+            start, stop = found[-1][0], max(stop, found.pop()[1])
+        found.append((start, stop))
+    for start, stop in found:
+        inside = torque[start:stop]
+        step, u = _step(torque, side.run.direction * side.windup_arcmin, start, stop)
+        low, high = sorted((side.run.direction * float(inside.min()), side.run.direction * float(inside.max())))
+        signed = None if step is None else side.run.direction * step
+        seconds = float(time[stop - 1] - time[start])
+        yield Interruption(side.cycle, side.run.direction, slice(start, stop), low, high, seconds, signed, u)
+
+
+def _block_rows(torque: FloatArray) -> int:
+    """Rows of a block: so many that noise does not look like a rest."""
+    noise = math.sqrt(float(np.square(np.diff(torque, 2)).mean()) / 6.0) if torque.size > 2 else 0.0
+    advance = abs(float(torque[-1] - torque[0])) / max(torque.size - 1, 1)
+    return LEAST_ROWS if not advance else max(LEAST_ROWS, math.ceil((NOISE_SHARE * noise / advance) ** (2.0 / 3.0)))
+
+
+def _slow(step: FloatArray, load: FloatArray, angle: FloatArray) -> Iterator[tuple[int, int]]:
+    """Yield first and last difference of blocks in which torque and wind-up are slow, between others that are not."""
+    if not (step > 0.0).all():
+        return
+    rates = [_over_usual(values / step) for values in (load, angle)]
+    torque_rate = load / step
+    of_torque = float(np.median(np.abs(torque_rate / np.median(torque_rate) - 1.0))) < STEADY
+    slow: BoolArray = (rates[0] < SLOWED) & (of_torque | (rates[1] < CREEPS))
+    moving = np.flatnonzero(rates[0] > UNDER_WAY)
+    if not moving.size:
+        return
+    slow[: moving[0]] = False
+    slow[moving[-1] :] = False
+    borders = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
+    for first, behind in zip(borders[::2].tolist(), borders[1::2].tolist(), strict=True):
+        before = moving[moving < first]
+        after = moving[moving >= behind]
+        yield int(before[-1]), int(after[0])
+
+
+def _over_usual(rate: FloatArray) -> FloatArray:
+    """Return rates over the median of those around them."""
+    wide = np.pad(rate, AROUND, mode="reflect") if rate.size > AROUND else rate
+    if wide is rate:
+        usual: FloatArray = np.full(rate.size, float(np.median(rate)))
+    else:
+        usual = np.median(np.lib.stride_tricks.sliding_window_view(wide, 2 * AROUND + 1), axis=1)
+    # Not below a share of all of them: a branch may begin or end with a rest, whose rates are noise.
+    usual = np.maximum(usual, LEAST_USUAL * float(np.median(rate)))
+    found: FloatArray = rate / np.where(usual > 0.0, usual, math.inf)
+    return np.where(usual > 0.0, found, 1.0)
+
+
+def _step(torque: FloatArray, angle: FloatArray, start: int, stop: int) -> tuple[float | None, float]:
+    """Return the step of the wind-up across rows that are left out, and its standard uncertainty [arcmin]."""
+    reach = REACH_SHARE * abs(float(torque[-1] - torque[0]))
+    before = np.flatnonzero(torque[:start] >= torque[:start].max(initial=-math.inf) - reach)
+    after = stop + np.flatnonzero(torque[stop:] <= torque[stop:].min(initial=math.inf) + reach)
+    if min(before.size, after.size) < LEAST_SIDE:
+        return None, 0.0
+    rows = np.concatenate((before, after))
+    x = (torque[rows] - torque[rows].mean()) / (2.0 * reach)
+    columns = np.stack([x**3, x**2, x, np.ones(rows.size), (rows >= stop).astype(np.float64)], axis=1)
+    found, *_ = np.linalg.lstsq(columns, angle[rows], rcond=None)
+    left = angle[rows] - columns @ found
+    variance = float(np.square(left).sum()) / (rows.size - columns.shape[1])
+    covariance = variance * np.linalg.pinv(columns.T @ columns)
+    return float(found[-1]), math.sqrt(float(covariance[-1, -1]))
+
+
+def without_interruptions(blocks: Blocks, some: Sequence[Interruption]) -> Blocks:
+    """Return the blocks of a branch without those that hold rows of its interruptions."""
+    if not some:
+        return blocks
+    ends = np.cumsum(blocks.counts)
+    starts = ends - blocks.counts
+    kept = np.ones(ends.size, dtype=np.bool_)
+    for one in some:
+        kept &= (ends <= one.rows.start) | (starts >= one.rows.stop)
+    time = None if blocks.t_s is None else blocks.t_s[kept]
+    return Blocks(blocks.torque_nm[kept], blocks.angle_arcmin[kept], time, blocks.counts[kept])
+
+
+def of_branch(some: Sequence[Interruption], cycle: int, direction: int) -> list[Interruption]:
+    """Return the interruptions of one branch."""
+    return [one for one in some if (one.cycle, one.direction) == (cycle, direction)]
+
+
+def mended(loops: Sequence[Loop], some: Sequence[Interruption]) -> list[Loop]:
+    """Return each cycle with what comes after an interruption moved back by its step; none without interruptions."""
+    if not some:
+        return []
+    found = []
+    for cycle, loop in enumerate(loops, start=1):
+        forward, backward = (
+            _moved_back(branch, of_branch(some, cycle, direction), direction)
+            for branch, direction in ((loop.forward, 1), (loop.backward, -1))
+        )
+        found.append(replace(loop, forward=forward, backward=backward))
+    return found
+
+
+def _moved_back(branch: Branch, some: Sequence[Interruption], direction: int) -> Branch:
+    angle = branch.angle_arcmin
+    for one in some:
+        angle = angle - (one.step_arcmin or 0.0) * after(branch.torque_nm, one, direction)
+    return Branch(branch.torque_nm, angle)
+
+
+def after(torque_nm: FloatArray, one: Interruption, direction: int) -> FloatArray:
+    """Return 1 where a branch has passed an interruption, else 0."""
+    passed: FloatArray = (direction * torque_nm > direction * one.middle_nm).astype(np.float64)
+    return passed
+
+
+def interruption_records(some: Sequence[Interruption]) -> tuple[StageRecord, ...]:
+    """Say what was left out of the branches; nothing where nothing was."""
+    if not some:
+        return ()
+    words = "; ".join(
+        f"cycle {one.cycle}, {'rising' if one.direction > 0 else 'falling'} branch, {one.low_nm:.4g} to "
+        f"{one.high_nm:.4g} N·m, "
+        + ("step not known" if one.step_arcmin is None else f"step {one.step_arcmin:.2g} arcmin")
+        for one in some
+    )
+    steps = [abs(one.step_arcmin) for one in some if one.step_arcmin is not None]
+    figures = {
+        "interruptions": Figure(len(some), "1"),
+        "widest": Figure(max(one.high_nm - one.low_nm for one in some), "N·m"),
+        "largest step": Figure(max(steps, default=math.inf), "arcmin"),
+    }
+    return (StageRecord("interruptions", f"interrupted ramps, left out: {words}", figures, applied=True),)

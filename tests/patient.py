@@ -54,7 +54,7 @@ OPEN_GATES: Changes = {
 """What a hold-up leaves of a loop that takes a second is not what these tests are about."""
 
 TIMING_GATES = frozenset({"missed_periods", "sample_age"})
-HELD_UP_GATES = TIMING_GATES | {"ramp_rate", "points_per_bin", "noise_low", "noise_high"}
+HELD_UP_GATES = TIMING_GATES | {"ramp_rate", "interrupted", "points_per_bin", "noise_low", "noise_high"}
 """Gates that a process which was held up makes fail: periods and samples are missing, and a ramp stood or jumped.
 
 Where one of timing has failed, so much is missing that any other may as well.

@@ -21,7 +21,7 @@ from analysis.loop.samples import BranchSamples
 from analysis.loop.stages import Figure, StageRecord
 from analysis.trace.units import BoolArray, FloatArray
 
-SLOWED, CREEPS = 0.35, 0.85
+SLOWED, CREEPS = 0.3, 0.85
 """Shares of the rates around them below which torque and wind-up have slowed down: the wind-up may creep at rest."""
 
 STEADY = 0.15
@@ -31,8 +31,12 @@ on a ramp of constant speed it slows down wherever the unit is softer."""
 UNDER_WAY = 0.7
 """Share of these rates at which a ramp is under way: what comes before is its start, what comes after its end."""
 
-LEAST_USUAL = 0.6
-"""Share of the median of all rates that the rates around a block are at least."""
+LEAST_USUAL = 0.5
+"""Share of the median of all rates that the rates around a block are at least: of a long rest they are noise. As long
+as friction reverses the output torque of a loaded input hardly changes, and below this share no rest is told."""
+
+REVERSED = 0.5
+"""Share of the median rate of the wind-up at which friction has reversed."""
 
 AROUND = 20
 """Blocks on each side that say what the rates are."""
@@ -40,9 +44,15 @@ AROUND = 20
 LEAST_ROWS, LEAST_BLOCKS = 4, 12
 """Rows of a block at least, and blocks of a branch of which stretches are told."""
 
-NOISE_SHARE = 12.0
+BLOCK_SHARE = 0.0015
+"""Share of the rows of a branch that a block is at least: rows that were written several times show little noise."""
+
+NOISE_SHARE = 24.0
 """Rows of a block to the power of 3/2, in noise of the torque over its advance per row: the noise of a rate is then a
-quarter of the difference between a ramp and a rest."""
+sixteenth of it."""
+
+AT_TURN = 0.005
+"""Share of the torque of a branch within which it has not left its turn, or has come to the next one."""
 
 REACH_SHARE = 0.025
 """Share of the torque of a branch on each side of a stretch by which its step is read."""
@@ -92,7 +102,10 @@ def _of_branch(side: BranchSamples) -> Iterator[Interruption]:
         for values in (time, torque, side.run.direction * side.windup_arcmin)
     )
     found: list[tuple[int, int]] = []
-    for first, last in _slow(np.diff(at), np.diff(load), np.diff(angle)):
+    margin = AT_TURN * float(np.ptp(load))
+    begins = int(np.flatnonzero(load <= load[0] + margin)[-1])
+    ends = int(np.argmax(load >= load[-1] - margin))
+    for first, last in _slow(np.diff(at), np.diff(load), np.diff(angle), begins, ends):
         beyond = np.flatnonzero(load[last + 1 :] > load[: last + 2].max())
         if not beyond.size:
             continue  # the ramp has ended here
@@ -114,22 +127,27 @@ def _block_rows(torque: FloatArray) -> int:
     """Rows of a block: so many that noise does not look like a rest."""
     noise = math.sqrt(float(np.square(np.diff(torque, 2)).mean()) / 6.0) if torque.size > 2 else 0.0
     advance = abs(float(torque[-1] - torque[0])) / max(torque.size - 1, 1)
-    return LEAST_ROWS if not advance else max(LEAST_ROWS, math.ceil((NOISE_SHARE * noise / advance) ** (2.0 / 3.0)))
+    by_noise = math.ceil((NOISE_SHARE * noise / advance) ** (2.0 / 3.0)) if advance else 0
+    return max(LEAST_ROWS, math.ceil(BLOCK_SHARE * torque.size), by_noise)
 
 
-def _slow(step: FloatArray, load: FloatArray, angle: FloatArray) -> Iterator[tuple[int, int]]:
-    """Yield first and last difference of blocks in which torque and wind-up are slow, between others that are not."""
+def _slow(step: FloatArray, load: FloatArray, angle: FloatArray, begins: int, ends: int) -> Iterator[tuple[int, int]]:
+    """Yield first and last difference of blocks in which torque and wind-up are slow, between others that are not.
+
+    begins, ends: blocks at which the branch leaves its turn and comes to the next one.
+    """
     if not (step > 0.0).all():
         return
-    rates = [_over_usual(values / step) for values in (load, angle)]
-    torque_rate = load / step
+    torque_rate, angle_rate = load / step, angle / step
+    reversed_at = int(np.argmax(angle_rate > REVERSED * np.median(angle_rate)))
+    rates = [_over_usual(values, reversed_at) for values in (torque_rate, angle_rate)]
     of_torque = float(np.median(np.abs(torque_rate / np.median(torque_rate) - 1.0))) < STEADY
     slow: BoolArray = (rates[0] < SLOWED) & (of_torque | (rates[1] < CREEPS))
     moving = np.flatnonzero(rates[0] > UNDER_WAY)
     if not moving.size:
         return
-    slow[: moving[0]] = False
-    slow[moving[-1] :] = False
+    slow[: max(begins, int(moving[0]))] = False
+    slow[min(ends, int(moving[-1])) :] = False
     borders = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
     for first, behind in zip(borders[::2].tolist(), borders[1::2].tolist(), strict=True):
         before = moving[moving < first]
@@ -137,17 +155,17 @@ def _slow(step: FloatArray, load: FloatArray, angle: FloatArray) -> Iterator[tup
         yield int(before[-1]), int(after[0])
 
 
-def _over_usual(rate: FloatArray) -> FloatArray:
-    """Return rates over the median of those around them."""
+def _over_usual(rate: FloatArray, reversed_at: int) -> FloatArray:
+    """Return rates over the median of those around them; 1 where that tells nothing, as friction reverses."""
     wide = np.pad(rate, AROUND, mode="reflect") if rate.size > AROUND else rate
     if wide is rate:
         usual: FloatArray = np.full(rate.size, float(np.median(rate)))
     else:
         usual = np.median(np.lib.stride_tricks.sliding_window_view(wide, 2 * AROUND + 1), axis=1)
-    # Not below a share of all of them: a branch may begin or end with a rest, whose rates are noise.
-    usual = np.maximum(usual, LEAST_USUAL * float(np.median(rate)))
-    found: FloatArray = rate / np.where(usual > 0.0, usual, math.inf)
-    return np.where(usual > 0.0, found, 1.0)
+    least = LEAST_USUAL * float(np.median(rate))
+    told = (np.arange(rate.size) >= reversed_at) | (usual >= least)
+    found: FloatArray = np.where(told, rate / np.maximum(usual, least), 1.0) if least > 0.0 else np.ones(rate.size)
+    return found
 
 
 def _step(torque: FloatArray, angle: FloatArray, start: int, stop: int) -> tuple[float | None, float]:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from analysis.loop.alignment import MOST_ROUNDS, Skew, align, skew_of_cycles
 from analysis.loop.branches import Blocks, binned, branch_records, monotone
 from analysis.loop.drift import Drift, Pairs, correct_drift
-from analysis.loop.fixture import correct_fixture
 from analysis.loop.fixture_curve import Angles
 from analysis.loop.interruptions import (
     Interruption,
@@ -25,7 +24,7 @@ from analysis.loop.loop import Loop, fit_record, reversal_record
 from analysis.loop.method import Method
 from analysis.loop.samples import converts, evaluated_samples
 from analysis.loop.stages import StageRecord
-from analysis.loop.windup import measured_windup
+from analysis.loop.windup import correct_fixture, measured_windup
 from analysis.torque_ratio.quadrants import Quadrants
 from analysis.trace.errors import AnalysisError
 from analysis.trace.runs import Run

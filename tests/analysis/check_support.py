@@ -109,6 +109,18 @@ def each_row(times: int) -> dict[str, Any]:
     return {"trace": dataclasses.replace(GOOD, **{name: getattr(GOOD, name)[rows] for name in names})}
 
 
+def set_back() -> dict[str, Any]:
+    """A ramp of the first cycle runs on by a twentieth of its way, is set back, and comes again."""
+    key = next(index for index, info in GOOD.segments.items() if info.role == "measure")
+    rows = np.flatnonzero(GOOD.segment == key)
+    at, over = rows[round(0.7 * rows.size)], rows[round(0.75 * rows.size)]
+    order = np.concatenate((np.arange(over), np.arange(over - 1, at, -1), np.arange(at, GOOD.samples)))
+    names = (*(name for name in CHANNELS if name != "t_s"), "segment")
+    step = float(np.median(np.diff(GOOD.t_s)))
+    moved = {name: getattr(GOOD, name)[order] for name in names}
+    return changed(**moved, t_s=np.arange(order.size) * step)
+
+
 def uneven_ramp() -> dict[str, Any]:
     """Every second stretch of the way is run ten times as slowly."""
     step = np.where((np.arange(GOOD.samples) // 700) % 2, 1e-3, 1e-2)
@@ -245,6 +257,7 @@ BAD: dict[str, Bad] = {
     "noise_low": lambda: changed(torque_out_nm=uniform_filter1d(GOOD.torque_out_nm, 9)),
     "noise_high": lambda: changed(torque_in_nm=np.round(GOOD.torque_in_nm, 1)),
     "ramp_rate": uneven_ramp,
+    "interrupted": set_back,
     "points_per_bin": sparse,
     "monotone_loading": back_and_forth,
     "torque_agreement": lambda: changed(torque_in_nm=-GOOD.torque_in_nm),

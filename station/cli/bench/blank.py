@@ -7,9 +7,9 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-from analysis.loop.fixture import blank_curve
 from analysis.loop.fixture_curve import FixtureCurve
 from analysis.loop.measured import measure
+from analysis.loop.windup import blank_curve
 from analysis.trace.trace import Trace
 from analysis.trace.trace_files import read_trace
 from recipes import Bench, Recipe, find_bench, load_bench, load_recipe

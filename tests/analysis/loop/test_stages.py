@@ -13,11 +13,11 @@ from scipy import signal
 
 from analysis.evaluation.pipeline import Result, analyse
 from analysis.loop.alignment import skew_from_speeds
-from analysis.loop.fixture import blank_curve
 from analysis.loop.fixture_curve import FixtureCurve, compensated_stiffness, series_stiffness
 from analysis.loop.measured import measure
 from analysis.loop.method import Method, MetricWanted
 from analysis.loop.stages import STAGES
+from analysis.loop.windup import blank_curve
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import Trace
 

@@ -123,7 +123,8 @@ _ROWS = (
     ),
     Check(
         "copied_cycles", "Copied cycles", FRACTION, 50.0,
-        "samples of a branch that are identical to those of another cycle, where noise is specified",
+        "samples of a branch that are identical to those of another cycle, or share of their noise that is, where "
+        "noise is specified",
         "cycles are copies of each other",
         "measure again: copies have no scatter, so they give no uncertainty",
     ),
@@ -281,6 +282,22 @@ _ROWS = (
         "the hysteresis loss is less than the friction of a reducer: loading and unloading branch are nearly one curve",
         "check that both branches were measured, and the lag of torque against angle",
         at_least=True, settable=SHARES,
+    ),
+    Check(
+        "width_growth", "Growth of the width with the load", FRACTION, 10.0,
+        "growth of the loop's width from 30 % to 70 % of the peak torque, of the width; the larger side",
+        "the loop opens towards its turns, which no friction does: the wind-up creeps back against its torque, or an "
+        "angle is wrong",
+        "let unit and bench come to rest before measuring, check lock, couplings and encoders, and measure again",
+        settable=SHARES,
+    ),
+    Check(
+        "creep_back", "Creep against the torque", FRACTION, 0.5,
+        "wind-up that creeps back against its torque in the time of a branch, at the rate of the dwells, of the whole "
+        "wind-up",
+        "the wind-up creeps back against its torque, which no unit does",
+        "check lock, couplings and encoders, and what warms up while the load stands; then measure again",
+        settable=SHARES,
     ),
     Check(
         "calibrated_turn", "Turning points of the calibration", FRACTION, 0.4,

@@ -25,8 +25,8 @@ SLOWED, CREEPS = 0.3, 0.85
 """Shares of the rates around them below which torque and wind-up have slowed down: the wind-up may creep at rest."""
 
 STEADY = 0.15
-"""Deviation of half of all rates from their median below which it is the torque that is ramped, and stands for itself:
-on a ramp of constant speed it slows down wherever the unit is softer."""
+"""Deviation of half of all rates from their median below which it is the torque that is ramped, where the wind-up is
+less steady: it then stands for itself. On a ramp of constant speed it slows down wherever the unit is softer."""
 
 UNDER_WAY = 0.7
 """Share of these rates at which a ramp is under way: what comes before is its start, what comes after its end."""
@@ -141,7 +141,10 @@ def _slow(step: FloatArray, load: FloatArray, angle: FloatArray, begins: int, en
     torque_rate, angle_rate = load / step, angle / step
     reversed_at = int(np.argmax(angle_rate > REVERSED * np.median(angle_rate)))
     rates = [_over_usual(values, reversed_at) for values in (torque_rate, angle_rate)]
-    of_torque = float(np.median(np.abs(torque_rate / np.median(torque_rate) - 1.0))) < STEADY
+    of_load, of_angle = (
+        np.quantile(np.abs(one / np.median(one) - 1.0), (0.5, 0.95)).tolist() for one in (torque_rate, angle_rate)
+    )
+    of_torque = of_load[0] < STEADY and of_load[1] < of_angle[1]
     slow: BoolArray = (rates[0] < SLOWED) & (of_torque | (rates[1] < CREEPS))
     moving = np.flatnonzero(rates[0] > UNDER_WAY)
     if not moving.size:

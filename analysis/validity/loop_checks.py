@@ -1,4 +1,4 @@
-"""Figures of the validity checks that ask whether a loop can be a reducer's at all: its stiffness, and what it loses.
+"""Figures of the validity checks that ask whether a loop can be a reducer's at all: stiffness, loss, and how it creeps.
 
 Each returns a Reading, or the reason in words why the figure does not apply here.
 """
@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
 
 from analysis.loop.loop import Loop
 from analysis.loop.measured import Measured
-from analysis.validity.evidence import NO_SPAN, Figure, Reading, has_span, of_measured, span_arcmin
+from analysis.loop.windup import measured_windup
+from analysis.validity.evidence import NO_SPAN, Figure, Reading, has_span, of_measured, of_span, span_arcmin
 
 SECANT = (0.25, 0.75)
 """Torques between which the stiffness is read, of the lesser of peak and reference torque: beyond play and reversal."""
@@ -71,9 +75,83 @@ def loss(found: Measured) -> Reading | str:
     return Reading(100.0 * least / (way * span_arcmin(found)))
 
 
+WIDTH_AT = (0.3, 0.7)
+"""Shares of the peak torque between which the growth of the width is read: beyond play, and before the turn."""
+
+LEAST_REST_S = 0.08
+"""A dwell that is shorter shows no creep."""
+
+SETTLES_S = 0.03
+"""Start of a dwell that is left out: there filters settle, and the ramp runs out."""
+
+CERTAIN = 3.0
+"""Standard uncertainties beyond which a creep is one."""
+
+
+@of_measured
+def width_growth(found: Measured) -> Reading | str:
+    """Growth of the loop's width from small to large torque on one side, mean of the cycles, %; the larger side.
+
+    A loop closes towards its turns. One that opens was bent by a wind-up that went against its torque all the time.
+    """
+    worst = 0.0
+    for side in (1, -1):
+        widths = [_widths_arcmin(loop, side) for loop in found.loops]
+        if not all(widths):
+            return "a loop does not reach both signs of torque"
+        small, large = np.mean([one for one in widths if one], axis=0).tolist()
+        if not small > 0.0:
+            return "the loop has no width there"
+        worst = max(worst, large / small - 1.0)
+    return Reading(100.0 * worst)
+
+
+def _widths_arcmin(loop: Loop, side: int) -> tuple[float, float] | None:
+    """Width about both torques of `WIDTH_AT`, mean over a tenth of the peak, so that noise says little."""
+    forward, backward = loop.forward, loop.backward
+    peak = min(float(one.torque_nm[-1] if side > 0 else -one.torque_nm[0]) for one in (forward, backward))
+    if not peak > 0.0:
+        return None
+    near, far = (side * peak * np.linspace(share - 0.05, share + 0.05, 21) for share in WIDTH_AT)
+    small, large = (float(np.mean(backward.at(at) - forward.at(at))) for at in (near, far))
+    return small, large
+
+
+@of_measured
+def creep_back(found: Measured) -> Reading | str:
+    """Wind-up that would creep back against its torque during one branch, as it does in the dwells, % of the wind-up.
+
+    Mean of dwells at both signs of torque, so that a drift says nothing. A unit creeps the way its torque points.
+    """
+    trace = found.trace
+    if trace.t_s is None or trace.segment is None or trace.torque_out_nm is None:
+        return "not measured: needs time, segments and output torque"
+    windup = measured_windup(trace, found.method).arcmin
+    borders = np.concatenate(([0], np.flatnonzero(np.diff(trace.segment)) + 1, [trace.segment.size]))
+    rates: dict[bool, list[float]] = {True: [], False: []}
+    for start, stop in pairwise(borders.tolist()):
+        time = trace.t_s[start:stop]
+        if trace.segments[int(trace.segment[start])].role != "dwell" or time[-1] - time[0] < LEAST_REST_S:
+            continue
+        settled = time >= time[0] + SETTLES_S
+        positive = float(trace.torque_out_nm[start:stop].mean()) > 0.0
+        rate = float(np.polyfit(time[settled] - time[0], windup[start:stop][settled], 1)[0])
+        rates[positive].append(rate if positive else -rate)
+    if min(len(some) for some in rates.values()) < 2 or not has_span(found):
+        return "not measured: needs two dwells or more at both signs of torque"
+    mean = float(np.mean([np.mean(some) for some in rates.values()]))
+    u = math.hypot(*(float(np.std(some, ddof=1)) / math.sqrt(len(some)) for some in rates.values())) / 2.0
+    seconds = [float(np.ptp(one.t_s)) for pair in found.pairs for one in pair if one.t_s is not None]
+    back = max(0.0, -mean - CERTAIN * u) * max(seconds)
+    words = f"in the dwells the wind-up creeps back against the torque by {-60.0 * mean:.2g} arcmin/min"
+    return of_span(found, back, words)
+
+
 FIGURES: dict[str, Figure] = {
     "stiffness_low": stiffness_low,
     "stiffness_high": stiffness_high,
     "loss": loss,
+    "width_growth": width_growth,
+    "creep_back": creep_back,
 }
 """Figures of these checks, by their ids."""

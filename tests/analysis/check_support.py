@@ -121,6 +121,12 @@ def set_back() -> dict[str, Any]:
     return changed(**moved, t_s=np.arange(order.size) * step)
 
 
+def creeping(arcmin_per_min: float) -> dict[str, Any]:
+    """The wind-up creeps the way the torque points; below zero against it."""
+    crept = np.cumsum(np.sign(GOOD.torque_out_nm) * np.gradient(GOOD.t_s)) * arcmin_per_min / 60.0
+    return changed(angle_in_rad=GOOD.angle_in_rad + crept * ARC * RATIO)
+
+
 def uneven_ramp() -> dict[str, Any]:
     """Every second stretch of the way is run ten times as slowly."""
     step = np.where((np.arange(GOOD.samples) // 700) % 2, 1e-3, 1e-2)
@@ -258,6 +264,8 @@ BAD: dict[str, Bad] = {
     "noise_high": lambda: changed(torque_in_nm=np.round(GOOD.torque_in_nm, 1)),
     "ramp_rate": uneven_ramp,
     "interrupted": set_back,
+    "width_growth": lambda: creeping(-2.0),
+    "creep_back": lambda: creeping(-1.0),
     "points_per_bin": sparse,
     "monotone_loading": back_and_forth,
     "torque_agreement": lambda: changed(torque_in_nm=-GOOD.torque_in_nm),

@@ -71,7 +71,7 @@ def test_a_step_that_alone_lets_a_value_pass_decides_nothing() -> None:
     ]
     held, clean = (one.metrics[0].headline.value for one in stiff)
     limit = MetricWanted("stiffness_50_100", branch="load", side="+", min=(held + clean) / 2.0)
-    result = analyse(trace, method_of(RV40, bench), [limit])
+    result = analyse(trace, method_of(RV40, bench, check_limits={"width_growth": 100.0}), [limit])
     assert result.verdict is Verdict.NOT_DECIDABLE
     assert "interrupted ramps" in result.reasons[0]
 

@@ -86,6 +86,14 @@ _ROWS = (
         "check its supply and its start-up, and measure again",
     ),
     Check(
+        "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
+        "torque error caused by the delay between torque and angle, at the ends of the ramps or the turns of the load, "
+        "of the reference torque",
+        "torque and wind-up do not stop, or turn, at the same time",
+        "set the filters of torque and angles as in the bench file, or give their lags there",
+        settable=SHARES,
+    ),
+    Check(
         "clipping", "Clipping", FRACTION, 1.0,
         "wind-up over which the torque stays exactly at its largest value, of the whole wind-up; or torque over "
         "which the angle of the loaded shaft stays, of the whole torque",
@@ -140,14 +148,6 @@ _ROWS = (
         "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",
         "torque and angle lag differently",
         "load slower, set both channels to the same filter, or give their lags in the bench file",
-        settable=SHARES,
-    ),
-    Check(
-        "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
-        "torque error caused by the delay between torque and angle, at the ends of the ramps or the turns of the load, "
-        "of the reference torque",
-        "torque and wind-up do not stop, or turn, at the same time",
-        "set the filters of torque and angles as in the bench file, or give their lags there",
         settable=SHARES,
     ),
     Check(

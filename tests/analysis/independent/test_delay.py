@@ -92,6 +92,7 @@ def test_torques_that_lag_are_seen_at_the_turns(disguise: str, lag_s: float) -> 
     result = judged(bad, bench, Defect(lag_s=lag_s), change)
     assert result.metrics[0].headline.value < 0.95
     assert "late_torque" in failed(result)
+    assert result.reasons[0].startswith("measurement invalid: late_torque")  # a shaft that stands under it is no cause
     assert result.verdict is Verdict.NOT_DECIDABLE
 
 

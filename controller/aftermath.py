@@ -1,4 +1,4 @@
-"""What follows the load: opening the lock at the end of a run, and the reactions to a fault."""
+"""What follows the load: opening the lock and reading the torque zeroes again, and the reactions to a fault."""
 
 from __future__ import annotations
 
@@ -63,6 +63,43 @@ class Release:
             return False
         self._low = 0
         return True
+
+
+class Rest:
+    """The end of a complete run: without load, drive off and lock open, both torque zeroes are recorded once more.
+
+    Whoever evaluates the record compares them with those of the start. They are read when the lock has let go: its
+    torque falls with its current, and what was left in the unit stands on the sensors until then.
+    """
+
+    LETTING_GO, ZEROES, DONE = 1, 2, 3
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._waited = self._samples = 0
+        self._counter = -1
+
+    def enter(self) -> None:
+        """Begin to wait for the lock."""
+        self._context.phase = self.LETTING_GO
+        self._waited = self._samples = 0
+        self._counter = -1
+
+    def scan(self, image: Image, elapsed: int) -> Outcome:
+        """One scan; nothing follows it. The zeroes end after as many samples as the tare has, or twice its time."""
+        context, program = self._context, self._context.program
+        self._waited += elapsed
+        if context.phase == self.LETTING_GO:
+            if self._waited >= program.let_go_scans:
+                context.phase = self.ZEROES
+                self._waited = 0
+        elif context.phase == self.ZEROES:
+            if image.sample_counter != self._counter:
+                self._counter = image.sample_counter
+                self._samples += 1
+            if self._samples > program.tare.samples or self._waited > 2 * program.tare.samples:
+                context.phase = self.DONE
+        return RUNNING
 
 
 class FaultReaction:

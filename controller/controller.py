@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from controller.aftermath import FaultReaction, Release
+from controller.aftermath import FaultReaction, Release, Rest
 from controller.context import RUNNING, Context, Event, Outcome
 from controller.held_lock import Left
 from controller.interlocks import Watch
@@ -78,6 +78,7 @@ class Controller:
         self._close_lock = CloseLock(self._context)
         self._loading = Loading(self._context)
         self._release = Release(self._context)
+        self._rest = Rest(self._context)
         self._fault = FaultReaction(self._context)
         self._scan_by_state: dict[State, Callable[[Image, int], Outcome]] = {
             State.IDLE: self._scan_idle,
@@ -85,7 +86,7 @@ class Controller:
             State.LOCK: self._scan_lock,
             **dict.fromkeys(_LOADING_STATES, self._loading.scan),
             State.RELEASE: self._release.scan,
-            State.COMPLETE: self._scan_end,
+            State.COMPLETE: self._rest.scan,
             State.STOPPED: self._scan_end,
         }
         self._draft = _OrdersDraft()
@@ -105,7 +106,9 @@ class Controller:
     def finished(self) -> bool:
         """True when the run is over and its tail recorded: complete, stopped, or a fault whose reaction has ended."""
         state = self._sequence.state
-        if state in OVER:
+        if state == State.COMPLETE:
+            return self._context.phase == Rest.DONE
+        if state == State.STOPPED:
             return self._in_state >= self.program.settle_scans
         settled = state == _FAULT and self._context.phase == FaultReaction.SETTLED
         return settled and not self._waits_for_person
@@ -224,6 +227,8 @@ class Controller:
             self._loading.begin(self._context.segment.index + 1)
         elif state == State.RELEASE:
             self._release.enter()
+        elif state == State.COMPLETE:
+            self._rest.enter()
         else:
             self._context.phase = 0
 

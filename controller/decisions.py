@@ -10,6 +10,7 @@ DECISIONS: dict[int, str] = {
     1: "as recorded first",
     2: "drive and angle sensor are compared by the age since the request and the largest speed in that time; "
     "the way back after a fault unloads a rest just below the torque at which the lock may open",
+    3: "a complete run ends when both torque zeroes have been recorded again, with the lock open",
 }
 """Version, and what the controller decides otherwise than in the one before."""
 

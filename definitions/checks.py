@@ -86,6 +86,12 @@ _ROWS = (
         "check its supply and its start-up, and measure again",
     ),
     Check(
+        "torque_zeroes", "Torque zeroes after the run", FRACTION, 100.0,
+        "move of a torque zero from before the run to after it, of what the bench file declares (tared_zero, at_rest)",
+        "a torque zero moved in the run",
+        "check mounting, cable and temperature of the torque sensor, then measure again",
+    ),
+    Check(
         "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
         "torque error caused by the delay between torque and angle, at the ends of the ramps or the turns of the load, "
         "of the reference torque",

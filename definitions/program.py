@@ -163,10 +163,20 @@ class Program:
     settle_scans: int
 
     @property
+    def let_go_scans(self) -> int:
+        """Scans until the lock has let go: its torque falls from what holds the unit to a friction of its bearings."""
+        return max(self.settle_scans, 2 * self.lock.settle_scans)
+
+    @property
+    def rest_scans(self) -> int:
+        """Scans recorded behind the last step of a complete run: until the zeroes have been read again."""
+        return self.let_go_scans + self.tare.samples
+
+    @property
     def planned_scans(self) -> int:
         """Scans from start to complete if nothing holds the run up."""
-        preparation = self.tare.samples + self.lock.settle_scans + self.settle_scans
-        return preparation + sum(segment.planned_scans for segment in self.segments)
+        preparation = self.tare.samples + self.lock.settle_scans
+        return preparation + self.rest_scans + sum(segment.planned_scans for segment in self.segments)
 
     @property
     def peak_torque_nm(self) -> float:

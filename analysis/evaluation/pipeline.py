@@ -22,7 +22,7 @@ from analysis.metrics.wanted import definition
 from analysis.torque_ratio.quadrants import Quadrants
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import Trace
-from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.figures import TORQUES, SensorFigures
 from analysis.uncertainty.measurement import measurement_of
 from analysis.validity.evidence import RunFacts, evidence_of
 from analysis.validity.judge import CheckResult, check_reasons, judge_checks
@@ -101,7 +101,11 @@ def analyse(
         problems = check_reasons(checks, tuple(invalid))
         by_output = [] if figures is None else loops_by_output(found)
         late_s = 0.0 if isinstance(late, str) else late.seconds
-        errors, stage = measurement_of(found, figures, by_output=by_output, draws=draws, late_s=late_s)
+        moved = {} if facts is None else {name: facts.zero_shift_nm(name) for name in TORQUES}
+        errors, stage = measurement_of(
+            found, figures, by_output=by_output, draws=draws, late_s=late_s,
+            zero_shifts_nm={name: nm for name, nm in moved.items() if nm is not None},
+        )  # fmt: skip
         closed, unbroken = closed_loops(found), mended(found.loops, found.interruptions)
         metrics = tuple(
             evaluate(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
 
@@ -19,6 +20,7 @@ from analysis.loop.samples import BranchSamples, converts
 from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.units import FloatArray
+from analysis.uncertainty.figures import TorqueChannel
 
 AngleName = Literal["angle_in", "angle_out"]
 
@@ -65,7 +67,8 @@ class Circumstances:
     rising branch begins, and after the positive one. u_skew_s: standard uncertainty of a skew of torque and angle that
     was estimated from the cycles; 0 where it was not. late_s: delay of the torque behind the wind-up that the ends of
     ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
-    branches of all cycles, so many.
+    branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they
+    were read again after the run, of the channels where they were.
     """
 
     method: Method
@@ -83,6 +86,7 @@ class Circumstances:
     late_s: float = 0.0
     interruptions: tuple[Interruption, ...] = ()
     cycles: int = 1
+    zero_shifts_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
 
     @property
     def lines_of_this_run(self) -> bool:
@@ -144,8 +148,10 @@ def line_name(sign: int, direction: int) -> str:
     return f"{'load' if sign == direction else 'unload'}_{'positive' if sign > 0 else 'negative'}"
 
 
-def circumstances_of(found: Measured, *, late_s: float = 0.0) -> Circumstances:
-    """Return how the first cycle of a measurement was made; late_s: delay of the torque that it shows."""
+def circumstances_of(
+    found: Measured, *, late_s: float = 0.0, zero_shifts_nm: Mapping[TorqueChannel, float] | None = None
+) -> Circumstances:
+    """Return how the first cycle of a measurement was made; late_s and zero_shifts_nm as in `Circumstances`."""
     method, trace, loop = found.method, found.trace, found.loops[0]
     encoders: dict[str, tuple[AngleName, ...]] = {
         "both": ("angle_in", "angle_out"),
@@ -171,6 +177,7 @@ def circumstances_of(found: Measured, *, late_s: float = 0.0) -> Circumstances:
         late_s=late_s,
         interruptions=tuple(found.interruptions),
         cycles=len(found.loops),
+        zero_shifts_nm=zero_shifts_nm or {},
         masked_nm=(_masked_nm(found.pairs[0][0]), _masked_nm(found.pairs[0][1])),
     )
 

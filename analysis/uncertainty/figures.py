@@ -18,6 +18,9 @@ from analysis.uncertainty.distributions import STATED_BY
 
 StatedBy = Literal["data_sheet", "certificate"]
 
+TorqueChannel = Literal["torque_in_nm", "torque_out_nm"]
+TORQUES: tuple[TorqueChannel, ...] = ("torque_in_nm", "torque_out_nm")
+
 INTERPOLATION = 512
 """Counts that an encoder of high resolution interpolates within one line of its graduation."""
 
@@ -29,6 +32,7 @@ class TorqueFigures:
     stated_by: who states gain and reversibility. A certificate states nothing of the zero, which the bench tares by
     itself, and nothing of the noise. gain_fraction: of the reading. zero_fraction: what is left of the zero after the
     tare (drift of the zero since, and the friction torque that stood on the sensor while it was tared).
+    at_rest_fraction: torque that friction keeps on the sensor after a run, lock open and drive off.
     reversibility_fraction: half the difference between the reading under falling and under rising torque, at
     mid-range. noise_fraction: standard deviation of one sample.
     """
@@ -36,6 +40,7 @@ class TorqueFigures:
     full_scale_nm: float
     gain_fraction: float = 1e-3
     zero_fraction: float = 2e-4
+    at_rest_fraction: float = 2e-3
     reversibility_fraction: float = 2e-4
     noise_fraction: float = 2e-4
     stated_by: StatedBy = "data_sheet"
@@ -155,6 +160,17 @@ class SensorFigures:
     def torque_out_zero_nm(self) -> float:
         """Limit of what the tare leaves of the zero of the output torque, N·m; 0 without that sensor."""
         return 0.0 if self.torque_out is None else self.torque_out.zero_fraction * self.torque_out.full_scale_nm
+
+    def zero_move_nm(self, name: TorqueChannel) -> tuple[float, float] | None:
+        """Return by how much a channel's zero may move in a run: by friction at rest, and at most; None without sensor.
+
+        At most: both readings leave something of the zero (`zero_fraction`), which adds to the friction.
+        """
+        sensor = self.torque_in if name == "torque_in_nm" else self.torque_out
+        if sensor is None:
+            return None
+        at_rest_nm = sensor.at_rest_fraction * sensor.full_scale_nm
+        return at_rest_nm, at_rest_nm + 2.0 * sensor.zero_fraction * sensor.full_scale_nm
 
 
 def _noise_nm(sensor: TorqueFigures | None) -> float:

@@ -9,7 +9,7 @@ it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from analysis.uncertainty.budget import Budget, Entry, combined, of_scatter, onl
 from analysis.uncertainty.chain import components, covariance_of, line_moves
 from analysis.uncertainty.circumstances import Circumstances, circumstances_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
-from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.figures import SensorFigures, TorqueChannel
 from analysis.uncertainty.loop_uncertainty import LoopUncertainty
 from analysis.uncertainty.monte_carlo import SEED, interval
 from analysis.uncertainty.sources import SOURCES
@@ -90,13 +90,15 @@ class Measurement:
 def measurement_of(
     found: Measured, figures: SensorFigures | None, *,
     by_output: Sequence[Loop] = (), draws: int = 0, late_s: float = 0.0,
+    zero_shifts_nm: Mapping[TorqueChannel, float] | None = None,
 ) -> tuple[Measurement, StageRecord]:  # fmt: skip
     """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains.
 
     by_output: loops by the torque at the output, where it was measured beside one that is converted. draws: of Monte
     Carlo beside the budget; 0 for none. late_s: delay of the torque behind the wind-up that the measurement shows.
+    zero_shifts_nm: moves of the torque zeroes that were read again after the run.
     """
-    circumstances = circumstances_of(found, late_s=late_s)
+    circumstances = circumstances_of(found, late_s=late_s, zero_shifts_nm=zero_shifts_nm)
     measurement = Measurement(found.loops[0], circumstances, figures, by_output=by_output, draws=draws)
     text = WITHOUT_FIGURES if figures is None else WITH_FIGURES if measurement.timed else WITHOUT_TIME
     return measurement, StageRecord("uncertainty", text)

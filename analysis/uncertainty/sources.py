@@ -15,7 +15,7 @@ import numpy as np
 from analysis.trace.units import FloatArray
 from analysis.uncertainty.circumstances import AngleName, Circumstances
 from analysis.uncertainty.distributions import DISTRIBUTIONS, STATED_BY
-from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
+from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueChannel, TorqueFigures
 from analysis.uncertainty.shapes import (
     Effect,
     Setting,
@@ -93,6 +93,14 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
 
         return found
 
+    def moved(figures: SensorFigures, circumstances: Circumstances) -> float | None:
+        channel: TorqueChannel = "torque_in_nm" if name == "torque_in" else "torque_out_nm"
+        declared, moved_nm = figures.zero_move_nm(channel), circumstances.zero_shifts_nm.get(channel)
+        unused = name == "torque_in" and circumstances.quadrants is None
+        if declared is None or moved_nm is None or unused:
+            return None
+        return max(0.0, abs(moved_nm) - declared[0]) or None
+
     def shape(of: Callable[[Setting], FloatArray | float]) -> tuple[Shape]:
         if name == "torque_in":
             return (lambda setting: Effect(torque_in_nm=of(setting)),)
@@ -107,6 +115,10 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
         ErrorSource(
             f"{name}_zero", f"zero of the {words} torque sensor, what the tare left", "N·m", _rectangular,
             limit(lambda sensor: sensor.zero_fraction, of_scale=True), shape(lambda _: 1.0), retared=True,
+        ),
+        ErrorSource(
+            f"{name}_zero_moved", f"move of the zero of the {words} torque sensor in the run, beyond friction at rest",
+            "N·m", _rectangular, moved, shape(lambda _: 1.0),
         ),
         ErrorSource(
             f"{name}_reversibility", f"reversibility (hysteresis) of the {words} torque sensor", "N·m", stated,

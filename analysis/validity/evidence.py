@@ -9,7 +9,7 @@ from functools import wraps
 from typing import NamedTuple
 
 from analysis.loop.measured import Measured
-from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.figures import TORQUES, SensorFigures, TorqueChannel
 from analysis.validity.ramp_ends import Lateness
 
 NOT_EVALUATED = "the trace could not be evaluated"
@@ -28,7 +28,9 @@ class RunFacts:
 
     periods: scan periods that should have been, missed: those that were not; missed_allowed: share of them that may.
     oldest_sample_scans and sample_age_allowed_scans: age of samples while measuring. The others count samples whose
-    status said so. bench_waited: the bench was a virtual one that waits for the scan, so that nothing could be missed.
+    status said so. zeroes_again: samples of the torque zeroes that were read after the run, None in records of versions
+    that read none; the zero shifts are their means, less the zeroes before the run. bench_waited: the bench was a
+    virtual one that waits for the scan, so that nothing could be missed.
     """
 
     periods: int
@@ -40,6 +42,13 @@ class RunFacts:
     torque_out_saturated: int = 0
     not_ready: int = 0
     bench_waited: int = 0
+    zeroes_again: int | None = None
+    torque_in_zero_shift_nm: float | None = None
+    torque_out_zero_shift_nm: float | None = None
+
+    def zero_shift_nm(self, name: TorqueChannel) -> float | None:
+        """Return by how much the zero of a torque channel moved in the run; None where it was not read again."""
+        return self.torque_in_zero_shift_nm if name == "torque_in_nm" else self.torque_out_zero_shift_nm
 
 
 @dataclass(frozen=True)
@@ -49,7 +58,8 @@ class Evidence:
     noise_declared: a bench is known whose sensors have noise. torque_out_zero_nm: limit that is declared of the zero of
     the output torque [N·m]; 0 where nothing is. torque_noise_nm: standard deviation declared of a torque channel. late:
     how late the torque is behind the wind-up, or why nothing tells it. torque_gain: gain error that is declared of both
-    torque sensors together, relative; None where nothing is.
+    torque sensors together, relative; None where nothing is. zero_moves_nm: by how much the zero of a torque channel
+    may move in a run: friction at rest alone, and the largest move; of the channels whose sensors are declared.
     """
 
     measured: Measured | None
@@ -60,6 +70,7 @@ class Evidence:
     torque_noise_nm: Mapping[str, float] = field(default_factory=dict)
     late: Lateness | str = NOT_EVALUATED
     torque_gain: float | None = None
+    zero_moves_nm: Mapping[TorqueChannel, tuple[float, float]] = field(default_factory=dict)
 
 
 def evidence_of(
@@ -76,6 +87,7 @@ def evidence_of(
         torque_out_zero_nm=figures.torque_out_zero_nm,
         torque_noise_nm=figures.torque_noise_nm,
         torque_gain=figures.torque_gain,
+        zero_moves_nm={name: move for name in TORQUES if (move := figures.zero_move_nm(name)) is not None},
     )
 
 

@@ -5,9 +5,17 @@ Each returns a Reading, or the reason in words why the figure does not apply her
 
 from __future__ import annotations
 
+import math
+
 from analysis.validity.evidence import Evidence, Figure, Reading
 
 BENCH_WAITED = "the virtual bench waits for the scan: scan periods were stretched, none was missed"
+NO_ZEROES = "not measured: the torque zeroes were not read again after the run"
+LEAST_ZEROES = 10
+"""Samples of a zero that is read again; fewer are none."""
+
+TORQUE_WORDS = {"torque_in_nm": "input torque", "torque_out_nm": "output torque"}
+
 NO_RECORD = "the trace was recorded elsewhere: its timing is not known"
 
 
@@ -50,6 +58,29 @@ def not_ready(evidence: Evidence) -> Reading | str:
     return NO_RECORD if evidence.facts is None else Reading(evidence.facts.not_ready)
 
 
+def torque_zeroes(evidence: Evidence) -> Reading | str:
+    """Largest move of a torque zero in the run, of what the bench file declares of it, %."""
+    facts = evidence.facts
+    if facts is None:
+        return NO_RECORD
+    if facts.zeroes_again is None:
+        return NO_ZEROES
+    if facts.zeroes_again < LEAST_ZEROES:
+        return Reading(math.inf, f"{facts.zeroes_again} samples of the torque zeroes came after the run: too few")
+    worst = Reading(0.0)
+    for name, (_, most_nm) in evidence.zero_moves_nm.items():
+        moved_nm = facts.zero_shift_nm(name)
+        if moved_nm is None or not math.isfinite(moved_nm):
+            return Reading(math.inf, f"the {TORQUE_WORDS[name]} was no number after the run")
+        found = Reading(
+            100.0 * abs(moved_nm) / most_nm if most_nm > 0.0 else math.inf if moved_nm else 0.0,
+            f"the zero of the {TORQUE_WORDS[name]} moved by {moved_nm:+.3g} N·m in the run, and "
+            f"{most_nm:.3g} N·m is declared for it",
+        )
+        worst = max(worst, found)
+    return worst
+
+
 FIGURES: dict[str, Figure] = {
     "record": objections,
     "missed_periods": missed_periods,
@@ -57,5 +88,6 @@ FIGURES: dict[str, Figure] = {
     "torque_in_saturated": torque_in_saturated,
     "torque_out_saturated": torque_out_saturated,
     "not_ready": not_ready,
+    "torque_zeroes": torque_zeroes,
 }
 """Figures of these checks, by their ids."""

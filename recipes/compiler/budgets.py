@@ -8,7 +8,7 @@ BUDGETS: dict[str, tuple[float, str]] = {
     "homing_s": (10.0, "longest homing"),
     "mode_s": (0.5, "the drive shows the ordered mode of operation"),
     "release_s": (3.0, "brake current gone and drive off"),
-    "settle_s": (0.3, "tail that is recorded after the last step, and the rest after a reaction"),
+    "settle_s": (0.3, "least tail that is recorded after the last step, and the rest after a reaction"),
     "proof_s": (1.0, "a ramp to the proof torque takes this long"),
     "lock_current_s": (3.0, "brake supply reaches its current"),
     "ramp_limit_factor": (3.0, "a ramp may take this many times its planned duration"),

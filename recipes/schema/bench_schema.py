@@ -148,7 +148,8 @@ class TorqueSensor(Section):
     accuracy: gain error, of the reading. reversibility: half the difference between falling and rising. stated_by: who
     states these two: data_sheet, as limits; or certificate, of a calibration of this sensor with its amplifier, as
     expanded uncertainties with k = 2. tared_zero: limit of what the tare leaves of the zero, with the friction that
-    stands on the sensor then.
+    stands on the sensor then. at_rest: limit of the torque that friction keeps on the sensor when the lock is open and
+    the drive off: by so much more may the zero read after a run differ from the one before it.
     """
 
     full_scale_nm: Torque
@@ -157,6 +158,7 @@ class TorqueSensor(Section):
     noise_fraction: SensorNoise
     lag_s: Lag
     tared_zero_fraction: SensorError = 0.0002
+    at_rest_fraction: SensorError = 0.002
     reversibility_fraction: SensorError = 0.0002
     stated_by: Literal["data_sheet", "certificate"] = "data_sheet"
 

@@ -42,6 +42,7 @@ def _torque(sensor: TorqueSensor | None) -> TorqueFigures | None:
         full_scale_nm=sensor.full_scale_nm,
         gain_fraction=sensor.accuracy_fraction,
         zero_fraction=sensor.tared_zero_fraction,
+        at_rest_fraction=sensor.at_rest_fraction,
         reversibility_fraction=sensor.reversibility_fraction,
         noise_fraction=sensor.noise_fraction,
         stated_by=sensor.stated_by,

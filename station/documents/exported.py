@@ -21,6 +21,9 @@ class Counts:
     torque_out_saturated: int
     not_ready: int
     bench_waited: int = 0
+    zeroes_again: int | None = None
+    torque_in_zero_shift_nm: float | None = None
+    torque_out_zero_shift_nm: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

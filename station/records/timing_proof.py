@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from analysis.validity.evidence import RunFacts
-from definitions.image import SampleStatus
+from definitions.image import SampleStatus, State
 from definitions.states import LOADED
 from recipes.schema.recipe_schema import Sampling
 from station.documents.exported import Counts
 from station.documents.timing import Pace, Percentiles, Realtime, Timing
 from station.records.clocks import SCAN, clock_of
 from station.records.samples.table import Table
+from station.records.samples.zeroes import from_zero, read_again
 
 FRAMES_ON_THEIR_WAY = 64
 """Frames that may have come after the last answer of the bench that sets the pace."""
@@ -76,7 +78,19 @@ def counts_of(table: Table, timing: Timing) -> Counts:
         oldest_sample_scans=timing.oldest_sample_scans,
         **{name: int(np.count_nonzero(flags & bit)) for bit, name in COUNTED.items()},
         bench_waited=int(clock_of(timing.clock) == SCAN),
+        **_zeroes_of(table),
     )
+
+
+def _zeroes_of(table: Table) -> dict[str, Any]:
+    """Return how many samples of the torque zeroes came after the run, and their means; nothing in older records."""
+    there = read_again(table)
+    if not len(there):
+        ended = bool(np.any((table["orders"]["state"] == State.COMPLETE) & (table["orders"]["phase"] > 0)))
+        return {"zeroes_again": 0} if ended else {}
+    shifts = {f"{name}_zero_shift_nm": from_zero(there, f"{name}_nm") for name in ("torque_in", "torque_out")}
+    means = {name: float(values.mean()) for name, values in shifts.items()}
+    return {"zeroes_again": len(there)} | {name: mean for name, mean in means.items() if math.isfinite(mean)}
 
 
 def facts_of_counts(counts: Counts, period_ns: int, sampling: Sampling) -> RunFacts:

@@ -33,7 +33,10 @@ WANTED = [MetricWanted("backlash_width_3pct", max=1.0)]
 LAGS = {"torque_out_nm": 0.001, "torque_in_nm": 0.001, "angle_in_rad": 0.001, "angle_out_rad": 0.001}
 
 
-FACTS = RunFacts(periods=100_000, missed=3, missed_allowed=0.001, oldest_sample_scans=2, sample_age_allowed_scans=10)
+FACTS = RunFacts(
+    periods=100_000, missed=3, missed_allowed=0.001, oldest_sample_scans=2, sample_age_allowed_scans=10,
+    zeroes_again=200, torque_in_zero_shift_nm=0.001, torque_out_zero_shift_nm=-0.5,
+)  # fmt: skip
 
 
 DRIVE_COUNT_NM = 0.004
@@ -251,6 +254,7 @@ BAD: dict[str, Bad] = {
     "torque_in_saturated": lambda: facts(torque_in_saturated=1),
     "torque_out_saturated": lambda: facts(torque_out_saturated=7),
     "not_ready": lambda: facts(not_ready=2),
+    "torque_zeroes": lambda: facts(torque_out_zero_shift_nm=-16.9),
     "clipping": lambda: changed(torque_out_nm=np.clip(GOOD.torque_out_nm, -430.0, 430.0)),
     "wrong_way": lambda: changed(angle_in_rad=-GOOD.angle_in_rad, angle_out_rad=-GOOD.angle_out_rad),
     "loop_closure": steps_in_angle,

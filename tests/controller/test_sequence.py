@@ -9,6 +9,7 @@ import pytest
 from programs import PEAK_NM, short_program
 from timeline import Timeline
 
+from controller.aftermath import Rest
 from controller.controller import Controller
 from definitions.image import ORDERS_STRUCT, Command, DriveCommand, DriveState, Reaction, State
 
@@ -129,6 +130,27 @@ def test_a_new_run_needs_a_reset_and_a_start():
     run.command(Command.START)
     run.until_finished()
     assert run.states() == [*FULL_RUN[1:], *FULL_RUN]
+
+
+def test_both_torque_zeroes_are_recorded_again_when_the_lock_has_let_go():
+    program = short_program()
+    run = Timeline(program)
+    run.until_finished()
+    at_rest = [orders for orders in run.orders if orders.state == S.COMPLETE]
+    phases = [orders.phase for orders in at_rest]
+    assert phases == sorted(phases)
+    assert phases.count(Rest.LETTING_GO) == program.let_go_scans
+    assert phases.count(Rest.ZEROES) >= program.tare.samples
+    assert phases[-1] == Rest.DONE
+    assert not any(orders.brake_on or orders.drive_target_torque_nm for orders in at_rest)
+
+
+def test_a_run_ends_without_new_samples_too():
+    run = Timeline(short_program())
+    run.until_state(S.COMPLETE)
+    run.bench.frozen = {"sample_counter": 7}
+    run.until_finished()
+    assert run.orders[-1].phase == Rest.DONE
 
 
 def test_same_images_give_the_same_orders_byte_for_byte():

@@ -104,7 +104,7 @@ def steps(program: Program) -> list[Step]:
         if segment.role != "dwell":
             rows[-1].peak_nm = max(rows[-1].peak_nm, abs(segment.target_nm))
         start += segment.planned_scans
-    rows.append(Planned("release", start, program.settle_scans))
+    rows.append(Planned("release", start, program.rest_scans))
     return [
         Step(
             step=row.name,

@@ -9,6 +9,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
+from controller.aftermath import Rest
+from definitions.image import State
 from station.records.samples.table import Row, Table
 
 ZEROES: Mapping[str, str] = MappingProxyType(
@@ -25,6 +29,17 @@ ZEROES: Mapping[str, str] = MappingProxyType(
 def from_zero(records: Table | Row, channel: str) -> Any:
     """Return a channel of all records or of one, less its zero [N·m or rad]; AbsentChannelError where there is none."""
     return records["image"][channel] - records["orders"][ZEROES[channel]]
+
+
+def read_again(table: Table) -> Table:
+    """Return the new samples of a run in which its torque zeroes were read again: after it, lock open and drive off."""
+    orders = table["orders"]
+    there = table[(orders["state"] == State.COMPLETE) & (orders["phase"] == Rest.ZEROES)]
+    counter = there["image"]["sample_counter"]
+    fresh = np.ones(len(there), dtype=np.bool_)
+    fresh[1:] = counter[1:] != counter[:-1]
+    again: Table = there[fresh]
+    return again
 
 
 def output_torque_nm(records: Table | Row, *, has_torque_out: bool) -> Any:

@@ -67,8 +67,8 @@ class Circumstances:
     rising branch begins, and after the positive one. u_skew_s: standard uncertainty of a skew of torque and angle that
     was estimated from the cycles; 0 where it was not. late_s: delay of the torque behind the wind-up that the ends of
     ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
-    branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they
-    were read again after the run, of the channels where they were.
+    branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they were read again after
+    the run, of the channels where they were.
     """
 
     method: Method

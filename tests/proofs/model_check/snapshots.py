@@ -69,6 +69,7 @@ ACTS_IN: tuple[tuple[str, frozenset[State]], ...] = (
     ("_home.", frozenset({S.HOME})),
     ("_close_lock.", frozenset({S.LOCK})),
     ("_release.", frozenset({S.RELEASE})),
+    ("_rest.", frozenset({S.COMPLETE})),
     ("_fault.", frozenset({S.FAULT})),
     ("_loading._unloading.", frozenset({S.UNLOAD})),
     ("_loading.", LOADING),

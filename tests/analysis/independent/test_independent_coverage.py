@@ -19,7 +19,7 @@ METRICS = (
     "windup",
     "hysteresis_energy",
 )
-UNITS = 24
+UNITS = 48
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +28,10 @@ def found() -> tuple[dict[str, list[CoverageRow]], dict[str, int]]:
 
 
 def test_uncertainty_holds_for_every_metric(found: tuple[dict[str, list[CoverageRow]], dict[str, int]]) -> None:
-    """Of all types together: of so many units with 95 %, fewer than 79 % are within U once in a thousand studies."""
+    """Of all types together: of 48 units with 95 % each, more than 88 % are within U."""
     rows, _ = found
     for number, metric in enumerate(METRICS):
-        assert np.mean([rows[kind][number].covered for kind in KINDS]) > 0.79, metric
+        assert np.mean([rows[kind][number].covered for kind in KINDS]) > 0.88, metric
 
 
 def test_uncertainty_holds_for_every_type(found: tuple[dict[str, list[CoverageRow]], dict[str, int]]) -> None:

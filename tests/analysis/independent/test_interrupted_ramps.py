@@ -5,11 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from loop_generator import KINDS, Bench, Hold, Kind, course_of, figures_of, measured, method_of, truth
 
 from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
+from benchmarks.simulated.loop_generator import (
+    KINDS,
+    Bench,
+    Hold,
+    Kind,
+    course_of,
+    figures_of,
+    measured,
+    method_of,
+    truth,
+)
 
 RV40 = KINDS["RV-40E"]
 WANTED = (

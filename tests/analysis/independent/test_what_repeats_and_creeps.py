@@ -6,12 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loop_generator import KINDS, Bench, Defect, course_of, figures_of, measured, method_of, with_backlash
 
 from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
 from analysis.trace.trace import Trace
+from benchmarks.simulated.loop_generator import (
+    KINDS,
+    Bench,
+    Defect,
+    course_of,
+    figures_of,
+    measured,
+    method_of,
+    with_backlash,
+)
 
 RV40 = KINDS["RV-40E"]
 BACKLASH = [MetricWanted("backlash_width_3pct", max=1.0)]

@@ -94,8 +94,8 @@ class Drill:
         with suppress(subprocess.TimeoutExpired):
             desk.wait(after_s)
         family = _family(desk.pid)
-        # On a busy machine half a second may lie between two kills. All stand still first, and the one that would act on
-        # the silence of another before any: what is cut is the power, to all at once.
+        # On a busy machine half a second may lie between two kills. All stand still first, the one that acts on the
+        # silence of another before any: what is cut is the power, to all at once.
         for name in sorted(family, key=lambda name: not name.startswith("station.scan")):
             with suppress(ProcessLookupError):
                 os.kill(family[name], signal.SIGSTOP)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from controller.context import RUNNING, Context, Outcome
 from controller.ramp import TorqueRamp
 from controller.unloading import Unloading
@@ -12,6 +14,10 @@ DRIVE_IS_OFF = frozenset(
     {DriveState.SWITCH_ON_DISABLED, DriveState.NOT_READY_TO_SWITCH_ON, DriveState.FAULT, DriveState.READY_TO_SWITCH_ON},
 )
 """Drive states without torque."""
+
+RESET_S = 0.1
+"""How long the drive is given the bit that resets its fault: there are drives that read their control word every 5 ms,
+and some that ask for 50 ms of it."""
 
 DRIVE_FAULT_BIT = 1 << FAULT_BY_ID["drive_fault"].number | 1 << FAULT_BY_ID["drive_emergency"].number
 
@@ -116,7 +122,7 @@ class FaultReaction:
         self._torque = TorqueRamp(context.program.control, context.program.period_s)
         self._unloading = Unloading(context, self._torque)
         self._waited = 0
-        self._pulsed = False
+        self._reset_scans = max(1, math.ceil(RESET_S / context.program.period_s))
         self.reaction = Reaction.NONE
         self.acknowledged = False
 
@@ -201,7 +207,6 @@ class FaultReaction:
             return "reset refused: the fault reaction is still active"
         self._context.phase = self.DRIVE_RESET
         self._waited = 0
-        self._pulsed = False
         return ""
 
     def _reset_drive(self, image: Image, active: int) -> Outcome:
@@ -210,9 +215,10 @@ class FaultReaction:
             context.phase = self.SETTLED
             context.notes.append("reset refused: a cause is still present")
         elif image.drive_state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE):
-            # one rising edge: the scans before were without the bit
-            context.drive_command = DriveCommand.DISABLE_VOLTAGE if self._pulsed else DriveCommand.FAULT_RESET
-            self._pulsed = True
+            # The drive acts on the rising edge: the scans before were without the bit. It stays for as long as a slow
+            # drive needs to see it, and comes again after as long without it, for a drive that was not ready for it.
+            with_bit = self._waited // self._reset_scans % 2 == 0
+            context.drive_command = DriveCommand.FAULT_RESET if with_bit else DriveCommand.DISABLE_VOLTAGE
             if self._waited > context.program.enable_scans:
                 context.disable_drive()
                 context.phase = self.SETTLED

@@ -10,7 +10,8 @@ DECISIONS: dict[int, str] = {
     1: "as recorded first",
     2: "drive and angle sensor are compared by the age since the request and the largest speed in that time; "
     "the way back after a fault unloads a rest just below the torque at which the lock may open",
-    3: "a complete run ends when both torque zeroes have been recorded again, with the lock open",
+    3: "a complete run ends when both torque zeroes have been recorded again, with the lock open; "
+    "the bit that resets a drive's fault stays until the fault is left, for 100 ms, and comes again after as long",
 }
 """Version, and what the controller decides otherwise than in the one before."""
 

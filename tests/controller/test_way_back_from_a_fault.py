@@ -8,6 +8,7 @@ from programs import short_program
 from ramp_support import S, mid_ramp
 from timeline import Timeline
 
+from controller.aftermath import FaultReaction
 from definitions.image import (
     AGE_NEVER,
     Command,
@@ -47,6 +48,40 @@ def test_reset_gives_the_drive_a_rising_edge_on_the_fault_bit():
     first = commands.index(DriveCommand.FAULT_RESET)
     assert commands[first - 1] == DriveCommand.DISABLE_VOLTAGE
     assert commands.count(DriveCommand.FAULT_RESET) == 1
+
+
+def reset_from_drive_fault(write) -> Timeline:
+    """A run whose drive is in fault, and is reset; `write` is what the drive makes of each scan's orders in fault."""
+    run = mid_ramp()
+    run.bench.image = run.bench.image._replace(drive_state=DriveState.FAULT)
+    run.until_finished()
+    stored = run.bench.write
+    run.bench.write = lambda orders: stored(
+        write(orders) if run.bench.image.drive_state == DriveState.FAULT else orders
+    )
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    return run
+
+
+def test_a_drive_that_reads_its_control_word_every_5_ms_is_reset():
+    scans = itertools.count()
+    run = reset_from_drive_fault(
+        lambda orders: orders if next(scans) % 5 == 4 else orders._replace(drive_command=DriveCommand.DISABLE_VOLTAGE)
+    )
+    run.until(lambda orders: orders.state == S.STOPPED)
+
+
+def test_a_drive_that_stays_in_fault_is_given_the_edge_again_and_again_and_no_longer_than_it_may_take():
+    run = reset_from_drive_fault(lambda orders: orders._replace(drive_command=DriveCommand.DISABLE_VOLTAGE))
+    run.until(lambda orders: orders.phase == FaultReaction.SETTLED)
+    bits = [orders.drive_command == DriveCommand.FAULT_RESET for orders in run.orders]
+    stretches = [len(list(some)) for bit, some in itertools.groupby(bits) if bit]
+    assert len(stretches) > 1
+    assert all(one * run.controller.program.period_s >= 0.05 for one in stretches[:-1])
+    assert not bits[-1]
+    assert sum(stretches) < run.controller.program.enable_scans
+    assert any("stays in fault" in event.text for event in run.events)
 
 
 def test_a_wound_up_unit_is_unloaded_before_the_lock_opens_after_a_reset():

@@ -232,6 +232,4 @@ def _acts(path: str, state: State, phase: int) -> bool:
         return True
     if path == "_fault._waited":
         return phase != FaultReaction.SETTLED  # begins anew with the way back
-    if path == "_fault._pulsed":
-        return phase in (FaultReaction.UNLOADING, FaultReaction.DRIVE_RESET)  # same
     return path != "_context.stopping"  # set when the fault is left

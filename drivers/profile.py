@@ -69,12 +69,13 @@ class TransmitPdo:
 
 @dataclass(frozen=True)
 class DriveProfile:
-    """Profile of a CiA 402 drive."""
+    """Profile of a CiA 402 drive; write_sync_period: it needs the period of SYNC in 0x1006."""
 
     profile: DriveProfileHeader
     scaling: DriveScaling
     receive_pdos: tuple[ReceivePdo, ...]
     transmit_pdos: tuple[TransmitPdo, ...]
+    write_sync_period: bool = False
 
 
 @dataclass(frozen=True)

@@ -12,34 +12,35 @@ from drivers.servo_drive.pdo import rpdo_cob_id, tpdo_cob_id
 COB_INVALID = 1 << 31
 COB_NO_RTR = 1 << 30
 """TPDO COB-IDs carry it or not at the drive's choice: it is written, and left out of the comparison."""
-PDO_NUMBERS = range(1, 5)
+PDO_NUMBERS = range(1, 9)
+"""Those that a profile may use, and four more that drives have: what nobody asked for would fill the bus."""
 
 _MAPPING_NEXT = "correct the mapping in the drive profile, or restore the drive's PDO defaults"
 
 
-def mapping_rows(config: DriveConfig) -> list[SetupRow]:
-    """Rows of all PDOs in the order that CiA 301 asks for: off, type, no entries, entries, their number, on."""
-    rows: list[SetupRow] = []
+def mapping_groups(config: DriveConfig) -> list[list[SetupRow]]:
+    """Rows of each PDO in the order that CiA 301 asks for: off, type, no entries, entries, their number, on."""
+    groups: list[list[SetupRow]] = []
     receive = {pdo.number: pdo for pdo in config.profile.receive_pdos}
     transmit = {pdo.number: pdo for pdo in config.profile.transmit_pdos}
     for number in PDO_NUMBERS:
         if number in receive:
-            rows += _receive_rows(receive[number], config)
+            groups.append(list(_receive_rows(receive[number], config)))
         else:
-            rows.append(_switched_off(0x1400 + number - 1, rpdo_cob_id(number, config.node_id)))
+            groups.append([_switched_off(0x1400 + number - 1)])
         if number in transmit:
-            rows += _transmit_rows(transmit[number], config)
+            groups.append(list(_transmit_rows(transmit[number], config)))
         else:
-            rows.append(_switched_off(0x1800 + number - 1, tpdo_cob_id(number, config.node_id) | COB_NO_RTR))
-    return rows
+            groups.append([_switched_off(0x1800 + number - 1)])
+    return groups
 
 
-def _switched_off(index: int, cob_id: int) -> SetupRow:
+def _switched_off(index: int) -> SetupRow:
     return SetupRow(
         index,
         1,
         "u32",
-        cob_id | COB_INVALID,
+        COB_INVALID,
         "PDO not used, switched off",
         Treatment.WRITE_IF_THERE,
         _MAPPING_NEXT,
@@ -66,6 +67,9 @@ def _transmit_rows(pdo: TransmitPdo, config: DriveConfig) -> Iterator[SetupRow]:
     name = f"drive PDO {pdo.number}"
     cob_id = tpdo_cob_id(pdo.number, config.node_id) | COB_NO_RTR
     yield from _mapped(pdo, index, cob_id, name)
+    # by these a drive would hold back what it has at a SYNC, or send it at other times too
+    for subindex, what in ((3, "inhibit time"), (5, "event timer")):
+        yield SetupRow(index, subindex, "u16", 0, f"{name}: no {what}", Treatment.WRITE_IF_THERE, _MAPPING_NEXT)
     yield _switched_on(index, cob_id, name)
 
 

@@ -2,7 +2,7 @@
 
 A protection is a limit that the drive enforces by itself, also when this program is dead. Vendors' defaults differ
 (0x6007 is 0, "do nothing", on one drive and 1 on another; limits may mean "none"), so nothing is taken as given: every
-row is written and read back.
+row is read, written where it holds something else, and read back.
 """
 
 from __future__ import annotations
@@ -59,6 +59,10 @@ class SetupRow:
         """True when the value is inside the object's type."""
         low, high = RANGES[self.type]
         return low <= self.value <= high
+
+    def written_over(self, found: int) -> int:
+        """Return what is written where `found` is: bits that are not compared are the drive's own, and stay."""
+        return found & ALL_BITS & ~self.compare_mask | self.value & self.compare_mask if self.value >= 0 else self.value
 
     def matches(self, found: int) -> bool:
         """Tell whether the value read is the one wanted."""
@@ -176,12 +180,16 @@ def homing_rows() -> list[SetupRow]:
     ]
 
 
-def synchronisation_rows(period_ns: int) -> list[SetupRow]:
-    """Rows that tie the drive to our SYNC; the periods are objects that drives may lack."""
+def synchronisation_rows(config: DriveConfig, period_ns: int) -> list[SetupRow]:
+    """Rows that tie the drive to our SYNC; all are objects that drives may lack.
+
+    The period of SYNC is told only where the profile asks for it: there are drives that supervise it, and end in a
+    quick stop after a few scans that came late.
+    """
     optional = Treatment.WRITE_IF_THERE
-    rows = [
-        SetupRow(0x1006, 0, "u32", period_ns // 1000, "period of SYNC (µs)", optional),
-    ]
+    rows = [SetupRow(0x1019, 0, "u8", 0, "SYNC carries no counter", optional)]
+    if config.profile.write_sync_period:
+        rows.append(SetupRow(0x1006, 0, "u32", period_ns // 1000, "period of SYNC (µs)", optional))
     if power := _interpolation_power(period_ns):
         units = period_ns // 10 ** (9 + power)
         rows += [

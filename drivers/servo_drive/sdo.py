@@ -85,6 +85,9 @@ _INITIATING = frozenset({1, 2})
 """Command specifiers of requests that name an object: download, upload."""
 _NAMING_OBJECT = frozenset({2, 3, 4})
 """Command specifiers of answers that repeat the object asked for: upload, download, abort."""
+_ANSWER_TO = {1: 3, 2: 2}
+"""Command specifier of the answer to a request that names an object: download, upload (CiA 301, 7.2.4.3)."""
+_ABORT = 4
 _NO_OBJECT = bytes(3)
 """What some nodes put into an abort in place of the object."""
 
@@ -110,7 +113,7 @@ class _PumpedSdoClient(SdoClient):
     """canopen's SDO client that takes its replies from the bus itself.
 
     A request is sent again when its answer is late, so an answer may come twice: answers to another object than the
-    one that was asked for last are left-overs and are dropped.
+    one that was asked for last, or to reading where it is written, are left-overs and are dropped.
     """
 
     RESPONSE_TIMEOUT = 0.001  # what is left for canopen's queue once `read_response` has waited
@@ -121,16 +124,20 @@ class _PumpedSdoClient(SdoClient):
         self._pump = pump
         self._reply_timeout_s = reply_timeout_s
         self._asked_for = b""
+        self._answers: frozenset[int] = frozenset()
 
     def send_request(self, request: bytes | bytearray) -> None:
         if request[0] >> 5 in _INITIATING:
             self._asked_for = bytes(request[_OBJECT])
+            self._answers = frozenset({_ANSWER_TO[request[0] >> 5], _ABORT})
         super().send_request(request)  # type: ignore[no-untyped-call]
 
     def on_response(self, can_id: int, data: bytes | bytearray, timestamp: float) -> None:
         if len(data) != _SDO_BYTES:
             return
-        if data[0] >> 5 not in _NAMING_OBJECT or data[_OBJECT] in (self._asked_for, _NO_OBJECT):
+        specifier = data[0] >> 5
+        answers = specifier in self._answers and data[_OBJECT] in (self._asked_for, _NO_OBJECT)
+        if answers or specifier not in _NAMING_OBJECT:
             super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
 
     def read_response(self) -> bytes:

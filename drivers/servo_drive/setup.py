@@ -12,7 +12,7 @@ from definitions.image import NmtState
 from drivers.can.bus import CanLink
 from drivers.config import DriveConfig
 from drivers.errors import DriveSetupError, Problem
-from drivers.servo_drive.mapping import mapping_rows
+from drivers.servo_drive.mapping import mapping_groups
 from drivers.servo_drive.objects import (
     SetupRow,
     Treatment,
@@ -62,6 +62,9 @@ class _Setup:
         self.problems: list[Problem] = []
         self.silences = 0
         self.absent: set[tuple[int, int]] = set()
+        self.left: set[tuple[int, int]] = set()
+        """Objects that held what is wanted, and were not written."""
+        self.found: dict[tuple[int, int], int] = {}
 
     def run(self) -> list[str]:
         self._refuse_switched_off()
@@ -70,14 +73,16 @@ class _Setup:
             self._check(identity_rows(self.config))
             self._stop_on_problems()
             self._check(rating_rows(self.config))
-            rows = [
-                *synchronisation_rows(self.period_ns),
+            alone = [
+                *synchronisation_rows(self.config, self.period_ns),
                 *protection_rows(self.config),
                 *homing_rows(),
-                *mapping_rows(self.config),
             ]
-            self._write(rows)
-            self._check([row for row in rows if row.treatment in _READ_BACK])
+            groups = [*([row] for row in alone), *mapping_groups(self.config)]
+            for group in groups:
+                if not self._holds(group):
+                    self._write(group)
+            self._check([row for group in groups for row in group if row.treatment in _READ_BACK])
             self._stop_on_problems()
             self._start()
         except SdoFailure as failure:  # of an NMT command: the bus itself failed
@@ -149,7 +154,9 @@ class _Setup:
                 continue
             self.silences = 0
             if row.matches(found):
-                how = "checked" if row.treatment in {Treatment.CHECK, Treatment.CHECK_BITS} else "written, read back"
+                left = (row.index, row.subindex) in self.left
+                checked = row.treatment in {Treatment.CHECK, Treatment.CHECK_BITS}
+                how = "checked" if checked else "held already, not written" if left else "written, read back"
                 self.log.append(f"{self._where(row)} {row.meaning} = {_number(row, found)}: {how}")
             else:
                 what = f"{row.meaning} is not what it must be"
@@ -157,9 +164,39 @@ class _Setup:
                     Problem(what, self._where(row), _number(row, found), _number(row, row.value), row.next_step)
                 )
 
+    def _holds(self, group: list[SetupRow]) -> bool:
+        """Read what a group of objects holds; whether all of it is wanted as it is, so that nothing is written.
+
+        Objects may be fixed, as may a whole mapping: a drive that holds what is wanted need not let itself be written.
+        """
+        wanted = True
+        for row in group:
+            if row.treatment not in _READ_BACK or not row.fits:
+                wanted &= row.treatment is Treatment.STEP
+                continue
+            self._stop_when_late()
+            try:
+                self.found[row.index, row.subindex] = found = self.node.read(row.index, row.subindex, row.type)
+            except SdoFailure as failure:
+                if failure.abort_code == 0:
+                    self.absent.update((one.index, one.subindex) for one in group)
+                    self._failed("cannot be read", row, failure)
+                    return True
+                # an object that may be missing is not waited for; any other is told by the attempt to write it
+                wanted &= row.treatment is Treatment.WRITE_IF_THERE and failure.abort_code in _MISSING
+                if row.treatment is Treatment.WRITE_IF_THERE and failure.abort_code in _MISSING:
+                    self.absent.add((row.index, row.subindex))
+                    self.log.append(f"{self._where(row)} {row.meaning}: this drive has no such object")
+                continue
+            self.silences = 0
+            wanted &= row.matches(found)
+        if wanted:
+            self.left.update((row.index, row.subindex) for row in group)
+        return wanted
+
     def _write(self, rows: list[SetupRow]) -> None:
         for row in rows:
-            if row.treatment not in _WRITTEN:
+            if row.treatment not in _WRITTEN or (row.index, row.subindex) in self.absent:
                 continue
             if not row.fits:
                 self.absent.add((row.index, row.subindex))
@@ -175,7 +212,8 @@ class _Setup:
                 continue
             self._stop_when_late()
             try:
-                self.node.write(row.index, row.subindex, row.type, row.value)
+                found = self.found.get((row.index, row.subindex), row.value)
+                self.node.write(row.index, row.subindex, row.type, row.written_over(found))
                 self.silences = 0
             except SdoFailure as failure:
                 self.absent.add((row.index, row.subindex))

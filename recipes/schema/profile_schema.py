@@ -91,12 +91,13 @@ class TransmitPdo(_Pdo):
 
 
 class DriveProfileFile(_Model):
-    """Profile of a CiA 402 drive."""
+    """Profile of a CiA 402 drive; write_sync_period: it needs the period of SYNC in 0x1006."""
 
     profile: DriveProfileHeader
     scaling: DriveScaling
     receive_pdos: tuple[ReceivePdo, ...] = Field(strict=False)
     transmit_pdos: tuple[TransmitPdo, ...] = Field(strict=False)
+    write_sync_period: bool = False
 
     @model_validator(mode="after")
     def _maps_what_is_needed(self) -> Self:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import pytest
 from drivers_support import PERIOD_NS, drive_config
 
-from drivers.servo_drive.mapping import mapping_rows
+from drivers.servo_drive.mapping import mapping_groups
 from drivers.servo_drive.objects import (
     Treatment,
     homing_rows,
@@ -31,10 +32,10 @@ def test_no_object_is_asked_for_two_values() -> None:
     rows = [
         *identity_rows(config),
         *rating_rows(config),
-        *synchronisation_rows(PERIOD_NS),
+        *synchronisation_rows(config, PERIOD_NS),
         *protection_rows(config),
         *homing_rows(),
-        *mapping_rows(config),
+        *itertools.chain.from_iterable(mapping_groups(config)),
     ]
     places = [(row.index, row.subindex) for row in rows if row.treatment is not Treatment.STEP]
     assert len(places) == len(set(places))
@@ -45,14 +46,21 @@ def test_no_object_is_asked_for_two_values() -> None:
     ("period_ns", "units", "power"), [(1_000_000, 1, -3), (500_000, 5, -4), (2_000_000, 2, -3), (125_000, 125, -6)]
 )
 def test_interpolation_period(period_ns: int, units: int, power: int) -> None:
-    rows = {(row.index, row.subindex): row.value for row in synchronisation_rows(period_ns)}
+    told = dataclasses.replace(drive_config().profile, write_sync_period=True)
+    config = dataclasses.replace(drive_config(), profile=told)
+    rows = {(row.index, row.subindex): row.value for row in synchronisation_rows(config, period_ns)}
     assert rows[0x60C2, 1] == units
     assert rows[0x60C2, 2] == power
     assert rows[0x1006, 0] == period_ns // 1000
+    assert 0x1006 not in {row.index for row in synchronisation_rows(drive_config(), period_ns)}
 
 
 def test_a_row_compares_without_the_bits_that_are_the_drives_own() -> None:
-    row = next(row for row in mapping_rows(drive_config()) if (row.index, row.treatment) == (0x1800, Treatment.WRITE))
+    row = next(
+        row
+        for row in itertools.chain.from_iterable(mapping_groups(drive_config()))
+        if (row.index, row.treatment) == (0x1800, Treatment.WRITE)
+    )
     on = dataclasses.replace(row, subindex=1, value=0x40000185, compare_mask=0xBFFFFFFF)
     assert on.matches(0x185)
     assert on.matches(0x40000185)

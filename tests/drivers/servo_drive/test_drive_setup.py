@@ -76,7 +76,7 @@ def test_everything_is_written_and_the_drive_started(drive: DurandDrive, link: C
     assert drive.node.nmt.state == NmtState.OPERATIONAL
     assert "node 5 6072:00 largest torque (0.1 % of rated torque) = 1100: written, read back" in log
     assert "node 5 1018:01 vendor id = 0x4C4D0001: checked" in log
-    assert "node 5 1006:00 period of SYNC (µs): this drive has no such object" in log
+    assert "node 5 1019:00 SYNC carries no counter: this drive has no such object" in log
     assert log[-1] == "node 5: started, heartbeat says operational"
 
 
@@ -89,7 +89,24 @@ def test_every_protection_is_reported_as_read_back(drive: DurandDrive, link: Can
 
 def test_set_up_can_be_repeated(drive: DurandDrive, link: CanLink) -> None:
     first = set_up_drive(link, drive_config(), PERIOD_NS)
-    assert set_up_drive(link, drive_config(), PERIOD_NS) == first
+    again = set_up_drive(link, drive_config(), PERIOD_NS)
+    assert [line.replace("held already, not written", "written, read back") for line in again] == [
+        line.replace("held already, not written", "written, read back") for line in first
+    ]
+    assert not any(line.endswith("written, read back") for line in again)
+    assert drive.node.nmt.state == NmtState.OPERATIONAL
+
+
+def test_what_cannot_be_written_but_holds_what_is_wanted_is_fine(drive: DurandDrive, link: CanLink) -> None:
+    set_up_drive(link, drive_config(), PERIOD_NS)
+
+    def refuse(_value: int) -> None:
+        raise ValueError
+
+    for place in WRITTEN:
+        drive.od.validate_callbacks[place].add(refuse)
+    log = set_up_drive(link, drive_config(), PERIOD_NS)
+    assert "node 5 1600:01 set-point PDO 1: controlword = 0x60400010: held already, not written" in log
     assert drive.node.nmt.state == NmtState.OPERATIONAL
 
 

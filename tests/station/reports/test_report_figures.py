@@ -145,6 +145,7 @@ def test_the_lines_of_the_torque_ratio_are_fitted_again(page: str, quick_run: An
         assert turn * offset == pytest.approx(metrics["torque_ratio_offset"][sign].value, rel=1e-7)
 
 
+SHARE_OF_U = 0.2
 WITHOUT_VERDICT = {
     "rv-40e-121-quick": "torque_ratio_offset, side +: could not be evaluated",
     "rv-40e-121-output": "measurement invalid: locked_angle",
@@ -167,7 +168,10 @@ def test_the_loop_of_a_page_has_values_and_no_verdict(
     for one in RunRecord(record).read(Result, "result.json").metrics:
         if not one.id.startswith("torque_ratio"):
             for row in side_rows(one):
-                assert values[metric_name(row)] == pytest.approx(row.value, rel=1e-4), metric_name(row)
+                # Where friction has turned is told from the points of the page, and of the run: the curve through both
+                # differs by a small part of what is known of it.
+                most = max(1e-4 * abs(row.value), SHARE_OF_U * (row.uncertainty or 0.0))
+                assert abs(values[metric_name(row)] - row.value) <= most, metric_name(row)
 
 
 def side(value: float, share: float) -> dict[str, Any]:

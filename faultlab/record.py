@@ -7,6 +7,7 @@ from pathlib import Path
 from faultlab.run import FaultRun
 from station.bench.request import Job, Source
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.result import Result
 from station.records.clocks import VIRTUAL
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import pack
@@ -30,12 +31,13 @@ def create_record(
     return new_record(data, job, wanted, notes=[f"faults were injected: {name}"])
 
 
-def keep(job: Job, unit: VirtualUnit, scenario_path: Path, scenario: Scenario, *, run: FaultRun, data: Path) -> Path:
-    """Keep a run of virtual time below `data` and return its folder."""
+def keep(
+    job: Job, unit: VirtualUnit, scenario_path: Path, scenario: Scenario, *, run: FaultRun, data: Path
+) -> tuple[Path, Result]:
+    """Keep a run of virtual time below `data`, concluded as any other; return its folder and its result."""
     record = create_record(job, unit, scenario_path, scenario, data, clock=VIRTUAL)
     scans = zip(run.scans, run.images, run.orders, strict=True)
     with record.samples.open("wb") as stream:
         for sequence, (scan, image, orders) in enumerate(scans):
             stream.write(pack((sequence, scan, 0, 0), image, orders))
-    conclude(record, job, Ending(written=len(run.scans)))
-    return record.folder
+    return record.folder, conclude(record, job, Ending(written=len(run.scans))).result

@@ -21,6 +21,7 @@ from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.units import FloatArray
 from analysis.uncertainty.figures import TorqueChannel
+from analysis.uncertainty.seen_angles import locked_width_arcmin, noise_seen_arcmin
 
 AngleName = Literal["angle_in", "angle_out"]
 
@@ -68,7 +69,8 @@ class Circumstances:
     was estimated from the cycles; 0 where it was not. late_s: delay of the torque behind the wind-up that the ends of
     ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
     branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they were read again after
-    the run, of the channels where they were.
+    the run, of the channels where they were. noise_seen_arcmin, locked_width_arcmin: what the angles show of their own
+    errors (`seen_angles`).
     """
 
     method: Method
@@ -87,6 +89,8 @@ class Circumstances:
     interruptions: tuple[Interruption, ...] = ()
     cycles: int = 1
     zero_shifts_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
+    noise_seen_arcmin: float = 0.0
+    locked_width_arcmin: float = 0.0
 
     @property
     def lines_of_this_run(self) -> bool:
@@ -178,6 +182,8 @@ def circumstances_of(
         interruptions=tuple(found.interruptions),
         cycles=len(found.loops),
         zero_shifts_nm=zero_shifts_nm or {},
+        noise_seen_arcmin=noise_seen_arcmin(found),
+        locked_width_arcmin=locked_width_arcmin(found),
         masked_nm=(_masked_nm(found.pairs[0][0]), _masked_nm(found.pairs[0][1])),
     )
 

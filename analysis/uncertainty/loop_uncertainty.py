@@ -301,7 +301,7 @@ def _even(
 
 
 def _angle_noise(circumstances: Circumstances, figures: SensorFigures) -> float:
-    """Standard deviation of the wind-up of one sample, arcmin."""
+    """Standard deviation of one sample of the wind-up, arcmin: as declared or, where that is more, as seen."""
     variance = 0.0
     for name, encoder, scale in (
         ("angle_in", figures.angle_in, circumstances.method.ratio),
@@ -309,4 +309,4 @@ def _angle_noise(circumstances: Circumstances, figures: SensorFigures) -> float:
     ):
         if encoder is not None and name in circumstances.encoders:
             variance += (encoder.noise_rad * ARCMIN_PER_RAD / scale) ** 2
-    return math.sqrt(variance)
+    return max(math.sqrt(variance), circumstances.noise_seen_arcmin)

@@ -166,6 +166,16 @@ def _timed(circumstances: Circumstances) -> bool:
     return circumstances.forward.timed and circumstances.backward.timed
 
 
+def _width(setting: Setting) -> Effect:
+    """Move both branches apart, by one arcmin in all."""
+    return Effect(angle_arcmin=0.5 * setting.points.direction)
+
+
+def _lean(setting: Setting) -> Effect:
+    """Lean both branches alike, half an arcmin at the largest torque: next to a turn a late angle has yet to turn."""
+    return Effect(angle_arcmin=0.5 * setting.points.torque_nm / setting.circumstances.peak_nm)
+
+
 SOURCES: tuple[ErrorSource, ...] = (
     *_torque_rows("torque_out", "output"),
     *_torque_rows("torque_in", "input"),
@@ -182,6 +192,11 @@ SOURCES: tuple[ErrorSource, ...] = (
     ErrorSource(
         "late", "delay of the torque against the wind-up that the turns of the load show, not corrected", "s",
         lambda _: "normal", lambda _, circumstances: abs(circumstances.late_s) or None, (skew,),
+    ),
+    ErrorSource(
+        "locked_width", "angle of the locked shaft that comes back late, or a lock with friction: loop width", "arcmin",
+        lambda _: "normal", lambda _, circumstances: abs(circumstances.locked_width_arcmin) or None,
+        (_width, _lean),
     ),
     ErrorSource(
         "creep", "creep of the wind-up with the torque, alike in every cycle", "arcmin/min", _rectangular,
@@ -203,7 +218,7 @@ SOURCES: tuple[ErrorSource, ...] = (
     ErrorSource(
         "lock_width", "teeth at which the shaft is locked: loop width", "arcmin", _rectangular,
         lambda figures, _: figures.lock_width_arcmin,
-        (lambda setting: Effect(angle_arcmin=0.5 * setting.points.direction),),
+        (_width,),
     ),
     ErrorSource(
         "lock_windup", "teeth at which the shaft is locked: wind-up", "1", _rectangular,

@@ -75,9 +75,12 @@ class EventRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftState:
-    """How a run left the bench; `known` is false for what was not heard of at the end of the record."""
+    """How a run left the bench; `known` is false for what was not heard of at the end of the record.
 
-    torque_nm: Number
+    `torque_nm` is null where the sensor gave no number.
+    """
+
+    torque_nm: Number | None
     torque_known: bool
     lock: str
     lock_known: bool

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 
 from definitions.image import DriveState, Link
 from station.documents.events import LeftState
@@ -34,12 +35,14 @@ def left_state(table: Table, program: StoredProgram, *, to_its_end: bool = True)
     old = OLD_S / float(program.period_s)
     links = int(image["links_lost"])
     torque = float(output_torque_nm(table[-1], has_torque_out=program.has_torque_out))
-    closed = bool(image["brake_on"]) or float(image["brake_current_a"]) > CLOSED_CURRENT_A
+    current_a = float(image["brake_current_a"])
+    heard_torque = int(image["sample_age_scans"]) <= old and not links & Link.AMPLIFIER
+    heard_lock = int(image["brake_age_scans"]) <= old and not links & Link.BRAKE
     left = LeftState(
-        torque_nm=round(torque, 2),
-        torque_known=to_its_end and bool(int(image["sample_age_scans"]) <= old and not links & Link.AMPLIFIER),
-        lock="closed" if closed else "open",
-        lock_known=to_its_end and bool(int(image["brake_age_scans"]) <= old and not links & Link.BRAKE),
+        torque_nm=round(torque, 2) if isfinite(torque) else None,
+        torque_known=to_its_end and bool(heard_torque) and isfinite(torque),
+        lock="open" if not image["brake_on"] and current_a <= CLOSED_CURRENT_A else "closed",
+        lock_known=to_its_end and bool(heard_lock) and isfinite(current_a),
         drive="on" if int(image["drive_state"]) in ENERGISED else "off",
         drive_known=to_its_end and bool(int(image["drive_age_scans"]) <= old and not links & Link.CAN),
         release_torque_nm=round(float(program.release_torque_nm), 3),
@@ -53,9 +56,9 @@ def _said(text: str, *, known: bool) -> str:
 
 def left_text(left: LeftState) -> str:
     """Return how the bench was left as one sentence without a full stop."""
-    torque = f"{left.torque_nm:+.1f}".replace("-", "−")
+    torque = "" if left.torque_nm is None else f"{left.torque_nm:+.1f}".replace("-", "−")
     parts = (
-        _said(f"{torque} N·m at the output", known=left.torque_known),
+        _said(f"{torque} N·m at the output", known=left.torque_known) if torque else "unknown torque at the output",
         _said(f"lock {left.lock}", known=left.lock_known),
         _said(f"drive {left.drive}", known=left.drive_known),
     )
@@ -64,7 +67,7 @@ def left_text(left: LeftState) -> str:
 
 def left_action(left: LeftState) -> str:
     """Return what a person does before touching the unit."""
-    if not (left.torque_known and left.lock_known and left.drive_known):
+    if left.torque_nm is None or not (left.torque_known and left.lock_known and left.drive_known):
         return (
             "treat the unit as wound up: switch the drive's power off, keep out of reach of the shafts, "
             "and read the torque again before the lock is opened"

@@ -91,6 +91,20 @@ def faults_exits(
     raise typer.Exit(command_exits.exits(only or [], page, workers, as_json=as_json))
 
 
+@faults_app.command("pairs")
+def faults_pairs(
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Number of the draw: the same pairs again.")] = 1,
+    count: Annotated[int, typer.Option("--count", min=1, help="Number of pairs.")] = 100,
+    first: Annotated[int, typer.Option("--first", min=0, help="Number of the first pair: try one again.")] = 0,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Number of parallel processes.")] = 2,
+    as_json: JsonOption = False,
+) -> None:
+    """Inject two faults at once, drawn by chance, in virtual time. Exit code: 0 nothing wrong, 1 something is."""
+    from station.cli.faults import pairs as command_pairs
+
+    raise typer.Exit(command_pairs.pairs(seed, range(first, first + count), workers, as_json=as_json))
+
+
 @faults_app.command("matrix")
 def faults_matrix(
     only: Annotated[

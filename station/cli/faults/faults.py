@@ -115,7 +115,7 @@ def run(path: Path, how: How, *, as_json: bool) -> int:
         if how.data is not None:
             from faultlab.record import keep  # noqa: PLC0415 - brings the analysis
 
-            kept = keep(job, chosen, path, scenario, run=found, data=how.data)
+            kept, _ = keep(job, chosen, path, scenario, run=found, data=how.data)
         say_result(scenario, source, found, wrong, rated_nm=rated_nm, unit=chosen, record=kept, as_json=as_json)
         return 1 if wrong else 0
     from faultlab.wires import run_over_wires  # noqa: PLC0415 - brings the analysis

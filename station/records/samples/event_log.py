@@ -6,8 +6,10 @@ run whose scan process was killed tells its story as well; the controller's own 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
@@ -109,15 +111,20 @@ def _alarm(table: Table, index: int, number: int, period_ns: int, *, first: bool
         cause=fault.cause,
         next_action=fault.next_action,
         values=AlarmValues(
-            torque_out_nm=round(float(from_zero(record, "torque_out_nm")), 3),
-            torque_in_nm=round(float(from_zero(record, "torque_in_nm")), 5),
-            reference_torque_nm=round(float(orders["reference_torque_nm"]), 3),
-            brake_current_a=round(float(image["brake_current_a"]), 3),
+            torque_out_nm=_rounded(from_zero(record, "torque_out_nm"), 3),
+            torque_in_nm=_rounded(from_zero(record, "torque_in_nm"), 5),
+            reference_torque_nm=_rounded(orders["reference_torque_nm"], 3),
+            brake_current_a=_rounded(image["brake_current_a"], 3),
         ),
         detail=None if told is None else f"emergency code 0x{code:04X}: {told.cause}; {told.next_action}",
         first=first,
         t_s=_time_s(scan, period_ns),
     )
+
+
+def _rounded(value: Any, digits: int) -> float | None:
+    """Return a figure as it is kept; None of a sensor that gave no number."""
+    return round(float(value), digits) if math.isfinite(value) else None
 
 
 def events_of(table: Table, period_ns: int, notes: Sequence[Note]) -> list[EventRow | Alarm]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 from station_samples import IMAGE, ORDERS
 
 from definitions.image import Image, Orders, State
+from station.documents.reading import plain
+from station.durable import as_json
 from station.records.left_state import left_state
 from station.records.program_file import ProgramEntries, StoredProgram
 from station.records.samples.check import check_bytes, sound_table
@@ -66,3 +69,16 @@ def test_numbers_that_this_version_does_not_know_are_named() -> None:
     left = left_state(table, PROGRAM)
     assert left is not None
     assert left.drive == "off"
+
+
+@pytest.mark.parametrize("channel", ["torque_out_nm", "brake_current_a"])
+def test_a_sensor_that_gives_no_number_is_unknown_and_no_torque_counts_as_none(channel: str) -> None:
+    last = QUIET._replace(state=int(State.FAULT), fault=1, alarms=2)
+    image = IMAGE._replace(command=0, brake_on=0, **{channel: math.nan})
+    table = sound_table(records(QUIET, last, image=image))
+    left = left_state(table, PROGRAM)
+    assert left is not None
+    assert not (left.torque_known if channel == "torque_out_nm" else left.lock_known)
+    assert (left.torque_nm is None) == (channel == "torque_out_nm")
+    assert "treat the unit as wound up" in left.next_action
+    as_json([plain(left), [plain(event) for event in events_of(table, 1_000_000, [])]])

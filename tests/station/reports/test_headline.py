@@ -96,6 +96,7 @@ def test_a_stop_and_a_bench_that_did_not_open_are_headlines_too() -> None:
         ({"torque_nm": 1.0, "lock": "open"}, "can be removed"),
         ({"lock": "open"}, "zero of the torque sensor"),
         ({"torque_known": False}, "treat the unit as wound up"),
+        ({"torque_nm": None}, "treat the unit as wound up"),
         ({"lock_known": False, "torque_nm": 0.0}, "treat the unit as wound up"),
     ],
 )

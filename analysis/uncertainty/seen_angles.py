@@ -1,0 +1,86 @@
+"""What the angles of a measurement show of their own errors: noise, and a locked shaft that comes late.
+
+Nothing that is declared says so: a data sheet knows neither the cable nor a filter that somebody has switched on.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from analysis.loop.measured import Measured
+from analysis.loop.samples import BranchSamples
+from analysis.trace.units import FloatArray
+from definitions.units import ARCMIN_PER_RAD
+
+SLOWEST_S = 0.005
+"""Time between samples up to which what a sample has of its own is noise, and not the course of the angle."""
+
+SECOND_DIFFERENCE = 6.0
+"""Variance of x(n−1) − 2·x(n) + x(n+1) of noise, in variances of the noise: 1 + 4 + 1."""
+
+MIDDLE = 0.5
+"""Share of a branch's largest torque within which the locked shaft is held against the torque: friction has turned."""
+
+LEAST_SAMPLES = 20
+"""Of a branch, from which a straight line of the locked shaft is fitted."""
+
+
+def noise_seen_arcmin(found: Measured) -> float:
+    """Return the standard deviation of what a sample of the wind-up has of its own, arcmin; 0 where it is not told.
+
+    Of the angles as they were recorded: what moves the channels to one clock smooths them.
+    """
+    trace = found.recorded
+    if trace.t_s is None or trace.t_s.size < LEAST_SAMPLES or float(np.median(np.diff(trace.t_s))) > SLOWEST_S:
+        return 0.0
+    variance = 0.0
+    for values, scale in _shafts(found, trace.angle_in_rad, trace.angle_out_rad):
+        pieces = [np.diff(values[rows], 2) for pair in found.pairs for one in pair for rows in one.run.pieces]
+        squares = np.square(np.concatenate(pieces)) / SECOND_DIFFERENCE
+        variance += float(squares.mean()) * (ARCMIN_PER_RAD / scale) ** 2 if squares.size else 0.0
+    return math.sqrt(variance)
+
+
+def locked_width_arcmin(found: Measured) -> float:
+    """Return by how much the locked shaft's angle is wider than a line over the torque, arcmin at the output; signed.
+
+    A lock is a spring: its shaft goes and comes back along one line. Where it comes back on another, its channel is
+    late, or the lock gives way with friction; one run cannot tell which. The mean of all cycles; 0 where the wind-up is
+    not the difference of two shafts.
+    """
+    if found.angles != "both":
+        return 0.0
+    by_input = found.method.loading == "input"
+    locked, scale = (found.trace.angle_out_rad, 1.0) if by_input else (found.trace.angle_in_rad, found.method.ratio)
+    if locked is None:
+        return 0.0
+    widths = []
+    for rising, falling in found.pairs:
+        up, down = (_at_zero(one, one.run.take(locked)[one.masked :]) for one in (rising, falling))
+        if up is not None and down is not None:
+            widths.append((down - up) * ARCMIN_PER_RAD / scale)
+    return float(np.mean(widths)) if widths else 0.0
+
+
+def _at_zero(branch: BranchSamples, angle_rad: FloatArray) -> float | None:
+    """Angle at zero torque of the straight line through the middle of a branch; None of too few samples."""
+    torque = branch.torque_nm
+    inside = np.abs(torque) <= MIDDLE * float(np.abs(torque).max())
+    if np.count_nonzero(inside) < LEAST_SAMPLES or not np.ptp(torque[inside]) > 0.0:
+        return None
+    slope, offset = np.polyfit(torque[inside], angle_rad[inside], 1)
+    return float(offset) if math.isfinite(slope) else None
+
+
+def _shafts(
+    found: Measured, angle_in_rad: FloatArray | None, angle_out_rad: FloatArray | None
+) -> list[tuple[FloatArray, float]]:
+    """Angles that the wind-up is made of, each with what divides it at the output."""
+    if found.angles == "given":
+        return []
+    loaded_only = found.angles == "loaded"
+    by_input = found.method.loading == "input"
+    both = [(angle_in_rad, found.method.ratio, by_input), (angle_out_rad, 1.0, not by_input)]
+    return [(values, scale) for values, scale, loaded in both if values is not None and (loaded or not loaded_only)]

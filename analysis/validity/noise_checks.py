@@ -34,15 +34,20 @@ def noise_low(evidence: Evidence) -> Reading | str:
 
     A display that shows little torque as none, a channel that stands for a while: each has a stretch without noise.
     """
-    return _noise(evidence, np.min, min)
+    return _noise(evidence, lambda runs: min(float(one.min()) for one in runs), min)
 
 
 def noise_high(evidence: Evidence) -> Reading | str:
-    """Noise over the declared one, of the torque channel that has most of it, %."""
-    return _noise(evidence, np.mean, max)
+    """Noise over the declared one, of the torque channel that has most of it in one branch, %.
+
+    Of the branches of the calibration too: its lines are fitted to the noise of the input torque.
+    """
+    return _noise(evidence, lambda runs: max(float(one.mean()) for one in runs), max, calibration=True)
 
 
-def _noise(evidence: Evidence, of_blocks: Callable[[FloatArray], float], of_channels: Worst) -> Reading | str:
+def _noise(
+    evidence: Evidence, of_runs: Callable[[list[FloatArray]], float], of_channels: Worst, *, calibration: bool = False
+) -> Reading | str:
     """Return the noise of the channel that counts, in shares of what is declared of it, %."""
     found = evidence.measured
     if found is None:
@@ -56,22 +61,29 @@ def _noise(evidence: Evidence, of_blocks: Callable[[FloatArray], float], of_chan
         return (
             f"not measured: with less than {1.0 / SLOWEST_S:g} samples per second, noise and signal cannot be separated"
         )
-    variances = {name: _variances(found, name) for name in there}
-    if not all(one.size for one in variances.values()):
+    variances = {name: _variances(found, name, calibration=calibration) for name in there}
+    if not all(variances.values()):
         return f"not measured: no branch has {BLOCK} samples"
-    ratio, name = of_channels([(math.sqrt(of_blocks(one)) / declared[name], name) for name, one in variances.items()])
+    ratio, name = of_channels([(math.sqrt(of_runs(some)) / declared[name], name) for name, some in variances.items()])
     words = f"{name} has noise of {ratio * declared[name]:.2g} N·m, and {declared[name]:.2g} are declared"
     return Reading(100.0 * ratio, words)
 
 
-def _variances(found: Measured, channel: str) -> FloatArray:
-    """Return the variance of a torque channel's noise in each block of the measured branches, (N·m)²."""
+def _variances(found: Measured, channel: str, *, calibration: bool) -> list[FloatArray]:
+    """Return the variance of a torque channel's noise in each block of each measured branch that has one, (N·m)²."""
     values = getattr(found.recorded, channel)
-    blocks = []
-    for piece in (values[rows] for pair in found.pairs for one in pair for rows in one.run.pieces):
-        squares = np.square(np.diff(piece, 2)) / SECOND_DIFFERENCE
-        blocks.append(squares[: squares.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1))
-    return np.concatenate(blocks)
+    runs = [one.run for pair in found.pairs for one in pair]
+    if calibration:
+        runs += [run for run in found.runs if run.role == "calibrate"]
+    variances = []
+    for run in runs:
+        blocks = []
+        for rows in run.pieces:
+            squares = np.square(np.diff(values[rows], 2)) / SECOND_DIFFERENCE
+            blocks.append(squares[: squares.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1))
+        together = np.concatenate(blocks)
+        variances += [together] if together.size else []
+    return variances
 
 
 FIGURES: dict[str, Figure] = {

@@ -177,6 +177,14 @@ def test_where_the_torque_is_masked_a_loop_that_does_not_close_is_seen(missing: 
     assert slipped.verdict is Verdict.NOT_DECIDABLE
 
 
+def test_noise_of_the_input_torque_while_it_is_calibrated_is_told() -> None:
+    calibrating = [number for number, one in GOOD.segments.items() if one.role == "calibrate"]
+    noise = np.random.default_rng(4).normal(0.0, 0.05, GOOD.samples) * np.isin(GOOD.segment, calibrating)
+    found = judged(**changed(torque_in_nm=GOOD.torque_in_nm + noise))
+    assert of(found, "noise_high").passed is False
+    assert of(judged(), "noise_high").passed is True
+
+
 def test_a_copied_cycle_is_told_by_its_number_and_only_where_noise_is_declared() -> None:
     found = of(judged(**copied_cycle()), "copied_cycles")
     assert (found.figure, found.limit) == (pytest.approx(100.0, abs=1.0), 50.0)

@@ -24,6 +24,8 @@ SECOND_DIFFERENCE = 6.0
 BLOCK = 50
 """Samples of which the noise is told where the quietest stretch counts: fewer would scatter below a third by chance."""
 
+LEAST_BLOCKS = 10
+"""Of a branch of the calibration that is looked at: in a shorter one the jerks at its ends would count as noise."""
 
 Worst = Callable[[list[tuple[float, str]]], tuple[float, str]]
 """Which channel counts, by its noise over the declared one."""
@@ -73,10 +75,9 @@ def _variances(found: Measured, channel: str, *, calibration: bool) -> list[Floa
     """Return the variance of a torque channel's noise in each block of each measured branch that has one, (N·m)²."""
     values = getattr(found.recorded, channel)
     runs = [one.run for pair in found.pairs for one in pair]
-    if calibration:
-        runs += [run for run in found.runs if run.role == "calibrate"]
+    lines = [run for run in found.runs if calibration and run.role == "calibrate"]
     variances = []
-    for run in runs:
+    for run in runs + [one for one in lines if one.take(values).size >= LEAST_BLOCKS * BLOCK]:
         blocks = []
         for rows in run.pieces:
             squares = np.square(np.diff(values[rows], 2)) / SECOND_DIFFERENCE

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.loop.measured import Measured
+from analysis.trace.runs import Run
 from analysis.trace.units import FloatArray
 from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, Reading
 
@@ -40,9 +41,9 @@ def noise_low(evidence: Evidence) -> Reading | str:
 
 
 def noise_high(evidence: Evidence) -> Reading | str:
-    """Noise over the declared one, of the torque channel that has most of it in one branch, %.
+    """Noise over the declared one, of the torque channel that has most of it, %: measuring, or in a calibration branch.
 
-    Of the branches of the calibration too: its lines are fitted to the noise of the input torque.
+    Lines of the torque ratio are fitted to the noise of the input torque, which makes them flatter.
     """
     return _noise(evidence, lambda runs: max(float(one.mean()) for one in runs), max, calibration=True)
 
@@ -72,19 +73,23 @@ def _noise(
 
 
 def _variances(found: Measured, channel: str, *, calibration: bool) -> list[FloatArray]:
-    """Return the variance of a torque channel's noise in each block of each measured branch that has one, (N·m)²."""
+    """Return the variance of a torque channel's noise in each block, (N·m)²: of all measured branches, then of others.
+
+    The others are the branches of the calibration, each for itself: its lines are fitted to few of them.
+    """
     values = getattr(found.recorded, channel)
-    runs = [one.run for pair in found.pairs for one in pair]
-    lines = [run for run in found.runs if calibration and run.role == "calibrate"]
-    variances = []
-    for run in runs + [one for one in lines if one.take(values).size >= LEAST_BLOCKS * BLOCK]:
-        blocks = []
-        for rows in run.pieces:
-            squares = np.square(np.diff(values[rows], 2)) / SECOND_DIFFERENCE
-            blocks.append(squares[: squares.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1))
-        together = np.concatenate(blocks)
-        variances += [together] if together.size else []
-    return variances
+    together = [_of_run(one.run, values) for pair in found.pairs for one in pair]
+    alone = [_of_run(run, values) for run in found.runs if calibration and run.role == "calibrate"]
+    variances = [np.concatenate(together), *(one for one in alone if one.size >= LEAST_BLOCKS)]
+    return [one for one in variances if one.size]
+
+
+def _of_run(run: Run, values: FloatArray) -> FloatArray:
+    blocks = []
+    for rows in run.pieces:
+        squares = np.square(np.diff(values[rows], 2)) / SECOND_DIFFERENCE
+        blocks.append(squares[: squares.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1))
+    return np.concatenate(blocks)
 
 
 FIGURES: dict[str, Figure] = {

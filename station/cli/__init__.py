@@ -25,6 +25,7 @@ from station.cli.runs import commands as cli_runs
 from station.cli.store.commands import store_app
 from station.cli.studies import model_commands as cli_models
 from station.cli.studies.commands import study_app
+from station.cli.web import commands as cli_web
 from station.errors import BenchFaultError
 from station.plain_text import never_crash
 
@@ -58,6 +59,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "verify": cli_runs.verify,
         "store": store_app,
     },
+    "Station": {"serve": cli_web.serve, "audit": cli_web.audit_app},
     "Models": {
         "model": cli_models.model,
         "play-model": cli_models.play_model,

@@ -1,0 +1,59 @@
+"""`lostmotion serve` and `lostmotion audit` on the command line."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
+
+audit_app = typer.Typer(help="Who did what at the station.", no_args_is_help=True)
+
+
+def serve(
+    data: DataOption = DEFAULT_DATA,
+    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address to be reached by.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port; 0: a free one.")] = 8080,
+    models: Annotated[
+        Path | None,
+        typer.Option("--models", metavar="FILE", help="Table of models. Default: models.yaml in the data folder."),
+    ] = None,
+    certificate: Annotated[Path | None, typer.Option("--certificate", metavar="FILE", help="TLS certificate.")] = None,
+    key: Annotated[Path | None, typer.Option("--key", metavar="FILE", help="Private key of the certificate.")] = None,
+    fast: Annotated[
+        bool, typer.Option("--fast", help="On a virtual bench: run as fast as possible, for trying things out.")
+    ] = False,
+) -> None:
+    """Serve the station: the operator's page and the REST interface. Runs go on without it."""
+    from station.web.server import Served, serve
+
+    serve(Served(data, host, port, models, certificate, key, ("--pace", "fast") if fast else ()))
+
+
+@audit_app.command("verify")
+def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
+    """Check that no line of the audit trail was changed, removed or added. Exit code: 0 in order, 1 not."""
+    from station.web.people import audit
+    from station.web.people.database import FILE, StationDatabase
+
+    if not (data / FILE).is_file():
+        from station.errors import StationError
+
+        raise StationError(f"{data}: has no {FILE}: no station was served here. Name another --data")
+    database = StationDatabase(data)
+    with database.writing() as connection:
+        head, problems = audit.head_of(connection), audit.problems_of(connection)
+    database.close()
+    if as_json:
+        found = {"lines": head.lines, "head_sha256": head.sha256, "problems": problems}
+        sys.stdout.write(json.dumps(found) + "\n")
+    else:
+        lines = [*problems, f"{head.lines} lines, head {head.sha256}: {'NOT IN ORDER' if problems else 'in order'}"]
+        sys.stdout.write("\n".join(lines) + "\n")
+    raise typer.Exit(1 if problems else 0)

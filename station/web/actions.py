@@ -1,0 +1,300 @@
+"""The table of actions: everything that changes anything, with who may do it, what it needs, and what it does.
+
+A page and a REST request do the same: they perform a row. Each that is done, and each that is refused, is a line of the
+audit trail, in the same transaction as what it did.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from sqlalchemy import Connection, insert, select
+
+from station.errors import StationError
+from station.wall_clock import now_text
+from station.web.models import Models
+from station.web.people import audit
+from station.web.people.accounts import (
+    ROLES,
+    AccountError,
+    EntryRefusedError,
+    Person,
+    Session,
+    add_person,
+    brings_token,
+    change_password,
+    disable_person,
+    leave,
+    session_of,
+)
+from station.web.people.database import CONFIRMED, REQUESTS, StationDatabase
+from station.web.permission import Wanted, refusals, situation_of
+from station.web.running import Running
+from station.web.scanner import ScanError, serial_of
+
+EVERYBODY = frozenset(ROLES)
+AT_THE_BENCH = frozenset({"operator", "technician", "engineer", "admin"})
+ADMIN = frozenset({"admin"})
+
+OK, BAD_INPUT, NOT_ENTERED, NOT_ALLOWED, NOT_NOW = 200, 422, 401, 403, 409
+LONGEST_KEY = 64
+
+
+class _Needs(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Nothing(_Needs):
+    """An action that needs nothing."""
+
+
+class Start(_Needs):
+    """What was scanned, and why the unit is measured again where it was before."""
+
+    scanned: str = Field(max_length=512)
+    retest_reason: str = Field(default="", max_length=200)
+
+
+class Confirm(_Needs):
+    """The run whose bad unit is in the NOK box."""
+
+    run: str = Field(max_length=200)
+
+
+class NewPerson(_Needs):
+    """A new account."""
+
+    name: str
+    role: str
+    password: str
+
+
+class Named(_Needs):
+    """An account."""
+
+    name: str
+
+
+class NewPassword(_Needs):
+    """The old password and the new one."""
+
+    old_password: str
+    new_password: str
+
+
+class Answer(NamedTuple):
+    """What became of an action: an HTTP status and what is said."""
+
+    status: int
+    body: dict[str, Any]
+
+
+class NotNowError(StationError):
+    """The action is allowed, and cannot be done now; `reasons`: id and words of each."""
+
+    def __init__(self, reasons: list[tuple[str, str]]) -> None:
+        super().__init__(" ".join(words for _, words in reasons))
+        self.reasons = reasons
+
+
+@dataclass(frozen=True)
+class Station:
+    """What actions work on."""
+
+    data: Path
+    database: StationDatabase
+    models: Models
+    running: Running
+    run_options: tuple[str, ...] = ()
+    """Further options of `lostmotion run`, as the server was started with them."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """One action being done: by whom, in which transaction and session."""
+
+    station: Station
+    connection: Connection
+    session: Session
+
+    @property
+    def person(self) -> Person:
+        """Who does it."""
+        return self.session.person
+
+
+class Action(NamedTuple):
+    """One row: id, roles, what it needs, what it does, and which of its values stand in the audit trail."""
+
+    id: str
+    text: str
+    roles: frozenset[str]
+    needs: type[_Needs]
+    does: Callable[[Call, Any], dict[str, Any]]
+    audited: tuple[str, ...] = ()
+    with_first_password: bool = False
+
+
+def _start_run(call: Call, given: Start) -> dict[str, Any]:
+    station = call.station
+    serial = serial_of(given.scanned)
+    wanted = Wanted(serial, given.retest_reason)
+    confirmed = frozenset(call.connection.execute(select(CONFIRMED.c.run)).scalars())
+    now = situation_of(station.data, station.models, wanted, busy=station.running.busy(), confirmed=confirmed)
+    if why := refusals(now):
+        raise NotNowError(why)
+    model = now.model
+    assert model is not None  # noqa: S101 - a condition of the start
+    options = [model.recipe, "--operator", call.person.name, "--no-report", *station.run_options]
+    options += ["--bench", model.bench] if model.bench else []
+    options += ["--unit", model.unit] if model.unit else []
+    station.running.start(options, serial)
+    return {"serial": serial, "model": model.model, "recipe": model.recipe}
+
+
+def _stop_run(call: Call, _given: Nothing) -> dict[str, Any]:
+    if not call.station.running.stop():
+        raise NotNowError([("no_run", "No run is on.")])
+    return {}
+
+
+def _confirm(call: Call, given: Confirm) -> dict[str, Any]:
+    there = select(CONFIRMED.c.run).where(CONFIRMED.c.run == given.run)
+    if call.connection.execute(there).first() is None:
+        call.connection.execute(insert(CONFIRMED).values(run=given.run, name=call.person.name, at=now_text()))
+    return {"run": given.run}
+
+
+def _add_person(call: Call, given: NewPerson) -> dict[str, Any]:
+    add_person(call.connection, given.name, given.role, given.password)
+    return {"name": given.name, "role": given.role}
+
+
+def _disable_person(call: Call, given: Named) -> dict[str, Any]:
+    if given.name == call.person.name:
+        raise AccountError("name: nobody can close the account that they are using")
+    disable_person(call.connection, given.name)
+    return {"name": given.name}
+
+
+def _change_password(call: Call, given: NewPassword) -> dict[str, Any]:
+    change_password(call.connection, call.person.name, given.old_password, given.new_password)
+    return {}
+
+
+def _leave(call: Call, _given: Nothing) -> dict[str, Any]:
+    leave(call.connection, call.session.token)
+    return {}
+
+
+ACTIONS: dict[str, Action] = {
+    row.id: row
+    for row in (
+        Action("start_run", "measure the scanned unit", AT_THE_BENCH, Start, _start_run, ("scanned", "retest_reason")),
+        Action("stop_run", "bring the torque to zero and stop the run", EVERYBODY, Nothing, _stop_run),
+        Action("confirm_nok", "confirm that a bad unit is in the NOK box", AT_THE_BENCH, Confirm, _confirm, ("run",)),
+        Action("add_person", "add an account", ADMIN, NewPerson, _add_person, ("name", "role")),
+        Action("disable_person", "close an account", ADMIN, Named, _disable_person, ("name",)),
+        Action("change_password", "change the own password", EVERYBODY, NewPassword, _change_password,
+               with_first_password=True),
+        Action("leave", "end the session", EVERYBODY, Nothing, _leave, with_first_password=True),
+    )
+}  # fmt: skip
+"""Every change of state that anybody can bring about, by its id."""
+
+_ONE_AT_A_TIME = Lock()
+
+
+def perform(  # noqa: PLR0917 - one request, as it came
+    station: Station, action_id: str, token: str | None, csrf: str | None, key: str | None, values: Any
+) -> Answer:
+    """Do an action, or refuse it and say why; a key that was answered before is given the same answer."""
+    with _ONE_AT_A_TIME, station.database.writing() as connection:
+        session = session_of(connection, token)
+        if session is None:
+            return Answer(NOT_ENTERED, _said("not_entered", "Log in first."))
+        row = ACTIONS[action_id]
+        if not brings_token(session, csrf):
+            return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Load it anew.")])
+        if not key or len(key) > LONGEST_KEY or not key.isascii() or not key.isprintable():
+            words = f"The request needs the header Idempotency-Key: 1 to {LONGEST_KEY} printable ASCII characters."
+            return Answer(BAD_INPUT, _said("idempotency_key", words))
+        asked = hashlib.sha256(json.dumps([action_id, values], sort_keys=True).encode()).hexdigest()
+        if (before := _answered(connection, key, session.person.name, asked)) is not None:
+            return before
+        answer = _done(Call(station, connection, session), row, values)
+        keep = {"key": key, "name": session.person.name, "asked_sha256": asked}
+        connection.execute(insert(REQUESTS).values(**keep, status=answer.status, answer=json.dumps(answer.body)))
+        return answer
+
+
+def _answered(connection: Connection, key: str, name: str, asked: str) -> Answer | None:
+    row = connection.execute(select(REQUESTS).where(REQUESTS.c.key == key)).first()
+    if row is None:
+        return None
+    if row.name != name or row.asked_sha256 != asked:
+        return Answer(NOT_NOW, _said("key_used", "This Idempotency-Key was used for another request. Take a new one."))
+    return Answer(row.status, json.loads(row.answer))
+
+
+def _done(call: Call, row: Action, values: Any) -> Answer:
+    connection, session, person = call.connection, call.session, call.person
+    if person.role not in row.roles:
+        words = f"{person.role} may not do this ({row.text}); allowed: {', '.join(sorted(row.roles))}."
+        return _refused(connection, session, row, NOT_ALLOWED, [("role", words)])
+    if person.must_change and not row.with_first_password:
+        words = "Change the first password, then log in again."
+        return _refused(connection, session, row, NOT_ALLOWED, [("must_change", words)])
+    told: dict[str, Any] = {}
+    try:
+        given = row.needs.model_validate({} if values is None else values)
+        told = {name: getattr(given, name) for name in row.audited}
+        with connection.begin_nested():
+            found = row.does(call, given)
+    except (ValidationError, StationError) as error:
+        return _refused(connection, session, row, *_why(error), told)
+    audit.write(connection, person.name, row.id, audit.DONE, told)
+    return Answer(OK, {"done": row.id, **found})
+
+
+_REFUSALS: tuple[tuple[type[StationError], int, str], ...] = (
+    (EntryRefusedError, NOT_ALLOWED, "password"),
+    (AccountError, BAD_INPUT, "input"),
+    (ScanError, BAD_INPUT, "scan"),
+)
+"""Status and id of a refusal, by what was raised; of anything else the station cannot do it now."""
+
+
+def _why(error: ValidationError | StationError) -> tuple[int, list[tuple[str, str]]]:
+    """Return the status of a refusal, and id and words of each reason."""
+    if isinstance(error, ValidationError):
+        return BAD_INPUT, [(".".join(map(str, one["loc"])) or "body", one["msg"]) for one in error.errors()]
+    if isinstance(error, NotNowError):
+        return NOT_NOW, error.reasons
+    rows = (
+        (EntryRefusedError, NOT_ALLOWED, "password"),
+        (AccountError, BAD_INPUT, "input"),
+        (ScanError, BAD_INPUT, "scan"),
+    )
+    status, name = next(((one, name) for kind, one, name in rows if isinstance(error, kind)), (NOT_NOW, "station"))
+    return status, [(name, str(error))]
+
+
+def _refused(  # noqa: PLR0917 - one line of the trail
+    connection: Connection, session: Session, row: Action, status: int, reasons: list[tuple[str, str]],
+    told: dict[str, Any] | None = None,
+) -> Answer:  # fmt: skip
+    detail = {**(told or {}), "reasons": [name for name, _ in reasons]}
+    audit.write(connection, session.person.name, row.id, audit.REFUSED, detail)
+    return Answer(status, {"refused": [{"id": name, "text": words} for name, words in reasons]})
+
+
+def _said(name: str, words: str) -> dict[str, Any]:
+    return {"refused": [{"id": name, "text": words}]}

@@ -1,0 +1,1 @@
+"""The pages of the station: what is seen in a browser."""

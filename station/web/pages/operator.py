@@ -1,0 +1,219 @@
+"""The operator's page: scan a unit, see the loop grow, see the verdict. Nothing has to be clicked for a good unit."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import time
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from fastapi import Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
+from nicegui import ui
+
+from station.documents.result import MetricValue, Result
+from station.reports.headline import remaining_reasons
+from station.run.screen.progress import clock, signed
+from station.web.actions import Answer, Station, perform
+from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
+from station.web.people.accounts import Session, session_of
+from station.web.rest import COOKIE
+from station.web.running import ENDED, Now
+from station.web.running import RUNNING as IS_RUNNING
+from station.web.running import STARTING as IS_STARTING
+
+HERE = Path(__file__).parent
+LOOK_EVERY_S = 0.1
+SAME_SCAN_S = 2.0
+"""A code that comes twice within this is one scan."""
+
+PUT_AWAY = "The bad unit is in the NOK box"
+RETEST_REASONS = ("seating of the unit", "result not decidable", "technician asked for it")
+
+
+def add_pages(station: Station) -> None:
+    """Add the pages to the running application."""
+
+    @ui.page("/enter")
+    def enter() -> Response:
+        return HTMLResponse((HERE / "enter.html").read_text(encoding="utf-8"))
+
+    @ui.page("/", title="lostmotion")
+    async def operator(request: Request) -> Response | None:
+        session = await asyncio.to_thread(_session, station, request.cookies.get(COOKIE))
+        if session is None or session.person.must_change:
+            return RedirectResponse("/enter")
+        _Page(station, session).build()
+        return None
+
+
+def _session(station: Station, token: str | None) -> Session | None:
+    with station.database.writing() as connection:
+        return session_of(connection, token)
+
+
+class _Page:
+    """One open page. It shows what the bench does, and keeps nothing but what was scanned last."""
+
+    def __init__(self, station: Station, session: Session) -> None:
+        self._station, self._session = station, session
+        self._shown: tuple[Any, ...] = ()
+        self._points = -1
+        self._scan = ("", 0.0, "")
+
+    def build(self) -> None:
+        """Lay the page out."""
+        ui.add_css((HERE / "style.css").read_text(encoding="utf-8"))
+        ui.add_body_html(f"<script>{(HERE / 'scan.js').read_text(encoding='utf-8')}</script>")
+        with ui.element("header").classes("lm-bar"):
+            ui.label("lostmotion")
+            self._clock = ui.label()
+            ui.label(f"{self._session.person.name} ({self._session.person.role})")
+        with ui.element("main").classes("lm-main"):
+            with ui.element("section").classes("lm-left"):
+                self._tile = ui.html(sanitize=False).classes("lm-tile").props('role="status" aria-live="polite"')
+                self._refused = ui.element("div").classes("lm-refused").props('role="alert"')
+                self._refused.set_visibility(False)
+                self._why = ui.html(sanitize=False).classes("lm-why").props('tabindex="0"')
+            with ui.element("section").classes("lm-right"):
+                self._figures = ui.html(sanitize=False).classes("lm-figures")
+                self._chart = ui.echart(_chart_options()).classes("w-full").style("flex: 1 1 auto; height: 60vh")
+        ui.on("scan", self._scanned)
+        ui.timer(LOOK_EVERY_S, self._look)
+
+    async def _look(self) -> None:
+        now = await asyncio.to_thread(self._station.running.now)
+        self._clock.set_text(time.strftime("%H:%M:%S"))
+        self._show_loop(now)
+        view = now.view
+        left = "" if view is None or now.stage != IS_RUNNING else clock(view.left_s)
+        what = (now.stage, now.run, now.serial, now.refused, left, view and view.state)
+        if view is not None and now.stage == IS_RUNNING:
+            torque, windup = signed(view.torque_nm, 1), signed(view.windup_arcmin, 3)
+            figures = (("torque", f"{torque} N·m"), ("wind-up", f"{windup} ′"), ("time left", left))
+            self._figures.set_content("".join(f"<div><span>{name}</span>{text}</div>" for name, text in figures))
+        if what == self._shown:
+            return
+        if self._shown and now.stage != self._shown[0] and time.monotonic() - self._scan[1] > SAME_SCAN_S:
+            self._refused.set_visibility(False)  # it was said of what is over now
+        self._shown = what
+        shown = _shown(now)
+        self._tile.classes(remove="PASS FAIL OPEN BUSY", add=shown.style)
+        attempt = f"attempt {now.attempt}" if now.attempt > 1 else ""
+        state = view.words if view is not None and now.stage == IS_RUNNING else ""
+        about = "  ".join(part for part in (now.serial, attempt, now.recipe if now.stage == IS_RUNNING else "") if part)
+        self._tile.set_content(
+            f'{shown.shape}<div class="lm-word">{escape(shown.word)}</div>'
+            f'<div class="lm-serial">{escape(about)}</div>'
+            f'<div class="lm-do">{escape(state or shown.to_do)}</div>'
+        )
+        self._why.set_content(_why(now))
+
+    def _show_loop(self, now: Now) -> None:
+        if len(now.loop) == self._points:
+            return
+        self._points = len(now.loop)
+        self._chart.options["series"][0]["data"] = [list(point) for point in now.loop]
+        self._chart.update()
+
+    async def _scanned(self, event: Any) -> None:
+        text = str(event.args.get("text", ""))
+        before, at, key = self._scan
+        if text != before or time.monotonic() - at > SAME_SCAN_S:
+            key = secrets.token_hex(16)
+        self._scan = (text, time.monotonic(), key)
+        await self._start(text, "", key)
+
+    async def _start(self, scanned: str, reason: str, key: str) -> None:
+        answer = await self._perform("start_run", {"scanned": scanned, "retest_reason": reason}, key)
+        self._say(answer, scanned)
+
+    async def _perform(self, action: str, values: dict[str, Any], key: str) -> Answer:
+        session = self._session
+        return await asyncio.to_thread(perform, self._station, action, session.token, session.csrf, key, values)
+
+    def _say(self, answer: Answer, scanned: str) -> None:
+        """Show why a scan was refused, with what can be done about it here; nothing where it was not."""
+        self._refused.clear()
+        refused = answer.body.get("refused", [])
+        self._refused.set_visibility(bool(refused))
+        names = {one["id"] for one in refused}
+        with self._refused:
+            for one in refused:
+                ui.label(one["text"])
+            if names == {"bad_unit_put_away"}:
+                ui.button("The bad unit is in the NOK box", on_click=lambda: self._put_away(scanned)).classes(
+                    "lm-button"
+                )
+            elif names == {"retest_allowed"} and "needs a reason" in refused[0]["text"]:
+                for reason in RETEST_REASONS:
+                    ui.button(reason, on_click=lambda why=reason: self._again(scanned, why)).classes("lm-button")
+
+    async def _put_away(self, scanned: str) -> None:
+        newest = await asyncio.to_thread(self._station.running.newest_run)
+        await self._perform("confirm_nok", {"run": newest}, secrets.token_hex(16))
+        await self._start(scanned, "", secrets.token_hex(16))
+
+    async def _again(self, scanned: str, reason: str) -> None:
+        await self._start(scanned, reason, secrets.token_hex(16))
+
+
+def _shown(now: Now) -> Shown:
+    if now.stage == IS_STARTING:
+        return STARTING
+    if now.stage == IS_RUNNING:
+        return RUNNING
+    if now.stage != ENDED:
+        return READY
+    if now.altered or now.result is None:
+        return NOT_BELIEVED
+    if now.result.state != "complete":
+        return ENDINGS.get(now.result.state, ENDINGS["fault"])
+    return VERDICTS[now.result.verdict]
+
+
+def _why(now: Now) -> str:
+    """Return what stands below the tile: why a start was refused, the reasons of a verdict, the metrics."""
+    if now.refused:
+        return f"<b>The run was refused.</b> {escape(now.refused)}"
+    if now.altered:
+        return "<br>".join(escape(one) for one in now.altered)
+    if now.result is None:
+        return ""
+    reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(now.result)[:4])
+    return f"{reasons}{_table(now.result)}"
+
+
+def _table(result: Result) -> str:
+    rows = "".join(_row(one) for one in result.metrics if one.limits)
+    return f'<table class="lm">{rows}</table>' if rows else ""
+
+
+def _row(metric: MetricValue) -> str:
+    value = "–" if metric.value is None else f"{metric.value:.4g}"
+    u = "" if metric.uncertainty is None else f" ± {metric.uncertainty:.2g}"
+    low, high = metric.limits.min, metric.limits.max
+    limit = " ".join(f"{sign} {value:g}" for sign, value in (("≥", low), ("≤", high)) if value is not None)
+    cells = (f"{value}{u}".replace("-", "−"), metric.unit, limit.replace("-", "−"), metric.verdict or "")
+    title = (metric.title or metric.id).partition(" (")[0]
+    return f"<tr><td>{escape(title)}</td>" + "".join(f'<td class="n">{escape(one)}</td>' for one in cells) + "</tr>"
+
+
+def _chart_options() -> dict[str, Any]:
+    ink = "#23282b"
+    axis = {
+        "type": "value",
+        "nameLocation": "middle",
+        "nameTextStyle": {"fontSize": 18, "color": ink},
+        "axisLabel": {"fontSize": 15, "color": ink},
+        "splitLine": {"lineStyle": {"color": "#c2c7ca"}},
+    }
+    return {
+        "animation": False,
+        "grid": {"left": 90, "right": 30, "top": 20, "bottom": 60},
+        "xAxis": {**axis, "name": "wind-up in arcmin", "nameGap": 36},
+        "yAxis": {**axis, "name": "torque at the output in N·m", "nameGap": 62},
+        "series": [{"type": "line", "data": [], "showSymbol": False, "lineStyle": {"width": 3, "color": "#2f4a5e"}}],
+    }

@@ -1,0 +1,44 @@
+"""The words and the shapes of the operator's page: each verdict and stage has a word, a colour and a shape."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+CIRCLE = (
+    '<svg viewBox="0 0 100 100" aria-hidden="true"><circle cx="50" cy="50" r="46" fill="none" stroke="white" '
+    'stroke-width="8"/><path d="M26 52 L44 70 L76 32" fill="none" stroke="white" stroke-width="11"/></svg>'
+)
+SQUARE = (
+    '<svg viewBox="0 0 100 100" aria-hidden="true"><rect x="6" y="6" width="88" height="88" fill="none" stroke="white" '
+    'stroke-width="8"/><path d="M28 28 L72 72 M72 28 L28 72" stroke="white" stroke-width="11"/></svg>'
+)
+TRIANGLE = (
+    '<svg viewBox="0 0 100 100" aria-hidden="true"><path d="M50 6 L96 92 L4 92 Z" fill="none" stroke="white" '
+    'stroke-width="8"/><path d="M50 38 L50 64 M50 72 L50 82" stroke="white" stroke-width="11"/></svg>'
+)
+
+
+class Shown(NamedTuple):
+    """What a tile shows: style, shape, word, and what to do with the unit."""
+
+    style: str
+    shape: str
+    word: str
+    to_do: str
+
+
+VERDICTS: dict[str, Shown] = {
+    "PASS": Shown("PASS", CIRCLE, "PASS", "Put the unit with the good ones. Scan the next."),
+    "FAIL": Shown("FAIL", SQUARE, "FAIL", "Put the unit into the NOK box."),
+    "NOT DECIDABLE": Shown("OPEN", TRIANGLE, "NOT DECIDABLE", "Keep the unit. See the reason, then test it again."),
+}
+"""By the verdict of a run that came to its end."""
+
+BENCH_FAULT = Shown("OPEN", TRIANGLE, "BENCH FAULT", "Do not touch the unit. Call the technician.")
+STOPPED = Shown("OPEN", TRIANGLE, "STOPPED", "The unit has no verdict. Test it again.")
+NOT_BELIEVED = Shown("OPEN", TRIANGLE, "NO VERDICT", "The record is not as it was left. Call the technician.")
+READY = Shown("", "", "READY", "Scan the unit.")
+STARTING = Shown("BUSY", "", "STARTING", "Keep your hands off the bench.")
+RUNNING = Shown("BUSY", "", "TESTING", "Keep your hands off the bench.")
+ENDINGS: dict[str, Shown] = {"fault": BENCH_FAULT, "stopped": STOPPED}
+"""By the state of a run that did not come to its end; any other is a bench fault."""

@@ -1,0 +1,178 @@
+"""Accounts, roles and sessions: who may enter, and as whom a request is made.
+
+Passwords are kept as Argon2id hashes, sessions by the hash of their token. After some wrong passwords an account is
+locked for a while. The first start makes the account `admin` with a password that is good for one thing: to be changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+import time
+from dataclasses import dataclass
+
+from argon2 import PasswordHasher
+from argon2.exceptions import VerificationError
+from sqlalchemy import Connection, delete, insert, select, update
+
+from station.errors import StationError
+from station.web.people.database import PEOPLE, SESSIONS
+
+ROLES = ("operator", "technician", "quality", "engineer", "admin")
+FIRST_ACCOUNT = "admin"
+
+LEAST_PASSWORD, LONGEST_PASSWORD = 8, 200
+LONGEST_NAME = 64
+WRONG_TRIES = 5
+LOCKED_S = 300.0
+SESSION_S = 12 * 3600.0
+"""A shift, with some time before and after it."""
+
+_HASHER = PasswordHasher()
+_NOBODY = _HASHER.hash(secrets.token_urlsafe())
+"""Checked for names that do not exist, so that the time to an answer does not tell them from others."""
+
+
+class AccountError(StationError):
+    """A name or a password that cannot be had."""
+
+
+class EntryRefusedError(StationError):
+    """Wrong name or password, or an account that is locked or disabled. It says the same of the first two."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """Who makes a request; `must_change`: the password is the first one, and nothing else may be done with it."""
+
+    name: str
+    role: str
+    must_change: bool = False
+
+
+@dataclass(frozen=True)
+class Session:
+    """An open session: `token` is the browser's secret, `csrf` what each of its requests has to bring besides."""
+
+    person: Person
+    token: str
+    csrf: str
+
+
+def first_password(connection: Connection) -> str | None:
+    """Make the first account and return its password; None where there are accounts already."""
+    if connection.execute(select(PEOPLE.c.name).limit(1)).first() is not None:
+        return None
+    password = secrets.token_urlsafe(9)
+    add_person(connection, FIRST_ACCOUNT, "admin", password)
+    return password
+
+
+def add_person(connection: Connection, name: str, role: str, password: str) -> None:
+    """Add an account whose password has to be changed at the first entry.
+
+    Raises:
+        AccountError: the name, role or password is not allowed, or the name is taken.
+
+    """
+    if not name.strip() or len(name) > LONGEST_NAME or not name.isprintable() or name != name.strip():
+        raise AccountError(f"name: found {name[:40]!r}; allowed are 1 to {LONGEST_NAME} printable characters")
+    if role not in ROLES:
+        raise AccountError(f"role: found {role[:40]!r}; allowed are {', '.join(ROLES)}")
+    _check_password(password)
+    if connection.execute(select(PEOPLE.c.name).where(PEOPLE.c.name == name)).first() is not None:
+        raise AccountError(f"name: {name} is taken. Choose another")
+    values = {"name": name, "role": role, "password": _HASHER.hash(password)}
+    connection.execute(insert(PEOPLE).values(**values, must_change=True, failed=0, disabled=False))
+
+
+def disable_person(connection: Connection, name: str) -> None:
+    """Close an account and its sessions; AccountError where there is none."""
+    if not connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(disabled=True)).rowcount:
+        raise AccountError(f"name: there is no account {name[:40]!r}")
+    connection.execute(delete(SESSIONS).where(SESSIONS.c.name == name))
+
+
+def change_password(connection: Connection, name: str, old: str, new: str) -> None:
+    """Change a password; all other sessions of the account end. AccountError or EntryRefusedError where it stays."""
+    _check_password(new)
+    if new == old:
+        raise AccountError("new_password: is the old one. Choose another")
+    row = connection.execute(select(PEOPLE).where(PEOPLE.c.name == name)).one()
+    if not _fits(row.password, old):
+        raise EntryRefusedError("the old password is wrong")
+    connection.execute(
+        update(PEOPLE).where(PEOPLE.c.name == name).values(password=_HASHER.hash(new), must_change=False)
+    )
+    connection.execute(delete(SESSIONS).where(SESSIONS.c.name == name))
+
+
+def enter(connection: Connection, name: str, password: str) -> Session | EntryRefusedError:
+    """Return a new session, or why there is none; wrong tries are counted, so that is no exception that undoes them."""
+    row = connection.execute(select(PEOPLE).where(PEOPLE.c.name == name)).first()
+    fits = _fits(_NOBODY if row is None else row.password, password)
+    if row is None or row.disabled:
+        return EntryRefusedError("name or password is wrong")
+    now = time.time()
+    if row.locked_until_s is not None and now < row.locked_until_s:
+        minutes = max(1, round((row.locked_until_s - now) / 60.0))
+        return EntryRefusedError(f"this account is locked after {WRONG_TRIES} wrong passwords; wait {minutes} min")
+    if not fits:
+        failed = row.failed + 1
+        locked = now + LOCKED_S if failed >= WRONG_TRIES else None
+        changes = {"failed": 0 if locked else failed, "locked_until_s": locked}
+        connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(**changes))
+        return EntryRefusedError("name or password is wrong")
+    connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(failed=0, locked_until_s=None))
+    connection.execute(delete(SESSIONS).where(SESSIONS.c.ends_s < now))
+    return open_session(connection, Person(name, row.role, row.must_change))
+
+
+def open_session(connection: Connection, person: Person) -> Session:
+    """Open a session with a token that nobody had before."""
+    found = Session(person, secrets.token_urlsafe(32), secrets.token_urlsafe(32))
+    values = {"name": person.name, "csrf": found.csrf, "ends_s": time.time() + SESSION_S}
+    connection.execute(insert(SESSIONS).values(token_sha256=_digest(found.token), **values))
+    return found
+
+
+def session_of(connection: Connection, token: str | None) -> Session | None:
+    """Return the session of a token, None where it has ended or never was."""
+    if not token:
+        return None
+    wanted = select(SESSIONS, PEOPLE.c.role, PEOPLE.c.must_change, PEOPLE.c.disabled).join(
+        PEOPLE, PEOPLE.c.name == SESSIONS.c.name
+    )
+    row = connection.execute(wanted.where(SESSIONS.c.token_sha256 == _digest(token))).first()
+    if row is None or row.disabled or row.ends_s < time.time():
+        return None
+    return Session(Person(row.name, row.role, row.must_change), token, row.csrf)
+
+
+def leave(connection: Connection, token: str) -> None:
+    """End a session."""
+    connection.execute(delete(SESSIONS).where(SESSIONS.c.token_sha256 == _digest(token)))
+
+
+def brings_token(session: Session, csrf: str | None) -> bool:
+    """Say whether a request brings the token of its session, compared in constant time."""
+    return csrf is not None and hmac.compare_digest(session.csrf.encode(), csrf.encode())
+
+
+def _check_password(password: str) -> None:
+    if not LEAST_PASSWORD <= len(password) <= LONGEST_PASSWORD:
+        raise AccountError(
+            f"password: has {len(password)} characters; allowed are {LEAST_PASSWORD} to {LONGEST_PASSWORD}"
+        )
+
+
+def _fits(kept: str, password: str) -> bool:
+    try:
+        return _HASHER.verify(kept, password[: LONGEST_PASSWORD + 1])
+    except VerificationError:
+        return False
+
+
+def _digest(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()

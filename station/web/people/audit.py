@@ -1,0 +1,82 @@
+"""The audit trail: one line for each thing that was done or refused, each with the hash of the one before.
+
+Who changes, removes or adds a line in the middle breaks the chain. Who removes lines from the end, or writes the whole
+chain anew, does not: the head has to be kept elsewhere for that, so it is printed, and shown to whoever asks.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection, insert, select
+
+from station.wall_clock import now_text
+from station.web.people.database import AUDIT
+
+FIRST = "0" * 64
+"""What stands in place of the hash before the first line."""
+
+DONE, REFUSED = "done", "refused"
+HASHED = ("number", "at", "name", "action", "outcome", "detail", "before_sha256")
+
+
+class Head(NamedTuple):
+    """Newest line: how many lines there are, and its hash."""
+
+    lines: int
+    sha256: str
+
+
+def write(connection: Connection, name: str, action: str, outcome: str, detail: Mapping[str, Any]) -> Head:
+    """Add a line; it is kept together with what it tells of, in one transaction."""
+    head = head_of(connection)
+    row = {
+        "number": head.lines + 1,
+        "at": now_text(),
+        "name": name,
+        "action": action,
+        "outcome": outcome,
+        "detail": json.dumps(detail, ensure_ascii=False, sort_keys=True),
+        "before_sha256": head.sha256,
+    }
+    row["sha256"] = _hash(row)
+    connection.execute(insert(AUDIT).values(row))
+    return Head(head.lines + 1, str(row["sha256"]))
+
+
+def head_of(connection: Connection) -> Head:
+    """Return the newest line's number and hash."""
+    newest = select(AUDIT.c.number, AUDIT.c.sha256).order_by(AUDIT.c.number.desc()).limit(1)
+    found = connection.execute(newest).first()
+    return Head(0, FIRST) if found is None else Head(found.number, found.sha256)
+
+
+def lines_of(connection: Connection, newest: int) -> list[dict[str, Any]]:
+    """Return the newest lines, newest first."""
+    wanted = select(AUDIT).order_by(AUDIT.c.number.desc()).limit(newest)
+    return [dict(row._mapping) for row in connection.execute(wanted)]  # noqa: SLF001 - SQLAlchemy's public name for it
+
+
+def problems_of(connection: Connection) -> list[str]:
+    """Return what is wrong with the chain, in the order of its lines; nothing when each follows the one before."""
+    problems, before, number = [], FIRST, 0
+    for row in connection.execute(select(AUDIT).order_by(AUDIT.c.number)):
+        line = dict(row._mapping)  # noqa: SLF001 - as above
+        number += 1
+        if line["number"] != number:
+            problems.append(f"line {number}: is missing; the next one is {line['number']}")
+            number = line["number"]
+        if line["before_sha256"] != before:
+            problems.append(f"line {number}: does not follow the line before it")
+        if line["sha256"] != _hash(line):
+            problems.append(f"line {number}: was changed")
+        before = line["sha256"]
+    return problems
+
+
+def _hash(row: Mapping[str, Any]) -> str:
+    content = json.dumps([row[name] for name in HASHED], ensure_ascii=False)
+    return hashlib.sha256(content.encode()).hexdigest()

@@ -1,0 +1,148 @@
+"""The station's own database: accounts, sessions, answered requests, confirmations, audit.
+
+None of it can be made again from the runs, so it is no part of the store. It stands beside the runs, for its owner
+alone, and one server at a time holds it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import (
+    Boolean,
+    Column,
+    Connection,
+    Float,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+    create_engine,
+    event,
+)
+from sqlalchemy.exc import SQLAlchemyError
+
+from station.errors import StationError
+from station.store.places import network_type
+
+FILE = "station.sqlite3"
+LOCK = "station.lock"
+BUSY_S = 5.0
+METADATA = MetaData()
+
+PEOPLE = Table(
+    "people", METADATA,
+    Column("name", String(64), primary_key=True),
+    Column("role", String(16), nullable=False),
+    Column("password", Text, nullable=False),
+    Column("must_change", Boolean, nullable=False),
+    Column("failed", Integer, nullable=False),
+    Column("locked_until_s", Float),
+    Column("disabled", Boolean, nullable=False),
+)  # fmt: skip
+SESSIONS = Table(
+    "sessions", METADATA,
+    Column("token_sha256", String(64), primary_key=True),
+    Column("name", String(64), nullable=False),
+    Column("csrf", String(64), nullable=False),
+    Column("ends_s", Float, nullable=False),
+)  # fmt: skip
+REQUESTS = Table(
+    "requests", METADATA,
+    Column("key", String(64), primary_key=True),
+    Column("name", String(64), nullable=False),
+    Column("asked_sha256", String(64), nullable=False),
+    Column("status", Integer, nullable=False),
+    Column("answer", Text, nullable=False),
+)  # fmt: skip
+"""Answers by the key of their request: who asks again is told again, and nothing is done twice."""
+
+CONFIRMED = Table(
+    "confirmed", METADATA,
+    Column("run", String(200), primary_key=True),
+    Column("name", String(64), nullable=False),
+    Column("at", String(40), nullable=False),
+)  # fmt: skip
+"""Runs whose bad unit somebody has put into the box for bad units."""
+
+AUDIT = Table(
+    "audit", METADATA,
+    Column("number", Integer, primary_key=True, autoincrement=False),
+    Column("at", String(40), nullable=False),
+    Column("name", String(64), nullable=False),
+    Column("action", String(40), nullable=False),
+    Column("outcome", String(16), nullable=False),
+    Column("detail", Text, nullable=False),
+    Column("before_sha256", String(64), nullable=False),
+    Column("sha256", String(64), nullable=False),
+)  # fmt: skip
+
+
+class StationDatabase:
+    """The open database of a data folder. Everything that is written is on disk when `writing` ends, or not at all."""
+
+    def __init__(self, data: Path, *, serving: bool = False) -> None:
+        """Open it, and make it where it is missing; `serving`: hold it against other servers.
+
+        Raises:
+            StationError: the folder is on a network mount or cannot be written, or another server holds it.
+
+        """
+        self.path = data / FILE
+        kind = network_type(data)
+        if kind:
+            raise StationError(f"{data}: is on a network mount ({kind}). Name a folder on a local disk with --data")
+        try:
+            data.mkdir(parents=True, exist_ok=True)
+            self._lock = _held(data / LOCK) if serving else None
+            os.close(os.open(self.path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600))
+        except OSError as error:
+            raise StationError(f"{self.path}: cannot be opened: {error.strerror}. Choose another --data") from error
+        self._engine = create_engine(f"sqlite:///{self.path}", connect_args={"timeout": BUSY_S})
+        event.listen(self._engine, "connect", _set_up)
+        event.listen(self._engine, "begin", lambda connection: connection.exec_driver_sql("BEGIN IMMEDIATE"))
+        with self.writing() as connection:
+            METADATA.create_all(connection)
+
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
+        """Yield the connection of the only writer; all that it does is kept at its end, or nothing."""
+        try:
+            with self._engine.begin() as connection:
+                yield connection
+        except SQLAlchemyError as error:
+            cause = " ".join(str(getattr(error, "orig", None) or error).split())
+            raise StationError(f"{self.path}: cannot be used: {cause[:200]}. Check the disk") from error
+
+    def close(self) -> None:
+        """Close it and let others serve."""
+        self._engine.dispose()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+def _held(path: Path) -> int:
+    handle = os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(handle)
+        raise StationError(
+            f"{path.parent}: another 'lostmotion serve' serves this folder. Stop it, or name another --data"
+        ) from error
+    return handle
+
+
+def _set_up(connection: Any, _record: object) -> None:
+    connection.isolation_level = None  # transactions are begun above
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA journal_mode = WAL")
+    cursor.execute("PRAGMA synchronous = FULL")
+    cursor.close()

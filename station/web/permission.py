@@ -1,0 +1,172 @@
+"""Start permission: the conditions under which a unit may be measured, one row each, in the order they are told.
+
+A condition looks at what is there and returns why the start is refused, in plain words, or None. All are looked at, so
+that nobody mends one to learn of the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import NamedTuple
+
+from recipes import RecipeError
+from station.bench.request import Job, load_job
+from station.documents.manifest import Manifest
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
+from station.run.disk_space import refuse_full_disk
+from station.wall_clock import WALL_CLOCK
+from station.web.models import Model, Models
+
+EARLIEST = datetime(2025, 1, 1, tzinfo=UTC)
+"""A clock before this has lost its battery."""
+
+SLACK = timedelta(minutes=2)
+"""By which the newest run may be in the future: two computers, or a clock that was just set."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked for: a serial number, and why it is measured again where it was before."""
+
+    serial: str
+    retest_reason: str = ""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the conditions look at. job: of the unit's recipe, None where it cannot be had; then why_no_job says so."""
+
+    data: Path
+    wanted: Wanted
+    model: Model | None
+    job: Job | None
+    why_no_job: str
+    busy: bool
+    before: tuple[Manifest, ...]
+    newest: RunRecord | None
+    unconfirmed: str
+
+
+class Condition(NamedTuple):
+    """One row: id, what it asks in a few words, and the look."""
+
+    id: str
+    title: str
+    why_not: Callable[[Situation], str | None]
+
+
+def situation_of(data: Path, models: Models, wanted: Wanted, *, busy: bool, confirmed: frozenset[str]) -> Situation:
+    """Look at what is there; confirmed: runs whose bad unit is in its box."""
+    model, job, why = models.of(wanted.serial), None, ""
+    if model is not None:
+        try:
+            job = load_job(model.recipe, model.bench)
+        except (RecipeError, StationError) as error:
+            why = str(error)
+    store = Store(data)
+    before = tuple(run.manifest() for run in store.of_serial(wanted.serial))
+    newest = next(reversed(store.newest(1)), None)
+    return Situation(data, wanted, model, job, why, busy, before, newest, _unconfirmed(newest, confirmed))
+
+
+def refusals(situation: Situation) -> list[tuple[str, str]]:
+    """Return id and reason of every condition that is not met; while a run is on that alone counts."""
+    if (busy := _bench_free(situation)) is not None:
+        return [(CONDITIONS[0].id, busy)]
+    found = ((one.id, one.why_not(situation)) for one in CONDITIONS)
+    return [(name, why) for name, why in found if why is not None]
+
+
+def _unconfirmed(newest: RunRecord | None, confirmed: frozenset[str]) -> str:
+    try:
+        failed = newest is not None and newest.manifest().verdict == "FAIL"
+    except StationError:
+        return ""
+    return newest.id if failed and newest is not None and newest.id not in confirmed else ""
+
+
+def _bench_free(one: Situation) -> str | None:
+    return "A run is on. Wait for its result, then scan again." if one.busy else None
+
+
+def _model_known(one: Situation) -> str | None:
+    if one.model is not None:
+        return None
+    return (
+        f"No model has serial numbers like '{one.wanted.serial}'. Scan the label of the unit, or call the technician."
+    )
+
+
+def _recipe_in_order(one: Situation) -> str | None:
+    if one.model is None or one.job is not None:
+        return None
+    return f"The recipe {one.model.recipe} cannot be run: {one.why_no_job}"
+
+
+def _bad_unit_put_away(one: Situation) -> str | None:
+    if not one.unconfirmed:
+        return None
+    return f"The unit of run {one.unconfirmed} failed. Put it into the NOK box and confirm that."
+
+
+def _retest_allowed(one: Situation) -> str | None:
+    most = one.model.attempts if one.model is not None else 0
+    if not one.before or one.model is None:
+        return None
+    told = ", ".join(f"attempt {run.attempt} {run.verdict or run.state}" for run in one.before[-3:])
+    if len(one.before) >= most:
+        return f"This unit was measured {len(one.before)} times ({told}); {most} are allowed. Call the technician."
+    if not one.wanted.retest_reason.strip():
+        return f"This unit was measured before ({told}). Measuring it again needs a reason."
+    return None
+
+
+def _bench_recovered(one: Situation) -> str | None:
+    try:
+        if one.newest is None or one.job is None or one.job.bench.bench.embedded:
+            return None
+        state, name = one.newest.state(), one.newest.id
+    except StationError as error:
+        return f"The newest run cannot be read: {error}"
+    if state in ("fault", INTERRUPTED, NOT_CONCLUDED):
+        return f"Run {name} ended with '{state}'. A technician brings the bench back with 'lostmotion recover'."
+    return None
+
+
+def _room_on_disk(one: Situation) -> str | None:
+    if one.job is None:
+        return None
+    try:
+        refuse_full_disk(one.data, one.job)
+    except StationError as error:
+        return str(error)
+    return None
+
+
+def _clock_plausible(one: Situation) -> str | None:
+    now = WALL_CLOCK.now()
+    try:
+        newest = None if one.newest is None else datetime.fromisoformat(one.newest.manifest().started)
+    except (StationError, ValueError):
+        newest = None
+    if now < EARLIEST or (newest is not None and newest > now + SLACK):
+        return f"The computer's clock says {now:%Y-%m-%d %H:%M} UTC, which is before the newest run. Set the clock."
+    return None
+
+
+CONDITIONS: tuple[Condition, ...] = (
+    Condition("bench_free", "no run is on", _bench_free),
+    Condition("model_known", "the serial number is one of a known model", _model_known),
+    Condition("recipe_in_order", "recipe and bench of the model are in order", _recipe_in_order),
+    Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
+    Condition("retest_allowed", "a unit that was measured before may be measured again", _retest_allowed),
+    Condition("bench_recovered", "the bench was brought back after a fault", _bench_recovered),
+    Condition("room_on_disk", "there is room on the disk for the record", _room_on_disk),
+    Condition("clock_plausible", "the computer's clock is plausible", _clock_plausible),
+)
+"""Conditions of a start."""

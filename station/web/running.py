@@ -1,0 +1,205 @@
+"""The run that a station shows: started in a process of its own, and found again by whoever looks.
+
+The process is `lostmotion run`, in a session of its own: it neither knows nor needs the server that started it. What
+is shown comes from the run's folder alone, so a server that was just started shows as much as the one that was killed.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import RLock
+
+from recipes import RecipeError
+from station.bench.request import stored_job
+from station.documents.result import Result
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.run_record import RECORDING, RESULT, RunRecord
+from station.records.samples.scan_record import RECORD_BYTES
+from station.records.seal import alterations, is_sealed
+from station.run.screen.live import LiveReader, LiveView
+
+OUTPUT = "station-run.log"
+"""What the last started process said; of one that was refused it is the reason."""
+
+NEWEST = 8
+LOOP_EVERY_RECORDS = 40
+"""Records between two points of the loop on a screen: at 1 kHz 25 points a second."""
+
+LOOK_EVERY_S = 0.08
+"""However many look, the records are read once in this time."""
+
+READY, STARTING, RUNNING, ENDED = "ready", "starting", "running", "ended"
+
+
+@dataclass(frozen=True)
+class Now:
+    """What the bench does: nothing yet, a run that starts, runs or has ended, with its result.
+
+    refused: why the last start did not become a run. loop: wind-up [arcmin] and torque [N·m]. altered: why the record
+    of the run that has ended is not to be believed.
+    """
+
+    stage: str = READY
+    serial: str = ""
+    run: str = ""
+    attempt: int = 0
+    recipe: str = ""
+    view: LiveView | None = None
+    loop: tuple[tuple[float, float], ...] = ()
+    result: Result | None = None
+    altered: tuple[str, ...] = ()
+    refused: str = ""
+
+
+@dataclass
+class _Watched:
+    """A run whose records are read as they come."""
+
+    record: RunRecord
+    reader: LiveReader | None
+    read_bytes: int = 0
+    view: LiveView | None = None
+    loop: list[tuple[float, float]] = field(default_factory=list)
+
+
+class Running:
+    """The bench of one data folder."""
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+        self._process: subprocess.Popen[bytes] | None = None
+        self._serial = ""
+        self._watched: _Watched | None = None
+        self._ended: Now | None = None
+        self._refused = ""
+        self._one_at_a_time = RLock()
+        self._told, self._looked = Now(), -math.inf
+
+    def start(self, options: list[str], serial: str) -> None:
+        """Start the process of a run; it may still refuse, which `now` tells. StationError where it cannot start."""
+        with self._one_at_a_time:
+            self._start(options, serial)
+
+    def _start(self, options: list[str], serial: str) -> None:
+        command = [sys.executable, "-m", "station", "run", *options, "--serial", serial, "--data", str(self._data)]
+        try:
+            self._data.mkdir(parents=True, exist_ok=True)
+            with (self._data / OUTPUT).open("wb") as output:
+                self._process = subprocess.Popen(  # noqa: S603 - our own program
+                    command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+                )
+        except OSError as error:
+            raise StationError(f"the run cannot be started: {error.strerror}") from error
+        self._serial, self._refused, self._watched, self._ended = serial, "", None, None
+        self._looked = -math.inf
+
+    def busy(self) -> bool:
+        """Say whether a run is on, or starts."""
+        return self.now().stage in (STARTING, RUNNING)
+
+    def newest_run(self) -> str:
+        """Return the id of the newest run, '' where there is none."""
+        return next((run.id for run in reversed(Store(self._data).newest(1))), "")
+
+    def stop(self) -> bool:
+        """Ask the run that is on for a stop, as Ctrl-C does; False where there is none."""
+        if self.now().stage != RUNNING or self._watched is None:
+            return False
+        desk = self._watched.record.manifest().desk
+        with suppress(ProcessLookupError):
+            os.kill(desk.pid, signal.SIGINT)
+        return True
+
+    def now(self) -> Now:
+        """Return what the bench does; who asks within a moment of another is told the same."""
+        with self._one_at_a_time:
+            if time.monotonic() - self._looked > LOOK_EVERY_S:
+                self._told, self._looked = self._look(), time.monotonic()
+            return self._told
+
+    def _look(self) -> Now:
+        if self._watched is None:
+            self._find()
+        if self._watched is not None:
+            return self._of_run(self._watched)
+        if self._process is not None:
+            if self._process.poll() is None:
+                return Now(STARTING, serial=self._serial)
+            self._refused = self._refused or self._why_refused()
+        if self._ended is not None and not self._refused:
+            return self._ended
+        return Now(READY, serial=self._serial if self._refused else "", refused=self._refused)
+
+    def _find(self) -> None:
+        """Look for a run that is on: the one of the process that was started, or anybody's of this folder."""
+        newest = Store(self._data).newest(NEWEST if self._process is None else 2)
+        for record in reversed(newest):
+            try:
+                manifest = record.manifest()
+                ours = self._process is not None and manifest.desk.pid == self._process.pid
+                if ours or (manifest.state == RECORDING and not record.deserted()):
+                    self._watched = _Watched(record, _reader(record))
+                    self._serial = manifest.serial
+                    return
+            except StationError:
+                continue  # a damaged folder is none that we started
+
+    def _of_run(self, watched: _Watched) -> Now:
+        record = watched.record
+        manifest = record.manifest()
+        said = Now(
+            RUNNING, manifest.serial, record.id, manifest.attempt, f"{manifest.recipe.name} r{manifest.recipe.revision}"
+        )
+        if not is_sealed(manifest) and not record.deserted():
+            _read_on(watched)
+            return replace(said, view=watched.view, loop=tuple(watched.loop))
+        _read_on(watched)
+        found = record.read(Result, RESULT) if record.has(RESULT) else None
+        altered = tuple(alterations(record)) if is_sealed(manifest) else ("the run was not concluded",)
+        self._ended = replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered)
+        self._watched = None
+        self._process = None  # it goes on for a moment, for the store and a report; nobody waits for it
+        return self._ended
+
+    def _why_refused(self) -> str:
+        try:
+            lines = (self._data / OUTPUT).read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        except OSError as error:
+            return f"the run ended before it began; {OUTPUT} cannot be read: {error.strerror}"
+        return " ".join(lines[-3:]) or "the run ended before it began, and said nothing"
+
+
+def _reader(record: RunRecord) -> LiveReader | None:
+    try:
+        job = stored_job(record)
+        return LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
+    except (RecipeError, StationError):
+        return None
+
+
+def _read_on(watched: _Watched) -> None:
+    """Read the records that have come since the last look; the newest is the view, some of the others are the loop."""
+    if watched.reader is None:
+        return
+    with suppress(OSError), watched.record.samples.open("rb") as file:
+        file.seek(watched.read_bytes)
+        content = file.read()
+        count = len(content) // RECORD_BYTES
+        first = watched.read_bytes // RECORD_BYTES
+        step_from = -first % LOOP_EVERY_RECORDS
+        chosen = sorted({*range(step_from, count, LOOP_EVERY_RECORDS), count - 1} - {-1})
+        for number in chosen:
+            view = watched.reader.read(content[number * RECORD_BYTES : (number + 1) * RECORD_BYTES])
+            watched.view = view
+            if view.cycle and view.torque_nm is not None and view.windup_arcmin is not None:
+                watched.loop.append((round(view.windup_arcmin, 4), round(view.torque_nm, 2)))
+        watched.read_bytes += count * RECORD_BYTES

@@ -1,0 +1,83 @@
+"""What a scanner sends, as a serial number: plain text, or GS1 element strings with the serial number in AI 21.
+
+A GS1 code says what it is by the symbology identifier in front of it (ISO/IEC 15424), or by brackets about its
+application identifiers. An element of variable length ends with the separator GS (GS1 General Specifications, 7.8).
+"""
+
+from __future__ import annotations
+
+import re
+
+from station.errors import StationError
+from station.records.data_folder import LONGEST_SERIAL
+
+GS = "\x1d"
+SYMBOLOGIES = ("]C1", "]e0", "]d2", "]Q3", "]J1")
+"""GS1-128, GS1 DataBar, GS1 DataMatrix, GS1 QR Code, GS1 DotCode."""
+
+FIXED = {"00": 18, "01": 14, "02": 14, "11": 6, "12": 6, "13": 6, "15": 6, "16": 6, "17": 6, "20": 2}
+"""Digits of the elements of fixed length, by application identifier: no separator stands behind them."""
+
+VARIABLE = {"10": 20, "21": 20, "22": 20, "240": 30, "241": 30, "250": 30, "251": 30}
+"""Most characters of the others that stand on units."""
+
+SERIAL = "21"
+BRACKETS = re.compile(r"\((\d{2,4})\)([^()]*)")
+
+
+class ScanError(StationError):
+    """What was scanned is no serial number."""
+
+
+def serial_of(scanned: str) -> str:
+    """Return the serial number in what was scanned; carriage return, line feed, tabs and blanks around it do not count.
+
+    Raises:
+        ScanError: it is empty, too long, has characters that no scanner sends, or is a GS1 code without serial number.
+
+    """
+    text = scanned.strip("\r\n\t \x00")
+    if text.startswith(SYMBOLOGIES):
+        return _of_elements(text[3:])
+    if BRACKETS.match(text):
+        found = dict(BRACKETS.findall(text))
+        if "".join(f"({name}){value}" for name, value in BRACKETS.findall(text)) != text or not found.get(SERIAL):
+            raise ScanError(f"{text[:60]!r}: is a GS1 text without a serial number (21). Scan the code of the unit")
+        return _checked(found[SERIAL])
+    return _checked(text)
+
+
+def _of_elements(text: str) -> str:
+    serial = None
+    while text:
+        name = next((one for one in (*FIXED, *VARIABLE) if text.startswith(one)), None)
+        if name is None:
+            raise ScanError(
+                f"{text[:20]!r}: is no GS1 element that stands on a unit; a separator may be lost. Check the scanner's "
+                "setting for GS (FNC1), and scan again"
+            )
+        text = text[len(name) :]
+        if name in FIXED:
+            value, text = text[: FIXED[name]], text[FIXED[name] :].removeprefix(GS)
+            whole = len(value) == FIXED[name] and value.isdecimal() and value.isascii()
+        else:
+            value, _, text = text.partition(GS)
+            whole = 0 < len(value) <= VARIABLE[name]
+        if not whole:
+            raise ScanError(
+                f"({name}){value[:40]!r}: is not the whole element; a separator may be lost. Check the scanner's "
+                "setting for GS (FNC1), and scan again"
+            )
+        serial = value if name == SERIAL else serial
+    if serial is None:
+        raise ScanError("this GS1 code has no serial number (21). Scan the code of the unit")
+    return _checked(serial)
+
+
+def _checked(text: str) -> str:
+    if not text or len(text) > LONGEST_SERIAL or not text.isprintable() or not text.isascii():
+        raise ScanError(
+            f"{text[:40]!r}: is no serial number; allowed are 1 to {LONGEST_SERIAL} printable ASCII characters. "
+            "Scan again, or check the scanner's keyboard layout"
+        )
+    return text

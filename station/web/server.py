@@ -1,0 +1,102 @@
+"""The server of the station: the application put together, and served until it is asked to end."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+
+import uvicorn
+from nicegui import ui
+from starlette.types import ASGIApp
+
+from station.errors import StationError
+from station.web.actions import Station
+from station.web.guard import Guard
+from station.web.models import load_models
+from station.web.pages.operator import add_pages
+from station.web.people.accounts import first_password
+from station.web.people.database import StationDatabase
+from station.web.rest import rest_of
+from station.web.running import Running
+
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+
+
+@dataclass(frozen=True)
+class Served:
+    """How the station is served: where its runs are, its address, and TLS by a certificate and its key."""
+
+    data: Path
+    host: str
+    port: int
+    models: Path | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+    run_options: tuple[str, ...] = ()
+
+
+def open_station(served: Served) -> tuple[Station, str | None]:
+    """Open the station of a data folder; return it, and the first account's password where it was just made.
+
+    Raises:
+        StationError, RecipeError: the folder, the table of models or the address cannot be used.
+
+    """
+    secure = served.certificate is not None
+    if (served.certificate is None) != (served.key is None):
+        raise StationError("--certificate and --key belong together. Name both, or none")
+    models = load_models(served.data, served.models)
+    database = StationDatabase(served.data, serving=True)
+    with database.writing() as connection:
+        password = first_password(connection)
+    if served.host not in LOOPBACK and (password is not None or not secure):
+        database.close()
+        raise StationError(
+            f"--host {served.host}: other computers reach this address. Start on 127.0.0.1 first and change the first "
+            "password; then name --certificate and --key too"
+        )
+    station = Station(served.data, database, models, Running(served.data), served.run_options)
+    return station, password
+
+
+def application(station: Station, served: Served, port: int) -> ASGIApp:
+    """Return the whole application: pages and REST, behind the guard."""
+    app = rest_of(station, secure=served.certificate is not None)
+    add_pages(station)
+    ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
+    names = {served.host, *(LOOPBACK if served.host in LOOPBACK else ())}
+    hosts = {f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names}
+    return Guard(app, hosts)
+
+
+def serve(served: Served) -> None:
+    """Serve until the process is asked to end. A run that is on goes on without it.
+
+    Raises:
+        StationError, RecipeError: as `open_station`; the port is taken.
+
+    """
+    station, password = open_station(served)
+    try:
+        family = socket.AF_INET6 if ":" in served.host else socket.AF_INET
+        with socket.socket(family, socket.SOCK_STREAM) as listener:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                listener.bind((served.host, served.port))
+            except OSError as error:
+                raise StationError(f"--port {served.port}: {error.strerror}. Choose another with --port") from error
+            listener.listen(128)  # from here on a browser waits for the first answer, and is not refused
+            port = listener.getsockname()[1]
+            scheme = "http" if served.certificate is None else "https"
+            print(f"station  {scheme}://{served.host}:{port}/", flush=True)  # noqa: T201 - what a person needs
+            if password is not None:
+                print(f"log in   admin, password {password} (good for choosing your own)", flush=True)  # noqa: T201
+            config = uvicorn.Config(
+                application(station, served, port), log_level="warning", access_log=False,
+                ssl_certfile=served.certificate, ssl_keyfile=served.key, server_header=False,
+                timeout_graceful_shutdown=2,
+            )  # fmt: skip
+            uvicorn.Server(config).run(sockets=[listener])
+    finally:
+        station.database.close()

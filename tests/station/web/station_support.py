@@ -1,0 +1,89 @@
+"""A station with an account of every role, and its requests."""
+
+from __future__ import annotations
+
+import uuid
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from argon2 import PasswordHasher
+from lostmotion_command import ROOT
+from sqlalchemy import insert
+from starlette.testclient import TestClient
+
+from station.web.actions import Station
+from station.web.guard import Guard
+from station.web.models import load_models
+from station.web.people.accounts import ROLES, enter
+from station.web.people.database import PEOPLE, StationDatabase
+from station.web.rest import COOKIE, rest_of
+from station.web.running import Running
+
+PASSWORD = "good enough 1"  # noqa: S105 - of accounts that live for a test
+FIRST = "the first one"
+GOLDEN = ROOT / "tests" / "proofs" / "golden" / "golden.yaml"
+HOST = "127.0.0.1:8080"
+
+MODELS = """
+models:
+  - {model: BAD, serial: "BAD-[0-9]+", recipe: RECIPES/bad.yaml, attempts: 2}
+  - {model: P1, serial: "SN-[0-9]+", recipe: RECIPES/good.yaml, attempts: 2}
+"""
+LEAST_SLOPE = {"good": 80, "bad": 200}
+"""Limits of the torque ratio, by recipe: what makes a unit of each a good or a bad one."""
+
+
+def write_models(data: Path) -> None:
+    """Write the table of models and its recipes into a data folder."""
+    recipes = data.parent / "recipes"
+    recipes.mkdir(parents=True, exist_ok=True)
+    data.mkdir(parents=True, exist_ok=True)
+    golden = GOLDEN.read_text(encoding="utf-8")
+    for name, least in LEAST_SLOPE.items():
+        text = golden.replace("{id: torque_ratio_slope}", f"{{id: torque_ratio_slope, min: {least}}}")
+        (recipes / f"{name}.yaml").write_text(text.replace("name: golden", f"name: {name}"), encoding="utf-8")
+    (data / "models.yaml").write_text(MODELS.replace("RECIPES", str(recipes)), encoding="utf-8")
+
+
+@cache
+def hashed() -> str:
+    return PasswordHasher().hash(PASSWORD)
+
+
+def open_database(data: Path) -> StationDatabase:
+    database = StationDatabase(data)
+    rows = [{"name": f"the {role}", "role": role, "password": hashed()} for role in ROLES]
+    with database.writing() as connection:
+        connection.execute(insert(PEOPLE).values(must_change=False, failed=0, disabled=False), rows)
+    return database
+
+
+def station_in(data: Path, *, run_options: tuple[str, ...] = ("--pace", "fast", "--seed", "1")) -> Station:
+    write_models(data)
+    return Station(data, open_database(data), load_models(data, None), Running(data), run_options)
+
+
+@dataclass
+class Client:
+    """A browser with nobody or somebody logged in."""
+
+    http: TestClient
+    csrf: str = ""
+
+    def post(self, action: str, values: dict[str, Any] | None = None, **headers: str | None) -> Any:
+        sent = {"X-CSRF-Token": self.csrf, "Idempotency-Key": uuid.uuid4().hex} | headers
+        there = {name: value for name, value in sent.items() if value is not None}
+        return self.http.post(f"/api/actions/{action}", json=values or {}, headers=there)
+
+
+def client_of(station: Station, role: str | None = None) -> Client:
+    app = Guard(rest_of(station, secure=False), [HOST])
+    http = TestClient(app, base_url=f"http://{HOST}", headers={"Origin": f"http://{HOST}"})
+    if role is None:
+        return Client(http)
+    with station.database.writing() as connection:
+        session = enter(connection, f"the {role}", PASSWORD)
+    http.cookies.set(COOKIE, session.token)
+    return Client(http, session.csrf)

@@ -1,0 +1,86 @@
+"""The operator's page in a real browser: one scan, no click, a verdict by word, colour and shape."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+
+import pytest
+from served import Served, prepared, served
+from station_support import PASSWORD
+
+playwright = pytest.importorskip("playwright.sync_api")
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = [
+    pytest.mark.wires,
+    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: the pages are not tried in a browser"),
+]
+LONGEST_MS = 60_000
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(prepared(tmp_path_factory.mktemp("page") / "runs")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def page(station: Served) -> Iterator[playwright.Page]:
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1920, "height": 1080})
+        page.set_default_timeout(LONGEST_MS)
+        page.goto(f"{station.url}/")
+        assert page.url.endswith("/enter"), "nobody sees the bench without an account"
+        page.fill("#name", "the operator")
+        page.fill("#password", PASSWORD)
+        page.keyboard.press("Enter")
+        page.wait_for_selector(".lm-word")
+        yield page
+        browser.close()
+
+
+def scan(page: playwright.Page, text: str, end: str = "Enter") -> None:
+    page.keyboard.type(text, delay=2)
+    page.keyboard.press(end)
+
+
+def shown(page: playwright.Page, *words: str) -> str:
+    page.wait_for_function("words => words.includes(document.querySelector('.lm-word').innerText)", arg=list(words))
+    return str(page.inner_text(".lm-word"))
+
+
+def test_one_scan_without_a_click_comes_to_a_verdict(page: playwright.Page) -> None:
+    assert shown(page, "READY")
+    scan(page, "SN-1")
+    shown(page, "STARTING", "TESTING")
+    scan(page, "SN-2", "Tab")
+    page.wait_for_selector(".lm-refused:visible")
+    assert "A run is on" in page.inner_text(".lm-refused"), "a scan while a run is on is refused visibly"
+    assert shown(page, "PASS") == "PASS"
+    tile = page.locator(".lm-tile")
+    assert tile.locator("svg circle").count() == 1, "told by its shape too"
+    assert tile.evaluate("one => getComputedStyle(one).backgroundColor") == "rgb(29, 122, 60)"
+    assert "SN-1" in tile.inner_text()
+    assert page.locator("table.lm tr").count() >= 1
+
+
+def test_a_bad_unit_is_told_by_word_shape_and_colour_and_put_away_before_the_next(page: playwright.Page) -> None:
+    scan(page, "BAD-1")
+    assert shown(page, "FAIL") == "FAIL"
+    assert page.locator(".lm-tile svg rect").count() == 1
+    assert "NOK box" in page.inner_text(".lm-do")
+    scan(page, "SN-3")
+    page.click("text=The bad unit is in the NOK box")
+    shown(page, "STARTING", "TESTING")
+    shown(page, "PASS")
+
+
+def test_what_is_typed_slowly_and_what_is_no_serial_number_starts_nothing(page: playwright.Page) -> None:
+    page.keyboard.type("SN-9", delay=120)
+    page.keyboard.press("Enter")
+    scan(page, "sn?8")
+    page.wait_for_selector(".lm-refused:visible")
+    assert "No model has serial numbers like" in page.inner_text(".lm-refused")
+    assert shown(page, "PASS") == "PASS", "the result stays until the next unit"

@@ -1,0 +1,162 @@
+"""Each condition of a start fails alone; scans are read as serial numbers or refused; the table of models is strict."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from datetime import timedelta
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from station_support import write_models
+
+from recipes import RecipeError
+from station.wall_clock import WALL_CLOCK
+from station.web import permission
+from station.web.models import Model, load_models
+from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
+from station.web.scanner import GS, ScanError, serial_of
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Situation:
+    data = tmp_path_factory.mktemp("permission") / "runs"
+    write_models(data)
+    return situation_of(data, load_models(data, None), Wanted("SN-1"), busy=False, confirmed=frozenset())
+
+
+def run(attempt: int, verdict: str | None = "PASS", state: str = "complete") -> SimpleNamespace:
+    return SimpleNamespace(attempt=attempt, verdict=verdict, state=state)
+
+
+def newest(state: str, started: str = "2026-01-01T00:00:00+00:00") -> SimpleNamespace:
+    manifest = SimpleNamespace(started=started, verdict=None)
+    return SimpleNamespace(id="R1", state=lambda: state, manifest=lambda: manifest)
+
+
+def on_a_cable(job: object) -> SimpleNamespace:
+    return SimpleNamespace(bench=SimpleNamespace(bench=SimpleNamespace(embedded=False)), program=job.program)
+
+
+def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situation]:
+    full = good.data / "full"
+    full.mkdir(exist_ok=True)
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: SimpleNamespace(free=1000 if place == full else 10**12))
+    later = (WALL_CLOCK.now() + timedelta(days=1)).isoformat()
+    return {
+        "bench_free": dataclasses.replace(good, busy=True),
+        "model_known": dataclasses.replace(good, model=None, job=None),
+        "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
+        "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1"),
+        "retest_allowed": dataclasses.replace(good, before=(run(1, "FAIL"),)),
+        "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), newest=newest("fault")),
+        "room_on_disk": dataclasses.replace(good, data=full),
+        "clock_plausible": dataclasses.replace(good, newest=newest("complete", later)),
+    }
+
+
+def test_each_condition_fails_alone_with_its_reason(good: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert refusals(good) == []
+    found = cases(good, monkeypatch)
+    assert list(found) == [one.id for one in CONDITIONS]
+    for name, situation in found.items():
+        ((refused, why),) = refusals(situation)
+        assert refused == name
+        assert why.endswith((".", "thin", "data", "there")) or "--data" in why
+
+
+def test_all_reasons_are_told_at_once(good: Situation) -> None:
+    both = dataclasses.replace(good, before=(run(1),), unconfirmed="R1")
+    assert [name for name, _ in refusals(both)] == ["bad_unit_put_away", "retest_allowed"]
+    assert [name for name, _ in refusals(dataclasses.replace(both, busy=True))] == ["bench_free"]
+
+
+def test_a_retest_needs_a_reason_and_has_an_end(good: Situation) -> None:
+    once, twice = (run(1, "NOT DECIDABLE"),), (run(1, "FAIL"), run(2, None, "fault"))
+    again = Wanted("SN-1", "seating of the unit")
+    assert refusals(dataclasses.replace(good, before=once, wanted=again)) == []
+    (name, why), = refusals(dataclasses.replace(good, before=twice, wanted=again))  # fmt: skip
+    assert name == "retest_allowed"
+    assert "attempt 1 FAIL" in why
+    assert "2 are allowed" in why
+
+
+def test_a_recipe_that_cannot_be_had_is_said(tmp_path: Path) -> None:
+    models = tmp_path / "models.yaml"
+    models.write_text("models:\n  - {model: A, serial: '.*', recipe: no-such-recipe}\n", encoding="utf-8")
+    found = situation_of(tmp_path, load_models(tmp_path, None), Wanted("X"), busy=False, confirmed=frozenset())
+    ((name, why),) = refusals(found)
+    assert name == "recipe_in_order"
+    assert "no-such-recipe" in why
+
+
+def test_the_last_bad_unit_has_to_be_put_away() -> None:
+    failed = SimpleNamespace(id="R7", manifest=lambda: SimpleNamespace(verdict="FAIL"))
+    assert permission._unconfirmed(failed, frozenset()) == "R7"
+    assert permission._unconfirmed(failed, frozenset({"R7"})) == ""
+
+
+@pytest.mark.parametrize(
+    ("scanned", "serial"),
+    [
+        ("SN-1", "SN-1"),
+        ("  SN-1\r\n", "SN-1"),
+        ("\tSN-1\t", "SN-1"),
+        ("]C10109501101530003" + "21SN-1", "SN-1"),
+        (f"]d2010950110153000310LOT7{GS}21SN-1", "SN-1"),
+        (f"]d221SN-1{GS}10LOT7", "SN-1"),
+        (f"]d2{'11261123'}21SN-1", "SN-1"),
+        ("(01)09501101530003(21)SN-1", "SN-1"),
+    ],
+)
+def test_a_scan_is_its_serial_number(scanned: str, serial: str) -> None:
+    assert serial_of(scanned) == serial
+
+
+@pytest.mark.parametrize(
+    "scanned",
+    ["", " \r\n", "ä", "SN\x071", "x" * 129, "]C10109501101530003", "]d2010950110153000310LOT721SN-1", "]d299X",
+     "(01)09501101530003", "(21)", "]d201095011", "(21)SN-1)"],
+)  # fmt: skip
+def test_what_is_no_serial_number_is_refused(scanned: str) -> None:
+    with pytest.raises(ScanError):
+        serial_of(scanned)
+
+
+@given(
+    st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=20),
+    st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=20),
+)
+def test_a_lost_separator_never_gives_another_serial_number_where_the_serial_is_last(serial: str, lot: str) -> None:
+    assert serial_of(f"]d210{lot}{GS}21{serial}") == serial
+    try:
+        found = serial_of(f"]d210{lot}21{serial}")
+    except ScanError:
+        return
+    assert found in serial, "only a lot number that looks like the end of an element leaves a part of it"
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("models: []", "models"),
+        ("models:\n  - {model: A, serial: '[', recipe: r}", "serial"),
+        ("models:\n  - {model: A, serial: a, recipe: r, atempts: 1}", "atempts"),
+        ("models:\n  - {model: A, serial: a}", "recipe"),
+    ],
+)
+def test_a_wrong_table_of_models_is_refused_with_the_place(tmp_path: Path, text: str, place: str) -> None:
+    (tmp_path / "models.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(RecipeError) as refused:
+        load_models(tmp_path, None)
+    assert place in str(refused.value)
+
+
+def test_the_shipped_table_measures_a_unit(tmp_path: Path) -> None:
+    found = load_models(tmp_path, None).of("P1-0001")
+    assert isinstance(found, Model)
+    assert found.recipe == "rv-40e-121-quick"
+    assert load_models(tmp_path, None).of("a b") is None

@@ -1,0 +1,129 @@
+"""Every action by every role over REST; what a request must bring; what is refused and audited."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from starlette.websockets import WebSocketDisconnect
+from station_support import FIRST, HOST, PASSWORD, client_of
+
+from station.web.actions import ACTIONS, Station
+from station.web.people import audit
+from station.web.people.accounts import ROLES
+from station.web.rest import COOKIE
+
+VALUES = {
+    "start_run": {"scanned": "of no model at all"},
+    "stop_run": {},
+    "confirm_nok": {"run": "R"},
+    "add_person": {"name": " no", "role": "operator", "password": FIRST},
+    "disable_person": {"name": "nobody of this name"},
+    "change_password": {"old_password": PASSWORD, "new_password": PASSWORD},
+    "leave": {},
+}
+"""What each action is asked with: allowed, it does nothing that another cell would see."""
+
+
+def newest_line(station: Station) -> dict[str, str]:
+    with station.database.writing() as connection:
+        return audit.lines_of(connection, 1)[0]
+
+
+def test_every_action_is_asked() -> None:
+    assert set(VALUES) == set(ACTIONS)
+    for row in ACTIONS.values():
+        assert row.roles
+        assert row.roles <= set(ROLES)
+        assert row.text
+        assert set(row.audited) <= set(row.needs.model_fields)
+
+
+@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("action", list(ACTIONS))
+def test_an_action_is_open_to_its_roles_alone(shared_station: Station, action: str, role: str) -> None:
+    answer = client_of(shared_station, role).post(action, VALUES[action])
+    refused = [one["id"] for one in answer.json().get("refused", [])]
+    assert ("role" not in refused) == (role in ACTIONS[action].roles)
+    assert (answer.status_code == 403) == (role not in ACTIONS[action].roles)
+    line = newest_line(shared_station)
+    assert (line["name"], line["action"]) == (f"the {role}", action)
+    assert line["outcome"] == ("done" if answer.status_code == 200 else "refused")
+
+
+@pytest.mark.parametrize("action", list(ACTIONS))
+def test_nothing_is_done_for_nobody_nor_without_the_token_of_the_page(shared_station: Station, action: str) -> None:
+    assert client_of(shared_station).post(action, VALUES[action]).status_code == 401
+    found = client_of(shared_station, "admin")
+    for token in (None, "", "guessed"):
+        answer = found.post(action, VALUES[action], **{"X-CSRF-Token": token})
+        assert (answer.status_code, answer.json()["refused"][0]["id"]) == (403, "csrf")
+    assert found.http.get(f"/api/actions/{action}").status_code == 405
+
+
+def test_a_request_needs_a_key_and_the_same_key_is_answered_the_same_once(shared_station: Station) -> None:
+    found = client_of(shared_station, "admin")
+    for key in (None, "", "x" * 65, "k\x7f"):
+        answer = found.post("confirm_nok", {"run": "K"}, **{"Idempotency-Key": key})
+        assert (answer.status_code, answer.json()["refused"][0]["id"]) == (422, "idempotency_key")
+    first = found.post("add_person", {"name": "Ada", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
+    lines = newest_line(shared_station)["number"]
+    again = found.post("add_person", {"name": "Ada", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
+    assert (first.status_code, first.json()) == (again.status_code, again.json()) == (200, again.json())
+    assert newest_line(shared_station)["number"] == lines, "it was not done twice"
+    other = found.post("add_person", {"name": "Bea", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
+    assert (other.status_code, other.json()["refused"][0]["id"]) == (409, "key_used")
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "http://127.0.0.1:9999", "null", f"http://{HOST}.evil.example"]
+)
+def test_a_page_of_another_server_can_neither_post_nor_open_a_socket(shared_station: Station, origin: str) -> None:
+    found = client_of(shared_station, "admin")
+    assert found.post("leave", {}, Origin=origin).status_code == 403
+    assert found.http.get("/api/me").status_code == 200, "the session was not ended"
+    socket = found.http.websocket_connect("/_nicegui_ws/socket.io/", headers={"Origin": origin})
+    with pytest.raises(WebSocketDisconnect) as refused, socket:
+        pass
+    assert refused.value.code == 1008
+
+
+def test_a_name_that_points_here_is_no_name_of_this_server(shared_station: Station) -> None:
+    found = client_of(shared_station, "admin")
+    assert found.http.get("/api/me", headers={"Host": "rebound.example"}).status_code == 403
+    answer = found.http.get("/api/me")
+    assert answer.headers["x-frame-options"] == "DENY"
+
+
+def test_what_is_sent_must_be_what_the_action_needs(shared_station: Station) -> None:
+    found = client_of(shared_station, "admin")
+    for values in ({}, {"scanned": 4}, {"scanned": "SN-1", "serial": "SN-1"}, {"scanned": "x" * 513}):
+        assert found.post("start_run", values).status_code == 422
+    odd = found.http.post("/api/actions/leave", content=b"{", headers={"X-CSRF-Token": found.csrf})
+    assert odd.status_code == 422
+    assert found.http.get("/api/runs/..%2F..%2Fetc").status_code == 404
+    assert found.http.get("/api/runs/none").status_code == 404
+
+
+def test_the_trail_is_for_those_who_look_after_it(shared_station: Station) -> None:
+    for role in ROLES:
+        answer = client_of(shared_station, role).http.get("/api/audit", params={"newest": 3})
+        assert answer.status_code == (200 if role in ("admin", "quality") else 403)
+    found = client_of(shared_station, "quality").http.get("/api/audit", params={"newest": 3}).json()
+    assert len(found["newest"]) == 3
+    assert found["head_sha256"] == found["newest"][0]["sha256"]
+    assert PASSWORD not in json.dumps(found)
+
+
+def test_reading_needs_a_session(shared_station: Station) -> None:
+    nobody = client_of(shared_station).http
+    for path in ("/api/me", "/api/now", "/api/audit", "/api/runs/x"):
+        assert nobody.get(path).status_code == 401
+    nobody.cookies.set(COOKIE, "of nobody")
+    assert nobody.get("/api/me").status_code == 401
+
+
+def test_the_document_describes_every_action(shared_station: Station) -> None:
+    paths = client_of(shared_station).http.get("/api/openapi.json").json()["paths"]
+    assert {f"/api/actions/{name}" for name in ACTIONS} <= set(paths)
+    assert all(set(paths[f"/api/actions/{name}"]) == {"post"} for name in ACTIONS)

@@ -1,0 +1,45 @@
+"""Runs that the station starts: one at a time, its own business, and found again by a server that was just started."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from lostmotion_command import here
+from served import prepared, served
+
+pytestmark = pytest.mark.wires
+
+
+def test_a_killed_server_takes_nothing_with_it_and_a_bad_unit_is_put_away(tmp_path: Path) -> None:
+    data = prepared(tmp_path / "runs")
+    with served(data) as first:
+        first.log_in("operator")
+        with ThreadPoolExecutor(4) as pool:
+            answers = list(pool.map(lambda n: first.post("start_run", {"scanned": f"BAD-{n}"}, f"key {n}"), range(4)))
+        assert sorted(one.status_code for one in answers) == [200, 409, 409, 409], "one run of four starts"
+        refused = next(one for one in answers if one.status_code == 409).json()["refused"]
+        assert [one["id"] for one in refused] == ["bench_free"]
+        running = first.wait("running")
+        first.kill()
+    with served(data) as second:
+        second.log_in("operator")
+        again = second.wait("running", "ended", "ready")
+        assert again["stage"] in ("running", "ready")
+        while second.now()["stage"] == "running":
+            pass
+        result = second.http.get(f"/api/runs/{running['run']}").json()
+        assert (result["serial"], result["state"], result["verdict"]) == (running["serial"], "complete", "FAIL")
+        assert len(here("list", "--data", str(data), "--json").json) == 1
+        assert result["operator"] == "the operator"
+
+        refused = second.post("start_run", {"scanned": "SN-5"}, "next").json()["refused"]
+        assert [one["id"] for one in refused] == ["bad_unit_put_away"]
+        assert second.post("confirm_nok", {"run": running["run"]}, "put away").status_code == 200
+        refused = second.post("start_run", {"scanned": running["serial"]}, "once more").json()["refused"]
+        assert [one["id"] for one in refused] == ["retest_allowed"]
+        assert second.post("start_run", {"scanned": "SN-5"}, "good").status_code == 200
+        assert second.wait("ended")["verdict"] == "PASS"
+    assert here("verify", "--data", str(data)).exit_code == 0
+    assert here("audit", "verify", "--data", str(data)).exit_code == 0

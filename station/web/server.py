@@ -15,7 +15,7 @@ from station.web.actions import Station
 from station.web.guard import Guard
 from station.web.models import load_models
 from station.web.pages.operator import add_pages
-from station.web.people.accounts import first_password
+from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
 from station.web.rest import rest_of
 from station.web.running import Running
@@ -43,21 +43,29 @@ def open_station(served: Served) -> tuple[Station, str | None]:
         StationError, RecipeError: the folder, the table of models or the address cannot be used.
 
     """
-    secure = served.certificate is not None
     if (served.certificate is None) != (served.key is None):
         raise StationError("--certificate and --key belong together. Name both, or none")
     models = load_models(served.data, served.models)
     database = StationDatabase(served.data, serving=True)
-    with database.writing() as connection:
-        password = first_password(connection)
-    if served.host not in LOOPBACK and (password is not None or not secure):
+    try:
+        with database.writing() as connection:
+            password = first_password(connection)
+            # within the transaction: the password of an account that was just made would be lost
+            _refuse_unready(served, changed=first_is_changed(connection))
+    except StationError:
         database.close()
+        raise
+    station = Station(served.data, database, models, Running(served.data), served.run_options)
+    return station, password
+
+
+def _refuse_unready(served: Served, *, changed: bool) -> None:
+    """Refuse an address that other computers reach while the first password is not changed, or without TLS."""
+    if served.host not in LOOPBACK and (not changed or served.certificate is None):
         raise StationError(
             f"--host {served.host}: other computers reach this address. Start on 127.0.0.1 first and change the first "
             "password; then name --certificate and --key too"
         )
-    station = Station(served.data, database, models, Running(served.data), served.run_options)
-    return station, password
 
 
 def application(station: Station, served: Served, port: int) -> ASGIApp:
@@ -65,9 +73,13 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
-    names = {served.host, *(LOOPBACK if served.host in LOOPBACK else ())}
-    hosts = {f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names}
-    return Guard(app, hosts)
+    return Guard(app, names_of(served.host, port))
+
+
+def names_of(host: str, port: int) -> frozenset[str]:
+    """Return what a browser may call this server: its address and, as that says, loopback's or the computer's name."""
+    names = {host, *(LOOPBACK if host in LOOPBACK else (socket.gethostname(),))}
+    return frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names)
 
 
 def serve(served: Served) -> None:

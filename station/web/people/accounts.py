@@ -69,6 +69,12 @@ def first_password(connection: Connection) -> str | None:
     return password
 
 
+def first_is_changed(connection: Connection) -> bool:
+    """Say whether the password of the first account is no longer the one that was printed."""
+    first = select(PEOPLE.c.must_change).where(PEOPLE.c.name == FIRST_ACCOUNT)
+    return connection.execute(first).scalar() is False
+
+
 def add_person(connection: Connection, name: str, role: str, password: str) -> None:
     """Add an account whose password has to be changed at the first entry.
 

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+import socket
+from pathlib import Path
 
 import pytest
 from starlette.websockets import WebSocketDisconnect
 from station_support import FIRST, HOST, PASSWORD, client_of
 
+from recipes import RecipeError
+from station.errors import StationError
 from station.web.actions import ACTIONS, Station
 from station.web.people import audit
 from station.web.people.accounts import ROLES
 from station.web.rest import COOKIE
+from station.web.server import Served, names_of, open_station
 
 VALUES = {
     "start_run": {"scanned": "of no model at all"},
@@ -127,3 +132,21 @@ def test_the_document_describes_every_action(shared_station: Station) -> None:
     paths = client_of(shared_station).http.get("/api/openapi.json").json()["paths"]
     assert {f"/api/actions/{name}" for name in ACTIONS} <= set(paths)
     assert all(set(paths[f"/api/actions/{name}"]) == {"post"} for name in ACTIONS)
+
+
+def test_a_server_is_called_by_its_address_and_by_the_names_that_lead_to_it() -> None:
+    assert names_of("127.0.0.1", 80) == {"127.0.0.1:80", "localhost:80", "[::1]:80"}
+    assert names_of("10.0.0.7", 443) == {"10.0.0.7:443", f"{socket.gethostname()}:443"}
+
+
+REFUSED = ({"host": "10.0.0.7"}, {"certificate": Path("c.pem")}, {"models": Path("none.yaml")})
+
+
+@pytest.mark.parametrize("options", REFUSED)
+def test_a_station_that_cannot_be_served_as_asked_is_refused_and_holds_nothing(tmp_path: Path, options: dict) -> None:
+    asked = Served(**({"data": tmp_path, "host": "127.0.0.1", "port": 0} | options))
+    with pytest.raises((StationError, RecipeError)):
+        open_station(asked)
+    station, password = open_station(Served(tmp_path, "127.0.0.1", 0))
+    station.database.close()
+    assert password is not None, "the first password was not made where nobody could read it"

@@ -16,6 +16,7 @@ from nicegui import ui
 from station.documents.result import MetricValue, Result
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock, signed
+from station.wall_clock import WALL_CLOCK
 from station.web.actions import Answer, Station, perform
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
@@ -85,7 +86,7 @@ class _Page:
 
     async def _look(self) -> None:
         now = await asyncio.to_thread(self._station.running.now)
-        self._clock.set_text(time.strftime("%H:%M:%S"))
+        self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))
         self._show_loop(now)
         view = now.view
         left = "" if view is None or now.stage != IS_RUNNING else clock(view.left_s)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
-import time
 from dataclasses import dataclass
 
 from argon2 import PasswordHasher
@@ -17,6 +16,7 @@ from argon2.exceptions import VerificationError
 from sqlalchemy import Connection, delete, insert, select, update
 
 from station.errors import StationError
+from station.wall_clock import WALL_CLOCK
 from station.web.people.database import PEOPLE, SESSIONS
 
 ROLES = ("operator", "technician", "quality", "engineer", "admin")
@@ -120,7 +120,7 @@ def enter(connection: Connection, name: str, password: str) -> Session | EntryRe
     fits = _fits(_NOBODY if row is None else row.password, password)
     if row is None or row.disabled:
         return EntryRefusedError("name or password is wrong")
-    now = time.time()
+    now = WALL_CLOCK.now().timestamp()
     if row.locked_until_s is not None and now < row.locked_until_s:
         minutes = max(1, round((row.locked_until_s - now) / 60.0))
         return EntryRefusedError(f"this account is locked after {WRONG_TRIES} wrong passwords; wait {minutes} min")
@@ -138,7 +138,7 @@ def enter(connection: Connection, name: str, password: str) -> Session | EntryRe
 def open_session(connection: Connection, person: Person) -> Session:
     """Open a session with a token that nobody had before."""
     found = Session(person, secrets.token_urlsafe(32), secrets.token_urlsafe(32))
-    values = {"name": person.name, "csrf": found.csrf, "ends_s": time.time() + SESSION_S}
+    values = {"name": person.name, "csrf": found.csrf, "ends_s": WALL_CLOCK.now().timestamp() + SESSION_S}
     connection.execute(insert(SESSIONS).values(token_sha256=_digest(found.token), **values))
     return found
 
@@ -151,7 +151,7 @@ def session_of(connection: Connection, token: str | None) -> Session | None:
         PEOPLE, PEOPLE.c.name == SESSIONS.c.name
     )
     row = connection.execute(wanted.where(SESSIONS.c.token_sha256 == _digest(token))).first()
-    if row is None or row.disabled or row.ends_s < time.time():
+    if row is None or row.disabled or row.ends_s < WALL_CLOCK.now().timestamp():
         return None
     return Session(Person(row.name, row.role, row.must_change), token, row.csrf)
 

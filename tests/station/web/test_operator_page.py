@@ -41,9 +41,15 @@ def page(station: Served) -> Iterator[playwright.Page]:
         browser.close()
 
 
-def scan(page: playwright.Page, text: str, end: str = "Enter") -> None:
-    page.keyboard.type(text, delay=2)
+def scan(page: playwright.Page, serial: str, end: str = "Enter") -> None:
+    """Scan a GS1 code: told by its prefix, however slowly a busy machine passes the keys on."""
+    page.keyboard.type(f"]d221{serial}")
     page.keyboard.press(end)
+
+
+FAST = """text => [...text, "Enter"].forEach(
+    key => document.body.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true})))"""
+"""A scanner without a prefix, faster than any machine is slow."""
 
 
 def shown(page: playwright.Page, *words: str) -> str:
@@ -80,7 +86,9 @@ def test_a_bad_unit_is_told_by_word_shape_and_colour_and_put_away_before_the_nex
 def test_what_is_typed_slowly_and_what_is_no_serial_number_starts_nothing(page: playwright.Page) -> None:
     page.keyboard.type("SN-9", delay=120)
     page.keyboard.press("Enter")
-    scan(page, "sn?8")
-    page.wait_for_selector(".lm-refused:visible")
-    assert "No model has serial numbers like" in page.inner_text(".lm-refused")
+    for ask in (lambda text: scan(page, text), lambda text: page.evaluate(FAST, text)):
+        ask("sn?8")
+        page.wait_for_selector(".lm-refused:visible")
+        assert "No model has serial numbers like" in page.inner_text(".lm-refused")
+        page.evaluate("document.querySelector('.lm-refused').innerText = ''")
     assert shown(page, "PASS") == "PASS", "the result stays until the next unit"

@@ -191,6 +191,10 @@ class Store:
             if (run := RunRecord(self.data / name)).has(MANIFEST)
         ]
 
+    def by_id(self, run: str) -> RunRecord | None:
+        """Return the run whose id this is, letter by letter; None where there is none."""
+        return RunRecord(self.data / run) if run in self._names() and self._is_run(run) else None
+
     def find(self, name: str) -> RunRecord:
         """Find a run by id, folder, the end of its id, serial number (newest attempt), or `last`.
 

@@ -7,6 +7,7 @@ audit trail, in the same transaction as what it did.
 from __future__ import annotations
 
 import hashlib
+import hmac
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,10 +16,11 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, delete, insert, select
 
 from station.errors import StationError
-from station.wall_clock import now_text
+from station.records.data_folder import Store
+from station.wall_clock import WALL_CLOCK, now_text
 from station.web.models import Models
 from station.web.people import audit
 from station.web.people.accounts import (
@@ -30,12 +32,14 @@ from station.web.people.accounts import (
     add_person,
     brings_token,
     change_password,
+    count_wrong,
     disable_person,
     leave,
+    reset_person,
     session_of,
 )
-from station.web.people.database import CONFIRMED, REQUESTS, StationDatabase
-from station.web.permission import Wanted, refusals, situation_of
+from station.web.people.database import ANSWERS, CONFIRMED, StationDatabase
+from station.web.permission import Wanted, may_be_bad, refusals, situation_of, unconfirmed
 from station.web.running import Running
 from station.web.scanner import ScanError, serial_of
 
@@ -43,8 +47,10 @@ EVERYBODY = frozenset(ROLES)
 AT_THE_BENCH = frozenset({"operator", "technician", "engineer", "admin"})
 ADMIN = frozenset({"admin"})
 
-OK, BAD_INPUT, NOT_ENTERED, NOT_ALLOWED, NOT_NOW = 200, 422, 401, 403, 409
+OK, BAD_INPUT, NOT_ENTERED, NOT_ALLOWED, NOT_NOW, NOT_READY = 200, 422, 401, 403, 409, 503
 LONGEST_KEY = 64
+KEPT_S = 24 * 3600.0
+"""How long an answer is kept for whoever asks the same again."""
 
 
 class _Needs(BaseModel):
@@ -80,6 +86,13 @@ class Named(_Needs):
     """An account."""
 
     name: str
+
+
+class FreshPassword(_Needs):
+    """An account and a first password for it."""
+
+    name: str
+    password: str
 
 
 class NewPassword(_Needs):
@@ -146,7 +159,7 @@ def _start_run(call: Call, given: Start) -> dict[str, Any]:
     station = call.station
     serial = serial_of(given.scanned)
     wanted = Wanted(serial, given.retest_reason)
-    confirmed = frozenset(call.connection.execute(select(CONFIRMED.c.run)).scalars())
+    confirmed = _confirmed(call.connection)
     now = situation_of(station.data, station.models, wanted, busy=station.running.busy(), confirmed=confirmed)
     if why := refusals(now):
         raise NotNowError(why)
@@ -159,6 +172,16 @@ def _start_run(call: Call, given: Start) -> dict[str, Any]:
     return {"serial": serial, "model": model.model, "recipe": model.recipe}
 
 
+def _confirmed(connection: Connection) -> frozenset[str]:
+    return frozenset(connection.execute(select(CONFIRMED.c.run)).scalars())
+
+
+def unconfirmed_run(station: Station) -> str:
+    """Return the run whose bad unit has to be put away before another is measured, '' where there is none."""
+    with station.database.reading() as connection:
+        return unconfirmed(station.data, _confirmed(connection))
+
+
 def _stop_run(call: Call, _given: Nothing) -> dict[str, Any]:
     if not call.station.running.stop():
         raise NotNowError([("no_run", "No run is on.")])
@@ -166,6 +189,9 @@ def _stop_run(call: Call, _given: Nothing) -> dict[str, Any]:
 
 
 def _confirm(call: Call, given: Confirm) -> dict[str, Any]:
+    run = Store(call.station.data).by_id(given.run)
+    if run is None or not may_be_bad(run):
+        raise NotNowError([("run", f"There is no run {given.run[:80]!r} of a bad unit.")])
     there = select(CONFIRMED.c.run).where(CONFIRMED.c.run == given.run)
     if call.connection.execute(there).first() is None:
         call.connection.execute(insert(CONFIRMED).values(run=given.run, name=call.person.name, at=now_text()))
@@ -181,6 +207,13 @@ def _disable_person(call: Call, given: Named) -> dict[str, Any]:
     if given.name == call.person.name:
         raise AccountError("name: nobody can close the account that they are using")
     disable_person(call.connection, given.name)
+    return {"name": given.name}
+
+
+def _reset_person(call: Call, given: FreshPassword) -> dict[str, Any]:
+    if given.name == call.person.name:
+        raise AccountError("name: change the own password by change_password")
+    reset_person(call.connection, given.name, given.password)
     return {"name": given.name}
 
 
@@ -202,6 +235,8 @@ ACTIONS: dict[str, Action] = {
         Action("confirm_nok", "confirm that a bad unit is in the NOK box", AT_THE_BENCH, Confirm, _confirm, ("run",)),
         Action("add_person", "add an account", ADMIN, NewPerson, _add_person, ("name", "role")),
         Action("disable_person", "close an account", ADMIN, Named, _disable_person, ("name",)),
+        Action("reset_person", "open an account again with a first password", ADMIN, FreshPassword, _reset_person,
+               ("name",)),
         Action("change_password", "change the own password", EVERYBODY, NewPassword, _change_password,
                with_first_password=True),
         Action("leave", "end the session", EVERYBODY, Nothing, _leave, with_first_password=True),
@@ -216,31 +251,63 @@ def perform(  # noqa: PLR0917 - one request, as it came
     station: Station, action_id: str, token: str | None, csrf: str | None, key: str | None, values: Any
 ) -> Answer:
     """Do an action, or refuse it and say why; a key that was answered before is given the same answer."""
-    with _ONE_AT_A_TIME, station.database.writing() as connection:
-        session = session_of(connection, token)
-        if session is None:
-            return Answer(NOT_ENTERED, _said("not_entered", "Log in first."))
-        row = ACTIONS[action_id]
-        if not brings_token(session, csrf):
-            return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Load it anew.")])
-        if not key or len(key) > LONGEST_KEY or not key.isascii() or not key.isprintable():
-            words = f"The request needs the header Idempotency-Key: 1 to {LONGEST_KEY} printable ASCII characters."
-            return Answer(BAD_INPUT, _said("idempotency_key", words))
-        asked = hashlib.sha256(json.dumps([action_id, values], sort_keys=True).encode()).hexdigest()
-        if (before := _answered(connection, key, session.person.name, asked)) is not None:
-            return before
-        answer = _done(Call(station, connection, session), row, values)
-        keep = {"key": key, "name": session.person.name, "asked_sha256": asked}
-        connection.execute(insert(REQUESTS).values(**keep, status=answer.status, answer=json.dumps(answer.body)))
-        return answer
+    try:
+        with _ONE_AT_A_TIME, station.database.writing() as connection:
+            session = session_of(connection, token)
+            if session is None:
+                return Answer(NOT_ENTERED, said("not_entered", "Log in first."))
+            return _performed(station, connection, session, ACTIONS[action_id], csrf, key, values)
+    except StationError as error:  # its own database cannot be written: nothing was done
+        return Answer(NOT_READY, said("station", str(error)))
+
+
+def _performed(  # noqa: PLR0917 - as above
+    station: Station,
+    connection: Connection,
+    session: Session,
+    row: Action,
+    csrf: str | None,
+    key: str | None,
+    values: Any,
+) -> Answer:
+    if not brings_token(session, csrf):
+        return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Load it anew.")])
+    if not _is_text(values):
+        return _refused(connection, session, row, BAD_INPUT, [("body", "It has characters that are no Unicode text.")])
+    if not key or len(key) > LONGEST_KEY or not key.isascii() or not key.isprintable():
+        words = f"The request needs the header Idempotency-Key: 1 to {LONGEST_KEY} printable ASCII characters."
+        return Answer(BAD_INPUT, said("idempotency_key", words))
+    asked = _asked(session, row, values)
+    if (before := _answered(connection, key, session.person.name, asked)) is not None:
+        return before
+    answer = _done(Call(station, connection, session), row, values)
+    now_s = WALL_CLOCK.now().timestamp()
+    connection.execute(delete(ANSWERS).where(ANSWERS.c.at_s < now_s - KEPT_S))
+    keep = {"key": key, "name": session.person.name, "asked_hmac": asked, "at_s": now_s}
+    connection.execute(insert(ANSWERS).values(**keep, status=answer.status, answer=json.dumps(answer.body)))
+    return answer
+
+
+def _asked(session: Session, row: Action, values: Any) -> str:
+    text = json.dumps([row.id, values], sort_keys=True)
+    return hmac.new(session.token.encode(), text.encode(), hashlib.sha256).hexdigest()
+
+
+def _is_text(values: Any) -> bool:
+    """Say whether all of it can be written down: JSON may name half of a character."""
+    try:
+        json.dumps(values, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _answered(connection: Connection, key: str, name: str, asked: str) -> Answer | None:
-    row = connection.execute(select(REQUESTS).where(REQUESTS.c.key == key)).first()
+    row = connection.execute(select(ANSWERS).where(ANSWERS.c.key == key)).first()
     if row is None:
         return None
-    if row.name != name or row.asked_sha256 != asked:
-        return Answer(NOT_NOW, _said("key_used", "This Idempotency-Key was used for another request. Take a new one."))
+    if row.name != name or row.asked_hmac != asked:
+        return Answer(NOT_NOW, said("key_used", "This Idempotency-Key was used for another request. Take a new one."))
     return Answer(row.status, json.loads(row.answer))
 
 
@@ -259,6 +326,8 @@ def _done(call: Call, row: Action, values: Any) -> Answer:
         with connection.begin_nested():
             found = row.does(call, given)
     except (ValidationError, StationError) as error:
+        if isinstance(error, EntryRefusedError):
+            count_wrong(connection, person.name)
         return _refused(connection, session, row, *_why(error), told)
     audit.write(connection, person.name, row.id, audit.DONE, told)
     return Answer(OK, {"done": row.id, **found})
@@ -278,12 +347,8 @@ def _why(error: ValidationError | StationError) -> tuple[int, list[tuple[str, st
         return BAD_INPUT, [(".".join(map(str, one["loc"])) or "body", one["msg"]) for one in error.errors()]
     if isinstance(error, NotNowError):
         return NOT_NOW, error.reasons
-    rows = (
-        (EntryRefusedError, NOT_ALLOWED, "password"),
-        (AccountError, BAD_INPUT, "input"),
-        (ScanError, BAD_INPUT, "scan"),
-    )
-    status, name = next(((one, name) for kind, one, name in rows if isinstance(error, kind)), (NOT_NOW, "station"))
+    found = ((one, name) for kind, one, name in _REFUSALS if isinstance(error, kind))
+    status, name = next(found, (NOT_NOW, "station"))
     return status, [(name, str(error))]
 
 
@@ -296,5 +361,6 @@ def _refused(  # noqa: PLR0917 - one line of the trail
     return Answer(status, {"refused": [{"id": name, "text": words} for name, words in reasons]})
 
 
-def _said(name: str, words: str) -> dict[str, Any]:
+def said(name: str, words: str) -> dict[str, Any]:
+    """Return the body of a refusal for one reason."""
     return {"refused": [{"id": name, "text": words}]}

@@ -34,11 +34,12 @@ class Guard:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        host, origin = headers.get("host", ""), headers.get("origin")
+        host, origin = headers.get("host", "").lower(), headers.get("origin")
         if host not in self._hosts:
-            await _refuse(scope, receive, send, f"This server has no name '{host[:60]}'.")
+            words = f"This server has no name {host[:60]!r}. If it shall have it, start it with --name."
+            await _refuse(scope, receive, send, words)
             return
-        foreign = origin is not None and origin.partition("://")[2] != host
+        foreign = origin is not None and origin.partition("://")[2].lower() != host
         if foreign and (scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")):
             await _refuse(scope, receive, send, "This request was made by a page of another server.")
             return

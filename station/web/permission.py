@@ -71,7 +71,7 @@ def situation_of(data: Path, models: Models, wanted: Wanted, *, busy: bool, conf
     store = Store(data)
     before = tuple(run.manifest() for run in store.of_serial(wanted.serial))
     newest = next(reversed(store.newest(1)), None)
-    return Situation(data, wanted, model, job, why, busy, before, newest, _unconfirmed(newest, confirmed))
+    return Situation(data, wanted, model, job, why, busy, before, newest, unconfirmed(data, confirmed))
 
 
 def refusals(situation: Situation) -> list[tuple[str, str]]:
@@ -82,12 +82,18 @@ def refusals(situation: Situation) -> list[tuple[str, str]]:
     return [(name, why) for name, why in found if why is not None]
 
 
-def _unconfirmed(newest: RunRecord | None, confirmed: frozenset[str]) -> str:
+def unconfirmed(data: Path, confirmed: frozenset[str]) -> str:
+    """Return the newest run where its unit may be bad and nobody has put it away, '' otherwise."""
+    newest = next(reversed(Store(data).newest(1)), None)
+    return newest.id if newest is not None and newest.id not in confirmed and may_be_bad(newest) else ""
+
+
+def may_be_bad(run: RunRecord) -> bool:
+    """Say whether the unit of a run failed; a run that cannot be read may have failed too."""
     try:
-        failed = newest is not None and newest.manifest().verdict == "FAIL"
+        return run.manifest().verdict == "FAIL"
     except StationError:
-        return ""
-    return newest.id if failed and newest is not None and newest.id not in confirmed else ""
+        return True
 
 
 def _bench_free(one: Situation) -> str | None:
@@ -111,19 +117,26 @@ def _recipe_in_order(one: Situation) -> str | None:
 def _bad_unit_put_away(one: Situation) -> str | None:
     if not one.unconfirmed:
         return None
-    return f"The unit of run {one.unconfirmed} failed. Put it into the NOK box and confirm that."
+    bad = f"The unit of run {one.unconfirmed} is bad, or its record cannot be read."
+    return f"{bad} Put it into the NOK box and confirm that."
 
 
-def _retest_allowed(one: Situation) -> str | None:
-    most = one.model.attempts if one.model is not None else 0
-    if not one.before or one.model is None:
+def _attempts_left(one: Situation) -> str | None:
+    if one.model is None or len(one.before) < one.model.attempts:
         return None
-    told = ", ".join(f"attempt {run.attempt} {run.verdict or run.state}" for run in one.before[-3:])
-    if len(one.before) >= most:
-        return f"This unit was measured {len(one.before)} times ({told}); {most} are allowed. Call the technician."
-    if not one.wanted.retest_reason.strip():
-        return f"This unit was measured before ({told}). Measuring it again needs a reason."
-    return None
+    measured = f"This unit was measured {len(one.before)} times ({_told(one.before)})"
+    return f"{measured}; {one.model.attempts} are allowed. Call the technician."
+
+
+def _retest_reason(one: Situation) -> str | None:
+    over = one.model is None or len(one.before) >= one.model.attempts
+    if not one.before or over or one.wanted.retest_reason.strip():
+        return None
+    return f"This unit was measured before ({_told(one.before)}). Measuring it again needs a reason."
+
+
+def _told(before: tuple[Manifest, ...]) -> str:
+    return ", ".join(f"attempt {run.attempt} {run.verdict or run.state}" for run in before[-3:])
 
 
 def _bench_recovered(one: Situation) -> str | None:
@@ -164,7 +177,8 @@ CONDITIONS: tuple[Condition, ...] = (
     Condition("model_known", "the serial number is one of a known model", _model_known),
     Condition("recipe_in_order", "recipe and bench of the model are in order", _recipe_in_order),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
-    Condition("retest_allowed", "a unit that was measured before may be measured again", _retest_allowed),
+    Condition("attempts_left", "the unit was not measured as often as its model allows", _attempts_left),
+    Condition("retest_reason", "a unit that was measured before has a reason to be measured again", _retest_reason),
     Condition("bench_recovered", "the bench was brought back after a fault", _bench_recovered),
     Condition("room_on_disk", "there is room on the disk for the record", _room_on_disk),
     Condition("clock_plausible", "the computer's clock is plausible", _clock_plausible),

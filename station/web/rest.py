@@ -5,20 +5,41 @@ The document that describes them is at /api/openapi.json. Nothing changes by GET
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import Cookie, FastAPI, Header, Response
+from fastapi import Cookie, Depends, FastAPI, Header, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from station.errors import StationError
-from station.records.run_record import MANIFEST, RESULT, RunRecord
+from station.records.data_folder import Store
+from station.records.run_record import RESULT
 from station.version import version
-from station.web.actions import ACTIONS, NOT_ENTERED, Action, Station, perform
+from station.web.actions import (
+    ACTIONS,
+    BAD_INPUT,
+    NOT_ALLOWED,
+    NOT_ENTERED,
+    NOT_NOW,
+    NOT_READY,
+    Action,
+    Station,
+    perform,
+    said,
+)
 from station.web.people import audit
-from station.web.people.accounts import EntryRefusedError, Session, enter, session_of
+from station.web.people.accounts import (
+    LONGEST_NAME,
+    LONGEST_PASSWORD,
+    EntryRefusedError,
+    Session,
+    enter,
+    is_name,
+    session_of,
+)
 
 COOKIE = "lostmotion_session"
 AUDIT_ROLES = frozenset({"admin", "quality"})
@@ -34,8 +55,36 @@ class Entry(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    name: str = Field(max_length=64)
-    password: str = Field(max_length=200)
+    name: str = Field(max_length=LONGEST_NAME)
+    password: str = Field(max_length=LONGEST_PASSWORD)
+
+
+class Reason(BaseModel):
+    """One reason of a refusal."""
+
+    id: str
+    text: str
+
+
+class Refused(BaseModel):
+    """Why a request was refused."""
+
+    refused: list[Reason]
+
+
+class Me(BaseModel):
+    """Who is logged in, and the token that changes need."""
+
+    name: str
+    role: str
+    must_change: bool
+    csrf: str
+
+
+MEANING = {
+    200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not by this role", 404: "there is none",
+    NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "the station cannot do it: its disk, or too many requests",
+}  # fmt: skip
 
 
 def rest_of(station: Station, *, secure: bool) -> FastAPI:
@@ -44,36 +93,46 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         title="lostmotion station", version=version(), openapi_url="/api/openapi.json", docs_url=None,
         redoc_url=None,
     )  # fmt: skip
+    app.add_exception_handler(RequestValidationError, _refuse_input)
+    app.add_exception_handler(StationError, _not_ready)
     _add_entry(app, station, secure=secure)
     _add_readings(app, station)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)
-        app.post(f"/api/actions/{row.id}", summary=row.text, tags=["actions"], name=row.id)(doing)
+        needed = any(one.is_required() for one in row.needs.model_fields.values())
+        schema = {"required": needed, "content": {"application/json": {"schema": row.needs.model_json_schema()}}}
+        app.post(
+            f"/api/actions/{row.id}", summary=row.text, tags=["actions"], name=row.id,
+            openapi_extra={"requestBody": schema}, **_answers(200, 401, 403, 409, 422, 503),
+        )(doing)  # fmt: skip
     return app
 
 
 def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
-    @app.post("/api/enter", summary="open a session", tags=["session"])
+    @app.post("/api/enter", summary="open a session", tags=["session"], **_answers(200, 401, 422, 503, ok=Me))
     def open_session(given: Entry) -> Response:
+        found = enter(station.database, given.name, given.password)
+        refused = isinstance(found, EntryRefusedError)
+        outcome = audit.REFUSED if refused else audit.DONE
         with station.database.writing() as connection:
-            found = enter(connection, given.name, given.password)
-            refused = isinstance(found, EntryRefusedError)
-            outcome = audit.REFUSED if refused else audit.DONE
-            audit.write(connection, given.name if given.name.isprintable() else "?", "enter", outcome, {})
+            audit.write(connection, given.name if is_name(given.name) else "?", "enter", outcome, {})
         if isinstance(found, EntryRefusedError):
-            return JSONResponse({"refused": [{"id": "entry", "text": str(found)}]}, NOT_ENTERED)
+            return JSONResponse(said("entry", str(found)), NOT_ENTERED)
         answer = JSONResponse(_me(found))
         answer.set_cookie(COOKIE, found.token, httponly=True, samesite="strict", secure=secure, path="/")
         return answer
 
-    @app.get("/api/me", summary="who is logged in, and the token that changes need", tags=["session"])
+    @app.get(
+        "/api/me", summary="who is logged in, and the token that changes need", tags=["session"],
+        **_answers(200, 401, 503, ok=Me),
+    )  # fmt: skip
     def me(token: CookieToken = None) -> Response:
         found = _session(station, token)
         return _not_entered() if found is None else JSONResponse(_me(found))
 
 
 def _add_readings(app: FastAPI, station: Station) -> None:
-    @app.get("/api/now", summary="what the bench does", tags=["bench"])
+    @app.get("/api/now", summary="what the bench does", tags=["bench"], **_answers(200, 401, 503))
     def now(token: CookieToken = None) -> Response:
         if _session(station, token) is None:
             return _not_entered()
@@ -89,40 +148,43 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "reasons": [] if found.result is None else list(found.result.reasons),
         })  # fmt: skip
 
-    @app.get("/api/runs/{run}", summary="the result of a run", tags=["runs"])
+    @app.get("/api/runs/{run}", summary="the result of a run", tags=["runs"], **_answers(200, 401, 404, 409, 503))
     def result(run: str, token: CookieToken = None) -> Response:
         if _session(station, token) is None:
             return _not_entered()
-        there = RunRecord(station.data / run)
-        if Path(run).name != run or not there.has(MANIFEST) or not there.has(RESULT):
-            return JSONResponse({"refused": [{"id": "run", "text": "There is no such run with a result."}]}, 404)
+        there = Store(station.data).by_id(run)
+        if there is None or not there.has(RESULT):
+            return JSONResponse(said("run", "There is no such run with a result."), 404)
         try:
             return JSONResponse(there.read_json(RESULT))
         except StationError as error:
-            return JSONResponse({"refused": [{"id": "run", "text": str(error)}]}, 409)
+            return JSONResponse(said("run", str(error)), NOT_NOW)
 
-    @app.get("/api/audit", summary="the newest lines of the audit trail, and its head", tags=["audit"])
-    def audit_lines(token: CookieToken = None, newest: int = 100) -> Response:
+    @app.get(
+        "/api/audit", summary="the newest lines of the audit trail, and its head", tags=["audit"],
+        **_answers(200, 401, 403, 422, 503),
+    )  # fmt: skip
+    def audit_lines(token: CookieToken = None, newest: Annotated[int, Query(ge=1, le=MOST_LINES)] = 100) -> Response:
         found = _session(station, token)
         if found is None:
             return _not_entered()
         if found.person.role not in AUDIT_ROLES or found.person.must_change:
             text = f"allowed: {', '.join(sorted(AUDIT_ROLES))}, with a password of their own"
-            return JSONResponse({"refused": [{"id": "role", "text": text}]}, 403)
-        with station.database.writing() as connection:
+            return JSONResponse(said("role", text), NOT_ALLOWED)
+        with station.database.reading() as connection:
             head = audit.head_of(connection)
-            lines = audit.lines_of(connection, min(max(newest, 1), MOST_LINES))
+            lines = audit.lines_of(connection, newest)
         return JSONResponse({"lines": head.lines, "head_sha256": head.sha256, "newest": lines})
 
 
 def _endpoint(station: Station, row: Action) -> Callable[..., Response]:
     def do(
-        values: dict[str, Any] | None = None,
+        body: Annotated[bytes, Depends(_body_of)],
         token: CookieToken = None,
         csrf: CsrfToken = None,
         key: RequestKey = None,
     ) -> Response:
-        answer = perform(station, row.id, token, csrf, key, values)
+        answer = perform(station, row.id, token, csrf, key, _values_in(body))
         return JSONResponse(answer.body, answer.status)
 
     do.__doc__ = f"{row.text}. Roles: {', '.join(sorted(row.roles))}. Values: {row.needs.__doc__}"
@@ -130,8 +192,21 @@ def _endpoint(station: Station, row: Action) -> Callable[..., Response]:
 
 
 def _session(station: Station, token: str | None) -> Session | None:
-    with station.database.writing() as connection:
+    with station.database.reading() as connection:
         return session_of(connection, token)
+
+
+async def _body_of(request: Request) -> bytes:
+    body: bytes = await request.body()
+    return body
+
+
+def _values_in(body: bytes) -> Any:
+    """Return what a body says; one that is no JSON is passed on as its text, which no action takes."""
+    try:
+        return json.loads(body) if body.strip() else None
+    except (ValueError, RecursionError):
+        return "no JSON: " + body[:40].decode(errors="replace")
 
 
 def _me(found: Session) -> dict[str, Any]:
@@ -140,4 +215,21 @@ def _me(found: Session) -> dict[str, Any]:
 
 
 def _not_entered() -> Response:
-    return JSONResponse({"refused": [{"id": "not_entered", "text": "Log in first."}]}, NOT_ENTERED)
+    return JSONResponse(said("not_entered", "Log in first."), NOT_ENTERED)
+
+
+def _answers(*statuses: int, ok: type[BaseModel] | None = None) -> dict[str, Any]:
+    """Return what the document says of the answers of an endpoint."""
+    told: dict[int, dict[str, Any]] = {one: {"model": Refused, "description": MEANING[one]} for one in statuses}
+    told[200] = {"description": MEANING[200], **({} if ok is None else {"model": ok})}
+    return {"responses": told}
+
+
+def _refuse_input(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 - it is registered for that
+    places = [(".".join(str(part) for part in one["loc"][1:]) or "body", one["msg"]) for one in error.errors()]
+    return JSONResponse({"refused": [{"id": name, "text": words} for name, words in places]}, BAD_INPUT)
+
+
+def _not_ready(_request: Request, error: Exception) -> Response:
+    return JSONResponse(said("station", str(error)), NOT_READY)

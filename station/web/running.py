@@ -31,6 +31,9 @@ OUTPUT = "station-run.log"
 """What the last started process said; of one that was refused it is the reason."""
 
 NEWEST = 8
+NEW_FOR_S = 5.0
+"""For how long a folder that was just made may still have no manifest."""
+
 LOOP_EVERY_RECORDS = 40
 """Records between two points of the loop on a screen: at 1 kHz 25 points a second."""
 
@@ -83,6 +86,7 @@ class Running:
         self._refused = ""
         self._one_at_a_time = RLock()
         self._told, self._looked = Now(), -math.inf
+        self._folder_at_ns, self._look_until = 0, math.inf
 
     def start(self, options: list[str], serial: str) -> None:
         """Start the process of a run; it may still refuse, which `now` tells. StationError where it cannot start."""
@@ -106,10 +110,6 @@ class Running:
         """Say whether a run is on, or starts."""
         return self.now().stage in (STARTING, RUNNING)
 
-    def newest_run(self) -> str:
-        """Return the id of the newest run, '' where there is none."""
-        return next((run.id for run in reversed(Store(self._data).newest(1))), "")
-
     def stop(self) -> bool:
         """Ask the run that is on for a stop, as Ctrl-C does; False where there is none."""
         if self.now().stage != RUNNING or self._watched is None:
@@ -127,26 +127,42 @@ class Running:
             return self._told
 
     def _look(self) -> Now:
-        if self._watched is None:
+        over = self._process is not None and self._process.poll() is not None  # before the look: it may just have ended
+        if self._watched is None and self._may_be_new():
             self._find()
         if self._watched is not None:
-            return self._of_run(self._watched)
+            try:
+                return self._of_run(self._watched)
+            except StationError as error:
+                return self._is_over(Now(ENDED, self._serial, self._watched.record.id, altered=(str(error),)))
         if self._process is not None:
-            if self._process.poll() is None:
+            if not over:
                 return Now(STARTING, serial=self._serial)
-            self._refused = self._refused or self._why_refused()
+            self._refused, self._process = self._why_refused(), None
         if self._ended is not None and not self._refused:
             return self._ended
         return Now(READY, serial=self._serial if self._refused else "", refused=self._refused)
 
+    def _may_be_new(self) -> bool:
+        """Say whether a folder was made since the last look, or so lately that its manifest may still come."""
+        try:
+            changed_ns = self._data.stat().st_mtime_ns
+        except OSError:
+            return False
+        if changed_ns != self._folder_at_ns:
+            self._folder_at_ns, self._look_until = changed_ns, time.monotonic() + NEW_FOR_S
+        return self._process is not None or time.monotonic() < self._look_until
+
     def _find(self) -> None:
-        """Look for a run that is on: the one of the process that was started, or anybody's of this folder."""
-        newest = Store(self._data).newest(NEWEST if self._process is None else 2)
+        """Look for the run of the process that was started, anybody's that is on, or, at first, the one that ended."""
+        newest = Store(self._data).newest(NEWEST)
         for record in reversed(newest):
             try:
                 manifest = record.manifest()
                 ours = self._process is not None and manifest.desk.pid == self._process.pid
-                if ours or (manifest.state == RECORDING and not record.deserted()):
+                is_on = manifest.state == RECORDING and not record.deserted()
+                last = self._process is None and self._ended is None and not self._refused and record is newest[-1]
+                if ours or is_on or last:
                     self._watched = _Watched(record, _reader(record))
                     self._serial = manifest.serial
                     return
@@ -165,10 +181,12 @@ class Running:
         _read_on(watched)
         found = record.read(Result, RESULT) if record.has(RESULT) else None
         altered = tuple(alterations(record)) if is_sealed(manifest) else ("the run was not concluded",)
-        self._ended = replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered)
-        self._watched = None
+        return self._is_over(replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered))
+
+    def _is_over(self, ended: Now) -> Now:
+        self._ended, self._watched = ended, None
         self._process = None  # it goes on for a moment, for the store and a report; nobody waits for it
-        return self._ended
+        return ended
 
     def _why_refused(self) -> str:
         try:

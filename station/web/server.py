@@ -33,6 +33,8 @@ class Served:
     models: Path | None = None
     certificate: Path | None = None
     key: Path | None = None
+    names: tuple[str, ...] = ()
+    """Further names that lead to it, as those of its certificate."""
     run_options: tuple[str, ...] = ()
 
 
@@ -73,13 +75,19 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
-    return Guard(app, names_of(served.host, port))
+    return Guard(app, hosts_of(served, port))
 
 
-def names_of(host: str, port: int) -> frozenset[str]:
-    """Return what a browser may call this server: its address and, as that says, loopback's or the computer's name."""
-    names = {host, *(LOOPBACK if host in LOOPBACK else (socket.gethostname(),))}
-    return frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names)
+def hosts_of(served: Served, port: int) -> frozenset[str]:
+    """Return what a browser may send as `Host`: this server's names, without the port where that is the usual one.
+
+    They are its address, those that were given and, as the address says, loopback's or the computer's.
+    """
+    usual = 80 if served.certificate is None else 443
+    computers = (socket.gethostname(), socket.getfqdn())
+    names = {one.lower() for one in (served.host, *served.names, *(LOOPBACK if served.host in LOOPBACK else computers))}
+    bracketed = {f"[{name}]" if ":" in name else name for name in names}
+    return frozenset({f"{name}:{port}" for name in bracketed} | (bracketed if port == usual else set()))
 
 
 def serve(served: Served) -> None:

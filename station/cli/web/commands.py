@@ -26,6 +26,10 @@ def serve(
     ] = None,
     certificate: Annotated[Path | None, typer.Option("--certificate", metavar="FILE", help="TLS certificate.")] = None,
     key: Annotated[Path | None, typer.Option("--key", metavar="FILE", help="Private key of the certificate.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Option("--name", metavar="NAME", help="Another name that leads here, as in the certificate; repeatable."),
+    ] = None,
     fast: Annotated[
         bool, typer.Option("--fast", help="On a virtual bench: run as fast as possible, for trying things out.")
     ] = False,
@@ -33,7 +37,8 @@ def serve(
     """Serve the station: the operator's page and the REST interface. Runs go on without it."""
     from station.web.server import Served, serve
 
-    serve(Served(data, host, port, models, certificate, key, ("--pace", "fast") if fast else ()))
+    options = ("--pace", "fast") if fast else ()
+    serve(Served(data, host, port, models, certificate, key, tuple(names or ()), options))
 
 
 @audit_app.command("verify")
@@ -47,7 +52,7 @@ def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
 
         raise StationError(f"{data}: has no {FILE}: no station was served here. Name another --data")
     database = StationDatabase(data)
-    with database.writing() as connection:
+    with database.reading() as connection:
         head, problems = audit.head_of(connection), audit.problems_of(connection)
     database.close()
     if as_json:

@@ -17,7 +17,7 @@ from station.documents.result import MetricValue, Result
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
-from station.web.actions import Answer, Station, perform
+from station.web.actions import OK, Answer, Station, perform, unconfirmed_run
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
 from station.web.rest import COOKIE
@@ -27,8 +27,9 @@ from station.web.running import STARTING as IS_STARTING
 
 HERE = Path(__file__).parent
 LOOK_EVERY_S = 0.1
+SESSION_EVERY_S = 2.0
 SAME_SCAN_S = 2.0
-"""A code that comes twice within this is one scan."""
+"""A code that comes twice within this is one scan, unless the first was refused."""
 
 PUT_AWAY = "The bad unit is in the NOK box"
 RETEST_REASONS = ("seating of the unit", "result not decidable", "technician asked for it")
@@ -51,7 +52,7 @@ def add_pages(station: Station) -> None:
 
 
 def _session(station: Station, token: str | None) -> Session | None:
-    with station.database.writing() as connection:
+    with station.database.reading() as connection:
         return session_of(connection, token)
 
 
@@ -63,6 +64,7 @@ class _Page:
         self._shown: tuple[Any, ...] = ()
         self._points = -1
         self._scan = ("", 0.0, "")
+        self._session_seen = time.monotonic()
 
     def build(self) -> None:
         """Lay the page out."""
@@ -85,6 +87,11 @@ class _Page:
         ui.timer(LOOK_EVERY_S, self._look)
 
     async def _look(self) -> None:
+        if time.monotonic() - self._session_seen > SESSION_EVERY_S:
+            if await asyncio.to_thread(_session, self._station, self._session.token) is None:
+                ui.navigate.to("/enter")  # nobody sees the bench after the end of a session
+                return
+            self._session_seen = time.monotonic()
         now = await asyncio.to_thread(self._station.running.now)
         self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))
         self._show_loop(now)
@@ -97,6 +104,8 @@ class _Page:
             self._figures.set_content("".join(f"<div><span>{name}</span>{text}</div>" for name, text in figures))
         if what == self._shown:
             return
+        if now.stage != IS_RUNNING:
+            self._figures.set_content("")
         if self._shown and now.stage != self._shown[0] and time.monotonic() - self._scan[1] > SAME_SCAN_S:
             self._refused.set_visibility(False)  # it was said of what is over now
         self._shown = what
@@ -123,12 +132,18 @@ class _Page:
         text = str(event.args.get("text", ""))
         before, at, key = self._scan
         if text != before or time.monotonic() - at > SAME_SCAN_S:
-            key = secrets.token_hex(16)
-        self._scan = (text, time.monotonic(), key)
+            at, key = time.monotonic(), secrets.token_hex(16)
+            self._scan = (text, at, key)
         await self._start(text, "", key)
 
     async def _start(self, scanned: str, reason: str, key: str) -> None:
         answer = await self._perform("start_run", {"scanned": scanned, "retest_reason": reason}, key)
+        if answer.status != OK:
+            self._scan = (
+                "",
+                time.monotonic(),
+                "",
+            )  # what was refused may be allowed now: scanned again it is asked again
         self._say(answer, scanned)
 
     async def _perform(self, action: str, values: dict[str, Any], key: str) -> Answer:
@@ -144,18 +159,19 @@ class _Page:
         with self._refused:
             for one in refused:
                 ui.label(one["text"])
-            if names == {"bad_unit_put_away"}:
-                ui.button("The bad unit is in the NOK box", on_click=lambda: self._put_away(scanned)).classes(
-                    "lm-button"
-                )
-            elif names == {"retest_allowed"} and "needs a reason" in refused[0]["text"]:
+            if "bad_unit_put_away" in names:
+                ui.button(PUT_AWAY, on_click=lambda: self._put_away(scanned)).classes("lm-button")
+            elif "retest_reason" in names:
                 for reason in RETEST_REASONS:
                     ui.button(reason, on_click=lambda why=reason: self._again(scanned, why)).classes("lm-button")
 
     async def _put_away(self, scanned: str) -> None:
-        newest = await asyncio.to_thread(self._station.running.newest_run)
-        await self._perform("confirm_nok", {"run": newest}, secrets.token_hex(16))
-        await self._start(scanned, "", secrets.token_hex(16))
+        bad = await asyncio.to_thread(unconfirmed_run, self._station)
+        answer = await self._perform("confirm_nok", {"run": bad}, secrets.token_hex(16))
+        if answer.status == OK:
+            await self._start(scanned, "", secrets.token_hex(16))
+        else:
+            self._say(answer, scanned)
 
     async def _again(self, scanned: str, reason: str) -> None:
         await self._start(scanned, reason, secrets.token_hex(16))

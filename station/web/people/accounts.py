@@ -10,6 +10,8 @@ import hashlib
 import hmac
 import secrets
 from dataclasses import dataclass
+from threading import BoundedSemaphore
+from typing import Any
 
 from argon2 import PasswordHasher
 from argon2.exceptions import VerificationError
@@ -17,7 +19,7 @@ from sqlalchemy import Connection, delete, insert, select, update
 
 from station.errors import StationError
 from station.wall_clock import WALL_CLOCK
-from station.web.people.database import PEOPLE, SESSIONS
+from station.web.people.database import PEOPLE, SESSIONS, StationDatabase
 
 ROLES = ("operator", "technician", "quality", "engineer", "admin")
 FIRST_ACCOUNT = "admin"
@@ -29,6 +31,11 @@ LOCKED_S = 300.0
 SESSION_S = 12 * 3600.0
 """A shift, with some time before and after it."""
 
+WRONG = "name or password is wrong"
+AT_ONCE, LONGEST_WAIT_S = 2, 3.0
+"""How many passwords are checked at once, and how long others wait for that."""
+
+_CHECKS = BoundedSemaphore(AT_ONCE)
 _HASHER = PasswordHasher()
 _NOBODY = _HASHER.hash(secrets.token_urlsafe())
 """Checked for names that do not exist, so that the time to an answer does not tell them from others."""
@@ -40,6 +47,10 @@ class AccountError(StationError):
 
 class EntryRefusedError(StationError):
     """Wrong name or password, or an account that is locked or disabled. It says the same of the first two."""
+
+
+class TooManyEntriesError(StationError):
+    """More people try to enter than passwords can be checked at once: each check takes 64 MiB and some 50 ms."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +93,7 @@ def add_person(connection: Connection, name: str, role: str, password: str) -> N
         AccountError: the name, role or password is not allowed, or the name is taken.
 
     """
-    if not name.strip() or len(name) > LONGEST_NAME or not name.isprintable() or name != name.strip():
+    if not is_name(name):
         raise AccountError(f"name: found {name[:40]!r}; allowed are 1 to {LONGEST_NAME} printable characters")
     if role not in ROLES:
         raise AccountError(f"role: found {role[:40]!r}; allowed are {', '.join(ROLES)}")
@@ -91,6 +102,26 @@ def add_person(connection: Connection, name: str, role: str, password: str) -> N
         raise AccountError(f"name: {name} is taken. Choose another")
     values = {"name": name, "role": role, "password": _HASHER.hash(password)}
     connection.execute(insert(PEOPLE).values(**values, must_change=True, failed=0, disabled=False))
+
+
+def is_name(name: str) -> bool:
+    """Say whether this can be the name of an account."""
+    return bool(name.strip()) and len(name) <= LONGEST_NAME and name.isprintable() and name == name.strip()
+
+
+def reset_person(connection: Connection, name: str, password: str) -> None:
+    """Open an account again with a first password, whatever closed or locked it; its sessions end.
+
+    Raises:
+        AccountError: there is no such account, or the password is not allowed.
+
+    """
+    _check_password(password)
+    fresh = {"must_change": True, "failed": 0, "locked_until_s": None, "disabled": False}
+    changed = update(PEOPLE).where(PEOPLE.c.name == name).values(password=_HASHER.hash(password), **fresh)
+    if not connection.execute(changed).rowcount:
+        raise AccountError(f"name: there is no account {name[:40]!r}")
+    connection.execute(delete(SESSIONS).where(SESSIONS.c.name == name))
 
 
 def disable_person(connection: Connection, name: str) -> None:
@@ -106,6 +137,8 @@ def change_password(connection: Connection, name: str, old: str, new: str) -> No
     if new == old:
         raise AccountError("new_password: is the old one. Choose another")
     row = connection.execute(select(PEOPLE).where(PEOPLE.c.name == name)).one()
+    if (locked := _locked(row)) is not None:
+        raise locked
     if not _fits(row.password, old):
         raise EntryRefusedError("the old password is wrong")
     connection.execute(
@@ -114,25 +147,52 @@ def change_password(connection: Connection, name: str, old: str, new: str) -> No
     connection.execute(delete(SESSIONS).where(SESSIONS.c.name == name))
 
 
-def enter(connection: Connection, name: str, password: str) -> Session | EntryRefusedError:
-    """Return a new session, or why there is none; wrong tries are counted, so that is no exception that undoes them."""
-    row = connection.execute(select(PEOPLE).where(PEOPLE.c.name == name)).first()
-    fits = _fits(_NOBODY if row is None else row.password, password)
-    if row is None or row.disabled:
-        return EntryRefusedError("name or password is wrong")
-    now = WALL_CLOCK.now().timestamp()
-    if row.locked_until_s is not None and now < row.locked_until_s:
-        minutes = max(1, round((row.locked_until_s - now) / 60.0))
-        return EntryRefusedError(f"this account is locked after {WRONG_TRIES} wrong passwords; wait {minutes} min")
-    if not fits:
-        failed = row.failed + 1
-        locked = now + LOCKED_S if failed >= WRONG_TRIES else None
-        changes = {"failed": 0 if locked else failed, "locked_until_s": locked}
-        connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(**changes))
-        return EntryRefusedError("name or password is wrong")
-    connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(failed=0, locked_until_s=None))
-    connection.execute(delete(SESSIONS).where(SESSIONS.c.ends_s < now))
-    return open_session(connection, Person(name, row.role, row.must_change))
+def enter(database: StationDatabase, name: str, password: str) -> Session | EntryRefusedError:
+    """Return a new session, or why there is none; wrong tries are counted, so that is no exception that undoes them.
+
+    The password is checked before anything is locked: who guesses keeps nobody else waiting.
+
+    Raises:
+        TooManyEntriesError: others' passwords are being checked for too long already.
+
+    """
+    by_name = select(PEOPLE).where(PEOPLE.c.name == (name if is_name(name) else ""))
+    with database.reading() as connection:
+        before = connection.execute(by_name).first()
+    if not _CHECKS.acquire(timeout=LONGEST_WAIT_S):
+        raise TooManyEntriesError("too many people log in at once. Try again in a moment")
+    try:
+        fits = _fits(_NOBODY if before is None else before.password, password)
+    finally:
+        _CHECKS.release()
+    with database.writing() as connection:
+        row = connection.execute(by_name).first()
+        if row is None or row.disabled:
+            return EntryRefusedError(WRONG)
+        if (locked := _locked(row)) is not None:
+            return locked
+        if not fits or before is None or row.password != before.password:
+            count_wrong(connection, name)
+            return EntryRefusedError(WRONG)
+        connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(failed=0, locked_until_s=None))
+        connection.execute(delete(SESSIONS).where(SESSIONS.c.ends_s < WALL_CLOCK.now().timestamp()))
+        return open_session(connection, Person(name, row.role, row.must_change))
+
+
+def count_wrong(connection: Connection, name: str) -> None:
+    """Count a wrong password; after some the account is locked for a while."""
+    row = connection.execute(select(PEOPLE.c.failed).where(PEOPLE.c.name == name)).one()
+    locked = WALL_CLOCK.now().timestamp() + LOCKED_S if row.failed + 1 >= WRONG_TRIES else None
+    changes = {"failed": 0 if locked else row.failed + 1, "locked_until_s": locked}
+    connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(**changes))
+
+
+def _locked(row: Any) -> EntryRefusedError | None:
+    left_s = 0.0 if row.locked_until_s is None else row.locked_until_s - WALL_CLOCK.now().timestamp()
+    if left_s <= 0.0:
+        return None
+    minutes = max(1, round(left_s / 60.0))
+    return EntryRefusedError(f"this account is locked after {WRONG_TRIES} wrong passwords; wait {minutes} min")
 
 
 def open_session(connection: Connection, person: Person) -> Session:
@@ -176,7 +236,7 @@ def _check_password(password: str) -> None:
 def _fits(kept: str, password: str) -> bool:
     try:
         return _HASHER.verify(kept, password[: LONGEST_PASSWORD + 1])
-    except VerificationError:
+    except (VerificationError, UnicodeEncodeError):
         return False
 
 

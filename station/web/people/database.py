@@ -17,6 +17,7 @@ from sqlalchemy import (
     Boolean,
     Column,
     Connection,
+    Engine,
     Float,
     Integer,
     MetaData,
@@ -34,6 +35,7 @@ from station.store.places import network_type
 FILE = "station.sqlite3"
 LOCK = "station.lock"
 BUSY_S = 5.0
+ONLY_READS = "lostmotion_only_reads"
 METADATA = MetaData()
 
 PEOPLE = Table(
@@ -53,15 +55,19 @@ SESSIONS = Table(
     Column("csrf", String(64), nullable=False),
     Column("ends_s", Float, nullable=False),
 )  # fmt: skip
-REQUESTS = Table(
-    "requests", METADATA,
+ANSWERS = Table(
+    "answers", METADATA,
     Column("key", String(64), primary_key=True),
     Column("name", String(64), nullable=False),
-    Column("asked_sha256", String(64), nullable=False),
+    Column("asked_hmac", String(64), nullable=False),
     Column("status", Integer, nullable=False),
     Column("answer", Text, nullable=False),
+    Column("at_s", Float, nullable=False),
 )  # fmt: skip
-"""Answers by the key of their request: who asks again is told again, and nothing is done twice."""
+"""Answers by the key of their request: who asks again is told again, and nothing is done twice.
+
+What was asked may hold a password, so it is kept as an HMAC whose key, the token of the session, stands nowhere here.
+"""
 
 CONFIRMED = Table(
     "confirmed", METADATA,
@@ -82,6 +88,10 @@ AUDIT = Table(
     Column("before_sha256", String(64), nullable=False),
     Column("sha256", String(64), nullable=False),
 )  # fmt: skip
+
+
+STEPS = ("DROP TABLE IF EXISTS requests",)
+"""What brings an older file up to date, one statement a version. The first: it kept plain hashes of what was asked."""
 
 
 class StationDatabase:
@@ -106,15 +116,36 @@ class StationDatabase:
             raise StationError(f"{self.path}: cannot be opened: {error.strerror}. Choose another --data") from error
         self._engine = create_engine(f"sqlite:///{self.path}", connect_args={"timeout": BUSY_S})
         event.listen(self._engine, "connect", _set_up)
-        event.listen(self._engine, "begin", lambda connection: connection.exec_driver_sql("BEGIN IMMEDIATE"))
+        event.listen(self._engine, "begin", _begin)
+        self._readers = self._engine.execution_options(**{ONLY_READS: True})
         with self.writing() as connection:
+            self._bring_up_to_date(connection)
             METADATA.create_all(connection)
+
+    def _bring_up_to_date(self, connection: Connection) -> None:
+        version = int(connection.exec_driver_sql("PRAGMA user_version").scalar_one())
+        if version > len(STEPS):
+            raise StationError(f"{self.path}: is of a newer lostmotion (version {version}). Use that one")
+        for statement in STEPS[version:]:
+            connection.exec_driver_sql(statement)
+        connection.exec_driver_sql(f"PRAGMA user_version = {len(STEPS)}")
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:
         """Yield the connection of the only writer; all that it does is kept at its end, or nothing."""
+        with self._connected(self._engine) as connection:
+            yield connection
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """Yield a connection that reads what is there now; it waits for no writer, and none for it."""
+        with self._connected(self._readers) as connection:
+            yield connection
+
+    @contextmanager
+    def _connected(self, engine: Engine) -> Iterator[Connection]:
         try:
-            with self._engine.begin() as connection:
+            with engine.begin() as connection:
                 yield connection
         except SQLAlchemyError as error:
             cause = " ".join(str(getattr(error, "orig", None) or error).split())
@@ -140,9 +171,15 @@ def _held(path: Path) -> int:
     return handle
 
 
+def _begin(connection: Connection) -> None:
+    only_reads = connection.get_execution_options().get(ONLY_READS, False)
+    connection.exec_driver_sql("BEGIN" if only_reads else "BEGIN IMMEDIATE")
+
+
 def _set_up(connection: Any, _record: object) -> None:
     connection.isolation_level = None  # transactions are begun above
     cursor = connection.cursor()
     cursor.execute("PRAGMA journal_mode = WAL")
     cursor.execute("PRAGMA synchronous = FULL")
+    cursor.execute("PRAGMA secure_delete = ON")  # what is deleted here was somebody's password or session
     cursor.close()

@@ -27,6 +27,7 @@ class Served:
     url: str
     process: subprocess.Popen[str]
     http: httpx.Client
+    data: Path
     csrf: str = ""
 
     def log_in(self, role: str) -> None:
@@ -70,7 +71,7 @@ def served(data: Path) -> Iterator[Served]:
         found = re.match(r"station  (http://\S+)/$", first)
         assert found, first + process.stdout.read()
         with httpx.Client(base_url=found[1], timeout=30.0) as http:
-            yield Served(found[1], process, http)
+            yield Served(found[1], process, http, data)
     finally:
         if process.poll() is None:
             process.terminate()

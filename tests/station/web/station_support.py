@@ -16,7 +16,7 @@ from starlette.testclient import TestClient
 from station.web.actions import Station
 from station.web.guard import Guard
 from station.web.models import load_models
-from station.web.people.accounts import ROLES, enter
+from station.web.people.accounts import ROLES, Person, open_session
 from station.web.people.database import PEOPLE, StationDatabase
 from station.web.rest import COOKIE, rest_of
 from station.web.running import Running
@@ -84,6 +84,6 @@ def client_of(station: Station, role: str | None = None) -> Client:
     if role is None:
         return Client(http)
     with station.database.writing() as connection:
-        session = enter(connection, f"the {role}", PASSWORD)
+        session = open_session(connection, Person(f"the {role}", role))
     http.cookies.set(COOKIE, session.token)
     return Client(http, session.csrf)

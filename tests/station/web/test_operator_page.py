@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
 
 import pytest
 from served import Served, prepared, served
@@ -77,6 +80,12 @@ def test_a_bad_unit_is_told_by_word_shape_and_colour_and_put_away_before_the_nex
     assert shown(page, "FAIL") == "FAIL"
     assert page.locator(".lm-tile svg rect").count() == 1
     assert "NOK box" in page.inner_text(".lm-do")
+    scan(page, "BAD-1")
+    page.click("text=The bad unit is in the NOK box")
+    page.click("text=seating of the unit")
+    shown(page, "STARTING", "TESTING")
+    assert shown(page, "FAIL") == "FAIL"
+    assert "attempt 2" in page.inner_text(".lm-serial")
     scan(page, "SN-3")
     page.click("text=The bad unit is in the NOK box")
     shown(page, "STARTING", "TESTING")
@@ -92,3 +101,21 @@ def test_what_is_typed_slowly_and_what_is_no_serial_number_starts_nothing(page: 
         assert "No model has serial numbers like" in page.inner_text(".lm-refused")
         page.evaluate("document.querySelector('.lm-refused').innerText = ''")
     assert shown(page, "PASS") == "PASS", "the result stays until the next unit"
+
+
+def test_a_scan_that_was_refused_is_asked_anew_at_once(station: Served, page: playwright.Page) -> None:
+    recipe = next((Path(station.data).parent / "recipes").glob("good.yaml"))
+    text = recipe.read_text(encoding="utf-8")
+    recipe.write_text("broken", encoding="utf-8")
+    scan(page, "SN-4")
+    page.wait_for_selector(".lm-refused:visible >> text=good.yaml")
+    recipe.write_text(text, encoding="utf-8")
+    scan(page, "SN-4")
+    shown(page, "STARTING", "TESTING")
+    shown(page, "PASS")
+
+
+def test_nobody_sees_the_bench_after_the_end_of_a_session(station: Served, page: playwright.Page) -> None:
+    with closing(sqlite3.connect(Path(station.data) / "station.sqlite3")) as database, database:
+        database.execute("UPDATE sessions SET ends_s = 0")
+    page.wait_for_url("**/enter")

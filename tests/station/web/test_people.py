@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import sqlite3
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from lostmotion_command import here
-from sqlalchemy import delete, update
+from sqlalchemy import delete, select, update
 from station_support import FIRST, PASSWORD, client_of, station_in
 
 from station.errors import StationError
 from station.web.actions import Station
 from station.web.people import accounts, audit
-from station.web.people.accounts import WRONG_TRIES, EntryRefusedError, enter, first_password, session_of
-from station.web.people.database import AUDIT, PEOPLE, SESSIONS, StationDatabase
+from station.web.people.accounts import (
+    WRONG_TRIES,
+    EntryRefusedError,
+    TooManyEntriesError,
+    enter,
+    first_password,
+    session_of,
+)
+from station.web.people.database import ANSWERS, AUDIT, PEOPLE, SESSIONS, StationDatabase
 
 
 @pytest.fixture
@@ -23,8 +34,7 @@ def database(tmp_path: Path) -> StationDatabase:
 
 
 def entered(database: StationDatabase, name: str, password: str) -> accounts.Session | EntryRefusedError:
-    with database.writing() as connection:
-        return enter(connection, name, password)
+    return enter(database, name, password)
 
 
 def test_the_first_start_makes_one_account_whose_password_is_to_be_changed(database: StationDatabase) -> None:
@@ -56,6 +66,71 @@ def test_wrong_passwords_lock_an_account_for_a_while(database: StationDatabase) 
     with database.writing() as connection:
         connection.execute(update(PEOPLE).values(locked_until_s=time.time() - 1.0))
     assert entered(database, "Ada", FIRST).person.name == "Ada"
+
+
+def test_wrong_old_passwords_lock_an_account_too_and_the_admin_opens_it_again(station: Station) -> None:
+    found = client_of(station, "quality")
+    wrong = {"old_password": "wrong one", "new_password": "good enough 3"}
+    for _ in range(WRONG_TRIES):
+        assert found.post("change_password", wrong).status_code == 403
+    right = wrong | {"old_password": PASSWORD}
+    assert "locked" in found.post("change_password", right).json()["refused"][0]["text"]
+    admin = client_of(station, "admin")
+    assert admin.post("disable_person", {"name": "the quality"}).status_code == 200
+    assert admin.post("reset_person", {"name": "the quality", "password": FIRST}).status_code == 200
+    assert entered(station.database, "the quality", FIRST).person.must_change
+    assert admin.post("reset_person", {"name": "the admin", "password": FIRST}).status_code == 422
+
+
+def test_who_guesses_keeps_nobody_waiting(database: StationDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
+    with database.writing() as connection:
+        accounts.add_person(connection, "Ada", "operator", FIRST)
+    monkeypatch.setattr(accounts, "LONGEST_WAIT_S", 0.01)
+    checked = accounts._fits
+
+    def slow(kept: str, password: str) -> bool:
+        with database.writing():  # what others do meanwhile
+            pass
+        if password == "first":  # noqa: S105
+            assert accounts._CHECKS.acquire(timeout=0.0), "a second check may go beside"
+            with pytest.raises(TooManyEntriesError):
+                enter(database, "Ada", FIRST)
+            accounts._CHECKS.release()
+        return checked(kept, password)
+
+    monkeypatch.setattr(accounts, "_fits", slow)
+    assert isinstance(entered(database, "Ada", "first"), EntryRefusedError)
+    assert entered(database, "Ada", FIRST).person.name == "Ada"
+
+
+def test_no_hash_of_what_was_asked_is_left_to_guess_from(station: Station) -> None:
+    found = client_of(station, "admin")
+    asked = {"name": "Ada", "role": "quality", "password": FIRST}
+    found.post("add_person", asked, **{"Idempotency-Key": "A"})
+    plain = {
+        hashlib.sha256(json.dumps(one, sort_keys=True).encode()).hexdigest() for one in (asked, ["add_person", asked])
+    }
+    with station.database.writing() as connection:
+        kept = connection.execute(select(ANSWERS)).all()
+        assert len(kept) == 1
+        assert not plain & {kept[0].asked_hmac}
+        connection.execute(update(ANSWERS).values(at_s=0.0))
+    found.post("leave")
+    with station.database.reading() as connection:
+        assert "A" not in connection.execute(select(ANSWERS.c.key)).scalars().all(), "old answers go"
+
+
+def test_an_older_file_is_brought_up_to_date_and_a_newer_one_refused(tmp_path: Path) -> None:
+    path = tmp_path / "station.sqlite3"
+    with closing(sqlite3.connect(path)) as old, old:
+        old.execute("CREATE TABLE requests (key TEXT, asked_sha256 TEXT)")
+    StationDatabase(tmp_path).close()
+    with closing(sqlite3.connect(path)) as now, now:
+        names = {name for (name,) in now.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        assert "requests" not in names
+        now.execute("PRAGMA user_version = 99")
+    with pytest.raises(StationError, match="newer"):
+        StationDatabase(tmp_path)
 
 
 def test_a_session_ends_with_its_time_its_account_and_by_leaving(station: Station) -> None:

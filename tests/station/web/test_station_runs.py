@@ -25,10 +25,9 @@ def test_a_killed_server_takes_nothing_with_it_and_a_bad_unit_is_put_away(tmp_pa
         first.kill()
     with served(data) as second:
         second.log_in("operator")
-        again = second.wait("running", "ended", "ready")
-        assert again["stage"] in ("running", "ready")
-        while second.now()["stage"] == "running":
-            pass
+        again = second.wait("running", "ended")
+        assert again["run"] == running["run"], "a server that was just started shows the newest run, over or not"
+        assert second.wait("ended")["verdict"] == "FAIL"
         result = second.http.get(f"/api/runs/{running['run']}").json()
         assert (result["serial"], result["state"], result["verdict"]) == (running["serial"], "complete", "FAIL")
         assert len(here("list", "--data", str(data), "--json").json) == 1
@@ -36,9 +35,12 @@ def test_a_killed_server_takes_nothing_with_it_and_a_bad_unit_is_put_away(tmp_pa
 
         refused = second.post("start_run", {"scanned": "SN-5"}, "next").json()["refused"]
         assert [one["id"] for one in refused] == ["bad_unit_put_away"]
+        refused = second.post("start_run", {"scanned": running["serial"]}, "the same").json()["refused"]
+        assert [one["id"] for one in refused] == ["bad_unit_put_away", "retest_reason"]
+        assert second.post("confirm_nok", {"run": "of no unit"}, "another").status_code == 409
         assert second.post("confirm_nok", {"run": running["run"]}, "put away").status_code == 200
         refused = second.post("start_run", {"scanned": running["serial"]}, "once more").json()["refused"]
-        assert [one["id"] for one in refused] == ["retest_allowed"]
+        assert [one["id"] for one in refused] == ["retest_reason"]
         assert second.post("start_run", {"scanned": "SN-5"}, "good").status_code == 200
         assert second.wait("ended")["verdict"] == "PASS"
     assert here("verify", "--data", str(data)).exit_code == 0

@@ -13,6 +13,7 @@ from fastapi import Cookie, Depends, FastAPI, Header, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
 
 from station.errors import StationError
 from station.records.data_folder import Store
@@ -44,6 +45,7 @@ from station.web.people.accounts import (
 COOKIE = "lostmotion_session"
 AUDIT_ROLES = frozenset({"admin", "quality"})
 MOST_LINES = 500
+UNREADABLE = 400
 
 CookieToken = Annotated[str | None, Cookie(alias=COOKIE)]
 CsrfToken = Annotated[str | None, Header(alias="X-CSRF-Token")]
@@ -94,6 +96,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         redoc_url=None,
     )  # fmt: skip
     app.add_exception_handler(RequestValidationError, _refuse_input)
+    app.add_exception_handler(HTTPException, _refuse_request)
     app.add_exception_handler(StationError, _not_ready)
     _add_entry(app, station, secure=secure)
     _add_readings(app, station)
@@ -229,6 +232,13 @@ def _refuse_input(_request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - it is registered for that
     places = [(".".join(str(part) for part in one["loc"][1:]) or "body", one["msg"]) for one in error.errors()]
     return JSONResponse({"refused": [{"id": name, "text": words} for name, words in places]}, BAD_INPUT)
+
+
+def _refuse_request(_request: Request, error: Exception) -> Response:
+    """Refuse what is no request of this interface; a body that cannot be read is bad input as any other."""
+    assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for that
+    status = BAD_INPUT if error.status_code == UNREADABLE else error.status_code
+    return JSONResponse(said("request", str(error.detail)), status, error.headers)
 
 
 def _not_ready(_request: Request, error: Exception) -> Response:

@@ -1,0 +1,42 @@
+"""Whatever the document of the REST interface allows, and whatever it does not, is answered as it says."""
+
+from __future__ import annotations
+
+import uuid
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from schemathesis import openapi
+from schemathesis.generation import GenerationMode
+from schemathesis.specs.openapi.checks import positive_data_acceptance
+
+from station.web.actions import ACTIONS, Station
+from station.web.guard import Guard
+from station.web.people.accounts import Person, open_session
+from station.web.rest import COOKIE, rest_of
+
+EXAMPLES = 6
+"""Of each operation and mode. A scan may be any text, and yet no serial number: that is no broken promise."""
+
+
+@pytest.mark.parametrize("mode", list(GenerationMode))
+def test_an_answer_is_one_that_the_document_tells_of(shared_station: Station, mode: GenerationMode) -> None:
+    app = Guard(rest_of(shared_station, secure=False), ["testserver"])
+    asked = []
+    for found in openapi.from_asgi("/api/openapi.json", app).get_all_operations():
+        operation = found.ok()
+        if mode is GenerationMode.NEGATIVE and not operation.body:
+            continue  # what is asked without a body can hardly be asked wrongly
+
+        @settings(max_examples=EXAMPLES, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+        @given(case=operation.as_strategy(generation_mode=mode))
+        def ask(case: openapi.Case) -> None:
+            with shared_station.database.writing() as connection:
+                session = open_session(connection, Person("the engineer", "engineer"))
+            case.headers = {**(case.headers or {}), "Idempotency-Key": uuid.uuid4().hex, "X-CSRF-Token": session.csrf}
+            case.cookies = {COOKIE: session.token}
+            case.call_and_validate(excluded_checks=[positive_data_acceptance])
+
+        ask()
+        asked.append(operation.label)
+    assert len(asked) == len(set(asked)) >= len(ACTIONS) + 1

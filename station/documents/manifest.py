@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime
 from typing import Annotated
@@ -167,6 +167,27 @@ class LeftBy:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EarlierAttempt:
+    """A run of the same serial number before this one; `failed`: titles of the metrics out of their limits."""
+
+    attempt: CountFrom1
+    run: Name
+    state: RunState
+    verdict: VerdictName | None
+    failed: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        outcome = self.verdict or self.state
+        return f"attempt {self.attempt} {outcome}{' ' if self.failed else ''}{', '.join(self.failed)}"
+
+
+def attempt_text(attempt: int | None, before: Sequence[EarlierAttempt] | None, reason: str | None) -> str:
+    """Return which attempt a run is, what became of those before it, and why the unit was measured again."""
+    told = "".join(f"; {one}" for one in before or ())
+    return f"attempt {attempt or 1}{told}{f'; measured again: {reason}' if reason else ''}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
     """What is known of a run before it has a place in a data folder."""
 
@@ -176,6 +197,7 @@ class Setup:
     unit: Unit
     scenario: str | None = None
     operator: str | None = None
+    retest_reason: str | None = None
     clock: ClockName
     period_ns: Period
     recovery_of: Name | None = None
@@ -187,6 +209,7 @@ class Setup:
 class Manifest:
     """The manifest of a run. `files`, `records` and `samples` are there when it is concluded.
 
+    `before`: the attempts before it, the newest of many; `retest_reason`: why the unit was measured again.
     `trouble`: why it has no result, or what became of its supervisor process. `ring`: where its records wait.
     """
 
@@ -201,6 +224,8 @@ class Manifest:
     unit: Unit
     scenario: str | None = None
     operator: str | None = None
+    retest_reason: str | None = left_out()
+    before: tuple[EarlierAttempt, ...] | None = left_out()
     clock: ClockName
     period_ns: Period
     recovery_of: Name | None = left_out()

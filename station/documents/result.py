@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import AliasChoices, Field
 
 from station.documents.events import Alarm, LeftState
-from station.documents.manifest import BenchSource, Count, RecipeHead, Unit, VerdictName
+from station.documents.manifest import BenchSource, Count, EarlierAttempt, RecipeHead, Unit, VerdictName
 from station.documents.reading import Number, left_out
 from station.documents.timing import Timing
 
@@ -183,6 +183,8 @@ class Result:
     unit: Unit | None = None
     scenario: str | None = None
     operator: str | None = None
+    retest_reason: str | None = left_out()
+    before: tuple[EarlierAttempt, ...] | None = left_out()
     clock: str | None = None
     state: str
     stopped_by: str | None = None

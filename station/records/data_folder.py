@@ -11,12 +11,13 @@ import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from station.documents.manifest import Manifest, RunningProcess, Setup
+from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess, Setup
 from station.documents.reading import plain
 from station.durable import sync_folder
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
 from station.records.chain.entries import CREATED
+from station.records.earlier_attempts import earlier_attempts
 from station.records.process_birth import process_birth
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
 from station.records.samples.layout import CURRENT, LAYOUT
@@ -25,6 +26,7 @@ from station.wall_clock import WALL_CLOCK, now_text
 STAMP = "%Y%m%dT%H%M%S.%f"
 FORMAT_VERSION = 1
 LONGEST_SERIAL = 128
+LONGEST_REASON = 200
 
 FURTHEST_AHEAD = timedelta(days=3660)
 """A folder named by a later moment than this from now was not named by a clock: new ids do not come after it."""
@@ -44,6 +46,14 @@ def check_operator(name: str) -> str:
     if not name.strip() or len(name) > LONGEST_SERIAL or not name.isprintable():
         raise StationError(f"--operator: found {name[:40]!r}; allowed are 1 to {LONGEST_SERIAL} printable characters")
     return name.strip()
+
+
+def check_reason(text: str) -> str:
+    """Return why a unit is measured again as it may be stored; StationError as `check_operator`."""
+    if not text.strip() or len(text) > LONGEST_REASON or not text.isprintable():
+        allowed = f"1 to {LONGEST_REASON} printable characters"
+        raise StationError(f"--retest-reason: found {text[:40]!r}; allowed are {allowed}")
+    return text.strip()
 
 
 def _folder_name(serial: str) -> str:
@@ -85,6 +95,7 @@ class Store:
             with writing_to(self.data) as chain:
                 names = self._names()
                 attempt = self._next_attempt(serial, names, chain.chain)
+                before = earlier_attempts(self._named_by(serial, names), serial) if setup.recovery_of is None else ()
                 record = self._new_folder(serial, [chain.newest_run, *names])
                 if own:
                     record.lock.take()
@@ -100,6 +111,8 @@ class Store:
                     unit=setup.unit,
                     scenario=setup.scenario,
                     operator=setup.operator,
+                    retest_reason=setup.retest_reason,
+                    before=before or None,
                     clock=setup.clock,
                     period_ns=setup.period_ns,
                     recovery_of=setup.recovery_of,
@@ -155,6 +168,10 @@ class Store:
     def of_serial(self, serial: str) -> list[RunRecord]:
         """Return the runs of a serial number, oldest first; damaged ones are left out."""
         return [run for run in self._named_by(serial, self._names()) if run.serial() == serial]
+
+    def attempts_of(self, serial: str) -> tuple[EarlierAttempt, ...]:
+        """Return what became of a serial number so far: its newest attempts, oldest first."""
+        return earlier_attempts(self._named_by(serial, self._names()), serial)
 
     def _named_by(self, serial: str, names: list[str]) -> list[RunRecord]:
         end = f"-{_folder_name(serial)}"

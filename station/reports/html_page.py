@@ -11,7 +11,7 @@ from pathlib import Path
 import jinja2
 
 from station.documents.events import EventRow
-from station.documents.manifest import Manifest
+from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import MetricValue, Result
 from station.reports.budget_rows import BUDGET_HEADS
 from station.reports.content import CHECK_HEADS, FAILED, LOOP_CSV, Content, uncertainty_kind
@@ -180,6 +180,7 @@ def report_html(
             conditions=conditions or {},
             badges=badges(result),
             ending=ending_text(result),
+            attempt=attempt_text(result.attempt or run.attempt, run.before, run.retest_reason),
             reasons=remaining_reasons(result),
             content=content,
             data={name: base64.b64encode(part).decode() for name, part in data.items()},

@@ -12,6 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from station.documents.manifest import attempt_text
 from station.documents.result import Evaluation, MetricValue, Result
 from station.documents.timing import Pace, Timing
 from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
@@ -216,6 +217,8 @@ def verdict_panel(result: Result) -> Panel:
     body.append(f"  {result.serial or ''}  {recipe.name} revision {recipe.revision}")
     if head.verdict:
         body.append(f"  run {ending_text(result)}")
+    if result.before or result.retest_reason:
+        body.append(f"\n{attempt_text(result.attempt, result.before, result.retest_reason)}")
     for reason in remaining_reasons(result):
         body.append(f"\n{reason}")
     left = result.left

@@ -103,6 +103,8 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         unit=run.unit,
         scenario=run.scenario,
         operator=run.operator,
+        retest_reason=run.retest_reason,
+        before=run.before,
         clock=run.clock,
         state=state,
         stopped_by=stopped_by(ending) if state == "stopped" else None,

@@ -25,6 +25,7 @@ class Wanted(NamedTuple):
     scenario: Source | None
     operator: str | None
     clock: str
+    retest_reason: str | None = None
 
 
 def bench_source(job: Job) -> BenchSource:
@@ -65,6 +66,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         ),
         scenario=None if scenario is None else str(scenario.path),
         operator=wanted.operator,
+        retest_reason=wanted.retest_reason,
         clock=wanted.clock,
         period_ns=recipe.sampling.period_ns,
         notes=tuple(notes),

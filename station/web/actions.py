@@ -166,6 +166,7 @@ def _start_run(call: Call, given: Start) -> dict[str, Any]:
     model = now.model
     assert model is not None  # noqa: S101 - a condition of the start
     options = [model.recipe, "--operator", call.person.name, "--no-report", *station.run_options]
+    options += ["--retest-reason", given.retest_reason] if given.retest_reason.strip() else []
     options += ["--bench", model.bench] if model.bench else []
     options += ["--unit", model.unit] if model.unit else []
     station.running.start(options, serial)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from recipes import RecipeError
 from station.bench.request import Job, load_job
-from station.documents.manifest import Manifest
+from station.documents.manifest import EarlierAttempt
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
@@ -47,7 +47,7 @@ class Situation:
     job: Job | None
     why_no_job: str
     busy: bool
-    before: tuple[Manifest, ...]
+    before: tuple[EarlierAttempt, ...]
     newest: RunRecord | None
     unconfirmed: str
 
@@ -69,7 +69,7 @@ def situation_of(data: Path, models: Models, wanted: Wanted, *, busy: bool, conf
         except (RecipeError, StationError) as error:
             why = str(error)
     store = Store(data)
-    before = tuple(run.manifest() for run in store.of_serial(wanted.serial))
+    before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
     return Situation(data, wanted, model, job, why, busy, before, newest, unconfirmed(data, confirmed))
 
@@ -122,21 +122,25 @@ def _bad_unit_put_away(one: Situation) -> str | None:
 
 
 def _attempts_left(one: Situation) -> str | None:
-    if one.model is None or len(one.before) < one.model.attempts:
+    if one.model is None or _measured(one) < one.model.attempts:
         return None
-    measured = f"This unit was measured {len(one.before)} times ({_told(one.before)})"
+    measured = f"This unit was measured {_measured(one)} times ({_told(one.before)})"
     return f"{measured}; {one.model.attempts} are allowed. Call the technician."
 
 
 def _retest_reason(one: Situation) -> str | None:
-    over = one.model is None or len(one.before) >= one.model.attempts
+    over = one.model is None or _measured(one) >= one.model.attempts
     if not one.before or over or one.wanted.retest_reason.strip():
         return None
     return f"This unit was measured before ({_told(one.before)}). Measuring it again needs a reason."
 
 
-def _told(before: tuple[Manifest, ...]) -> str:
-    return ", ".join(f"attempt {run.attempt} {run.verdict or run.state}" for run in before[-3:])
+def _measured(one: Situation) -> int:
+    return one.before[-1].attempt if one.before else 0
+
+
+def _told(before: tuple[EarlierAttempt, ...]) -> str:
+    return "; ".join(str(one) for one in before[-3:])
 
 
 def _bench_recovered(one: Situation) -> str | None:

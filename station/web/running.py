@@ -19,6 +19,7 @@ from threading import RLock
 
 from recipes import RecipeError
 from station.bench.request import stored_job
+from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
@@ -47,14 +48,14 @@ READY, STARTING, RUNNING, ENDED = "ready", "starting", "running", "ended"
 class Now:
     """What the bench does: nothing yet, a run that starts, runs or has ended, with its result.
 
-    refused: why the last start did not become a run. loop: wind-up [arcmin] and torque [N·m]. altered: why the record
-    of the run that has ended is not to be believed.
+    attempt: which one it is and what became of those before, '' of the first. refused: why a start became no run.
+    loop: wind-up [arcmin] and torque [N·m]. altered: why the record of the run that has ended is not to be believed.
     """
 
     stage: str = READY
     serial: str = ""
     run: str = ""
-    attempt: int = 0
+    attempt: str = ""
     recipe: str = ""
     view: LiveView | None = None
     loop: tuple[tuple[float, float], ...] = ()
@@ -173,7 +174,11 @@ class Running:
         record = watched.record
         manifest = record.manifest()
         said = Now(
-            RUNNING, manifest.serial, record.id, manifest.attempt, f"{manifest.recipe.name} r{manifest.recipe.revision}"
+            RUNNING,
+            manifest.serial,
+            record.id,
+            _attempt(manifest),
+            f"{manifest.recipe.name} r{manifest.recipe.revision}",
         )
         if not is_sealed(manifest) and not record.deserted():
             _read_on(watched)
@@ -194,6 +199,12 @@ class Running:
         except OSError as error:
             return f"the run ended before it began; {OUTPUT} cannot be read: {error.strerror}"
         return " ".join(lines[-3:]) or "the run ended before it began, and said nothing"
+
+
+def _attempt(manifest: Manifest) -> str:
+    """Return which attempt it is, '' of the first."""
+    text = attempt_text(manifest.attempt, manifest.before, manifest.retest_reason)
+    return text if manifest.attempt > 1 else ""
 
 
 def _reader(record: RunRecord) -> LiveReader | None:

@@ -70,6 +70,9 @@ def run(
     operator: Annotated[
         str | None, typer.Option("--operator", metavar="NAME", help="Name of the operator, for 'lostmotion gage'.")
     ] = None,
+    retest_reason: Annotated[
+        str | None, typer.Option("--retest-reason", metavar="TEXT", help="Why the unit is measured again.")
+    ] = None,
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -93,6 +96,7 @@ def run(
         operator,
         seed,
         report=report,
+        retest_reason=retest_reason,
         wall_clock=wall_clock,
         fast=pace is Pace.fast,
     )

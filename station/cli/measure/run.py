@@ -21,7 +21,7 @@ from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
 from station.records.chain.keys import own_key
 from station.records.clocks import SCAN, VIRTUAL, Pacing
-from station.records.data_folder import Store, check_operator, check_serial
+from station.records.data_folder import Store, check_operator, check_reason, check_serial
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
 from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude
@@ -65,6 +65,8 @@ class Options:
     """Whether report and pictures are made when the result is on the screen; None: as the recipe says."""
     wall_clock: bool = False
     """Whether a virtual bench lives by the wall clock, as real hardware does, instead of waiting for the scan."""
+    retest_reason: str | None = None
+    """Why a unit is measured again; it stands in the record."""
     fast: bool = False
     """Whether scans follow each other without waiting for deadlines, on a bench that waits for them."""
 
@@ -86,7 +88,8 @@ def run(options: Options) -> int:
     if options.serial is not None:
         check_serial(options.serial)
     operator = None if options.operator is None else check_operator(options.operator)
-    options = dataclasses.replace(options, operator=operator)
+    reason = None if options.retest_reason is None else check_reason(options.retest_reason)
+    options = dataclasses.replace(options, operator=operator, retest_reason=reason)
     job = load_job(options.recipe, options.bench)
     unit = _unit(options, job)
     scenario, pacing = _faults_and_clock(options, job)
@@ -95,7 +98,8 @@ def run(options: Options) -> int:
     _check_key(job)
     _put_in_order(Store(options.data), job)
     notes = recipe_notes(options.data, job)
-    record = new_record(options.data, job, Wanted(serial, unit, scenario, options.operator, pacing.clock), notes=notes)
+    wanted = Wanted(serial, unit, scenario, options.operator, pacing.clock, options.retest_reason)
+    record = new_record(options.data, job, wanted, notes=notes)
     for note in record.manifest().notes:
         sys.stderr.write(f"WARNING  {note}\n")
     with contextlib.closing(record.lock), open_log(record.folder / "log.jsonl") as log:

@@ -180,6 +180,8 @@ def reevaluate(
         unit=manifest.unit,
         scenario=manifest.scenario,
         operator=manifest.operator,
+        retest_reason=manifest.retest_reason,
+        before=manifest.before,
         clock=manifest.clock,
         state=manifest.state,
         verdict=judged.verdict,

@@ -15,7 +15,7 @@ from rich.errors import ConsoleError
 from rich.panel import Panel
 from rich.text import Text
 
-from station.documents.manifest import Manifest
+from station.documents.manifest import Manifest, attempt_text
 from station.documents.reading import plain
 from station.documents.result import Result
 from station.errors import RecordError
@@ -48,8 +48,9 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
     console = result_console()
     manifest = run.manifest()
     by = f" by {manifest.operator}" if manifest.operator else ""
+    attempt = attempt_text(manifest.attempt, manifest.before, manifest.retest_reason)
     console.print(
-        f"{run.id}  attempt {manifest.attempt}, started {manifest.started}{by}, {run.records()} scans on disk",
+        f"{run.id}  {attempt}, started {manifest.started}{by}, {run.records()} scans on disk",
         highlight=False,
         soft_wrap=True,
     )

@@ -11,7 +11,7 @@ from reportlab.lib.pagesizes import A4
 from reportlab.lib.units import mm
 from reportlab.platypus import SimpleDocTemplate, Spacer, Table
 
-from station.documents.manifest import Manifest
+from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
 from station.reports.content import CHECK_HEADS, FAILED, Content
 from station.reports.headline import badges, ending_text, headline, remaining_reasons
@@ -94,9 +94,10 @@ def _top(result: Result, run: Manifest, content: Content) -> list[Any]:
         *([paragraph(head.verdict, bold=True, colour=white)] if head.verdict else []),
     ]
     started = run.started[:19].replace("T", " ")
+    attempt = attempt_text(result.attempt or run.attempt, run.before, run.retest_reason)
     what = [
         paragraph(str(result.serial), "title"),
-        paragraph(f"{run.unit.model}, attempt {result.attempt or run.attempt}, {started} UTC", "text"),
+        paragraph(f"{run.unit.model}, {attempt}, {started} UTC", "text"),
         paragraph(
             f"{result.recipe.name} revision {result.recipe.revision} on bench {run.bench.name} "
             f"revision {run.bench.revision}; run {ending_text(result)}",

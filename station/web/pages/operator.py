@@ -111,9 +111,10 @@ class _Page:
         self._shown = what
         shown = _shown(now)
         self._tile.classes(remove="PASS FAIL OPEN BUSY", add=shown.style)
-        attempt = f"attempt {now.attempt}" if now.attempt > 1 else ""
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
-        about = "  ".join(part for part in (now.serial, attempt, now.recipe if now.stage == IS_RUNNING else "") if part)
+        about = "  ".join(
+            part for part in (now.serial, now.attempt, now.recipe if now.stage == IS_RUNNING else "") if part
+        )
         self._tile.set_content(
             f'{shown.shape}<div class="lm-word">{escape(shown.word)}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'

@@ -34,6 +34,8 @@ def whole(tmp_path: Path) -> dict[str, Any]:
     found["recipe"] |= {"file": "r.yaml"}
     found["bench"] |= {"file": "b.yaml", "public_key": "k"}
     found["unit"] = found["unit"] | {"noise_seed": 1}
+    earlier = {"attempt": 1, "run": "r", "state": "complete", "verdict": "FAIL", "failed": ["Backlash"]}
+    more |= {"before": [earlier], "retest_reason": "seating of the unit"}
     return copy.deepcopy(found | more | {"left": LEFT, "operator": "A", "scenario": "s.yaml"})
 
 

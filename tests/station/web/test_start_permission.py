@@ -15,6 +15,7 @@ from station_samples import SETUP
 from station_support import write_models
 
 from recipes import RecipeError
+from station.documents.manifest import EarlierAttempt
 from station.records.data_folder import Store
 from station.wall_clock import WALL_CLOCK
 from station.web import permission
@@ -30,8 +31,8 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Situation:
     return situation_of(data, load_models(data, None), Wanted("SN-1"), busy=False, confirmed=frozenset())
 
 
-def run(attempt: int, verdict: str | None = "PASS", state: str = "complete") -> SimpleNamespace:
-    return SimpleNamespace(attempt=attempt, verdict=verdict, state=state)
+def run(attempt: int, verdict: str | None = "PASS", state: str = "complete") -> EarlierAttempt:
+    return EarlierAttempt(attempt=attempt, run=f"R{attempt}", verdict=verdict, state=state)
 
 
 def newest(state: str, started: str = "2026-01-01T00:00:00+00:00") -> SimpleNamespace:

@@ -41,7 +41,18 @@ def test_a_killed_server_takes_nothing_with_it_and_a_bad_unit_is_put_away(tmp_pa
         assert second.post("confirm_nok", {"run": running["run"]}, "put away").status_code == 200
         refused = second.post("start_run", {"scanned": running["serial"]}, "once more").json()["refused"]
         assert [one["id"] for one in refused] == ["retest_reason"]
-        assert second.post("start_run", {"scanned": "SN-5"}, "good").status_code == 200
-        assert second.wait("ended")["verdict"] == "PASS"
+        again = {"scanned": running["serial"], "retest_reason": "seating of the unit"}
+        assert second.post("start_run", again, "with a reason").status_code == 200
+        ended = second.wait("ended")
+        result = second.http.get(f"/api/runs/{ended['run']}").json()
+        assert (result["attempt"], result["retest_reason"]) == (2, "seating of the unit")
+        (earlier,) = result["before"]
+        assert (earlier["attempt"], earlier["verdict"], earlier["run"]) == (1, "FAIL", running["run"])
+        (failed,) = earlier["failed"]
+        shown = here("show", ended["run"], "--data", str(data)).out
+        assert failed in ended["attempt"]
+        assert failed in " ".join(shown.split())
+        refused = second.post("start_run", again, "a third time").json()["refused"]
+        assert [one["id"] for one in refused] == ["bad_unit_put_away", "attempts_left"]
     assert here("verify", "--data", str(data)).exit_code == 0
     assert here("audit", "verify", "--data", str(data)).exit_code == 0

@@ -171,6 +171,12 @@ _ROWS = (
         "check cables, earthing and the resolution of the channel",
     ),
     Check(
+        "time_scale", "Time scale", NUMBER, 20.0,
+        "torque rate of a branch over that of the recipe, or that of the recipe over it, the larger one",
+        "the load is far faster or slower than the recipe plans it",
+        "check the unit of the time column, which is seconds, and the torque rates in the recipe",
+    ),
+    Check(
         "ramp_rate", "Ramp rate", FRACTION, 50.0,
         "deviation from the steady ramp rate, 90th percentile of a branch",
         "the load does not follow a steady ramp",

@@ -12,6 +12,7 @@ from recipes.schema.calibration_schema import Calibration
 from recipes.schema.metric_presets import PRESETS
 from recipes.schema.metric_schema import MetricWanted
 from recipes.schema.recipe_schema import Decision, Recipe
+from recipes.schema.sequence_schema import SpeedCycles, StepCycles, TorqueCycles
 from recipes.selection import OWN, Selection, left_out, selected
 from recipes.shipped import (
     default_bench,
@@ -39,6 +40,9 @@ __all__ = [
     "Recipe",
     "RecipeError",
     "Selection",
+    "SpeedCycles",
+    "StepCycles",
+    "TorqueCycles",
     "check",
     "check_alone",
     "check_side",

@@ -63,6 +63,8 @@ class Method:
     catalogue_stiffness_nm_per_arcmin: of the unit, for the check that looks at the scale of angle and torque; never for
     a metric. None when it is not known.
     check_limits: limits of validity checks that differ from the table's, by check.
+    planned_nm_s: slowest and fastest torque rate that is planned for a measured branch, holds included, at the output;
+    None when no rate is known. It tells a wrong unit of time.
     """
 
     ratio: float
@@ -86,6 +88,7 @@ class Method:
     catalogue_stiffness_nm_per_arcmin: float | None = None
     check_limits: Mapping[str, float] = field(default_factory=dict)
     locked_stiffness_nm_per_arcmin: float | None = None
+    planned_nm_s: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is not positive, and names that are not known."""

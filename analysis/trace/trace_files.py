@@ -40,6 +40,9 @@ COLUMNS: dict[str, tuple[str, float]] = {
 }
 """Column of a file: channel of the trace and factor to its unit."""
 
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of Parquet's durations, which bring their own: seconds of one count."""
+
 QUANTITIES = ("angle", "torque", "temperature", "temp", "time", "t", "segment", "branch")
 """First words of a column's name that say it is meant as one of ours, whatever unit or shaft comes after."""
 
@@ -74,7 +77,10 @@ def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
             raise AnalysisError(
                 f"{file}: columns {channels[channel][0]} and {name} both are {channel}; keep one of them"
             )
-        channels[channel] = (name, factor * _numbers(table.column(index), file, name))
+        column = table.column(index)
+        if channel == "t_s" and pa.types.is_duration(column.type):
+            column, factor = column.cast(pa.int64()), SECONDS[column.type.unit]
+        channels[channel] = (name, factor * _numbers(column, file, name))
     if not channels:
         raise AnalysisError(
             f"{file}: found columns {', '.join(names) or 'none'}; expected some of {', '.join(COLUMNS)}; "

@@ -97,6 +97,42 @@ def late_torque(evidence: Evidence) -> Reading | str:
     return late if isinstance(late, str) else Reading(100.0 * late.nm / found.method.reference_nm, late.words)
 
 
+TIME_UNITS = {"milliseconds": 1e3, "microseconds": 1e6, "minutes": 1.0 / 60.0, "hours": 1.0 / 3600.0}
+"""Units that a time may be in by mistake: by how much the figures are larger than in seconds."""
+
+NEAR = 3.0
+"""A scale that is off by such a unit within this factor is named after it: nobody keeps a rate exactly."""
+
+
+@of_measured
+def time_scale(found: Measured) -> Reading | str:
+    """Torque rate of a branch over that which the recipe plans, or the other way round, the larger one."""
+    planned = found.method.planned_nm_s
+    if planned is None:
+        return "the torque rates of the cycles are not planned in the recipe"
+    worst = Reading(1.0)
+    for one in _sides(found):
+        time = found.recorded.t_s
+        if time is None:
+            return "the trace has no time"
+        seconds = sum(float(time[rows.stop - 1] - time[rows.start]) for rows in one.run.pieces)
+        span_nm = float(np.ptp(one.torque_nm))
+        if not seconds > 0.0 or not span_nm > 0.0:
+            return Reading(np.inf, f"{one.where}: torque or time does not change")
+        slower, faster = planned[0] * seconds / span_nm, span_nm / (planned[1] * seconds)
+        if max(slower, faster) > worst.figure:
+            meant_nm_s = planned[0] if slower > faster else planned[1]
+            words = f"the torque ramps at {span_nm / seconds:.3g} N·m/s, and {meant_nm_s:.3g} N·m/s are planned"
+            worst = Reading(max(slower, faster), words + _as_if_in(slower if slower > faster else 1.0 / faster))
+    return worst
+
+
+def _as_if_in(scale: float) -> str:
+    """Name the unit that the time seems to be in, after a comma; '' for none."""
+    near = [name for name, factor in TIME_UNITS.items() if factor / NEAR < scale < factor * NEAR]
+    return f", as if the time were in {near[0]}" if near else ""
+
+
 @of_measured
 def ramp_rate(found: Measured) -> Reading | str:
     """How far nine tenths of a branch stay from its median rate, %: of torque or of wind-up, whichever is steadier.
@@ -266,6 +302,7 @@ FIGURES: dict[str, Figure] = {
     "clipping": clipping,
     "lag": lag,
     "late_torque": late_torque,
+    "time_scale": time_scale,
     "ramp_rate": ramp_rate,
     "interrupted": interrupted,
     "points_per_bin": points_per_bin,

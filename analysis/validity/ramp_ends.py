@@ -34,6 +34,9 @@ LEAST_AFTER_S = 0.08
 STEP_S = 1e-3
 """Time between the points that are compared, unless the samples are further apart."""
 
+LEAST_STEPS = 4
+"""Samples of a dwell that are looked at, at least: with fewer nothing is seen of how it comes to rest."""
+
 SMOOTH_S = 0.01
 """Time over which torque and wind-up are averaged."""
 
@@ -164,12 +167,16 @@ def ramp_ends(trace: Trace, windup_arcmin: FloatArray) -> Iterator[RampEnd]:
 def _ramp_end(
     t_s: FloatArray, torque_nm: FloatArray, windup_arcmin: FloatArray, *, end_s: float, after_s: float
 ) -> RampEnd | None:
-    """Return the delay at which the torque follows the wind-up best; None where the wind-up does not come to rest.
+    """Return the delay at which the torque follows the wind-up best; None where it cannot be told.
 
+    That is where the wind-up does not come to rest, or the samples are too far apart to show it.
     The torque is a straight function of the wind-up and of the creep that sets in as the ramp ends; for as long as is
     looked at, that is the time that the wind-up has lost on its ramp.
     """
     # Of the last half: next to its end a control that was given a late torque has gone beyond, and comes back.
+    step_s = max(STEP_S, float(np.median(np.diff(t_s))))
+    if LEAST_STEPS * step_s > after_s:
+        return None
     half_s = 0.5 * (end_s - float(t_s[0]))
     (from_nm, to_nm), (from_arcmin, to_arcmin) = (
         np.interp([end_s - half_s, end_s], t_s, values).tolist() for values in (torque_nm, windup_arcmin)
@@ -178,7 +185,6 @@ def _ramp_end(
     if not rate_nm_s:
         return None
     before_s = float(np.clip(BEFORE_SHARE * abs(to_nm / rate_nm_s), *BEFORE_S))
-    step_s = max(STEP_S, float(np.median(np.diff(t_s))))
     width = max(1, round(SMOOTH_S / step_s))
     margin_s = 0.5 * after_s + width * step_s
     wide_s = np.arange(end_s - before_s - margin_s, end_s + after_s + margin_s, step_s)

@@ -17,7 +17,8 @@ from analysis.uncertainty.figures import SensorFigures
 from analysis.validity.evidence import RunFacts
 from definitions.program import Segment
 from definitions.states import LOADED
-from recipes import OWN, Bench, Calibration, Recipe, Selection, selected
+from definitions.units import ARCMIN_PER_RAD
+from recipes import OWN, Bench, Calibration, Recipe, Selection, SpeedCycles, StepCycles, TorqueCycles, selected
 from station.bench.assemble import CHANNEL_OF_SENSOR, channels
 from station.bench.figures import figures_of, fixture_of
 from station.documents.manifest import Manifest
@@ -46,6 +47,7 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
         locked_stiffness_nm_per_arcmin=lock,
         fixture_curve=_fixture_curve(bench),
         lags_s=lags_of(bench),
+        planned_nm_s=planned_rates(recipe, bench),
     )
 
 
@@ -73,6 +75,28 @@ def method_fields(recipe: Recipe) -> dict[str, Any]:
         "catalogue_stiffness_nm_per_arcmin": unit.stiffness_nm_per_arcmin,
         "check_limits": recipe.validity.limits(),
     }
+
+
+def planned_rates(recipe: Recipe, bench: Bench | None) -> tuple[float, float] | None:
+    """Return the slowest and the fastest torque rate of the measured branches [N·m/s], holds between steps included.
+
+    None where one of them is not known: a cycle by speed needs the gear of the bench's drive.
+    """
+    rates: list[float] = []
+    for step in recipe.sequence:
+        if isinstance(step, TorqueCycles):
+            rates.append(step.torque_rate_nm_s)
+        elif isinstance(step, StepCycles):
+            height_nm = step.peak_torque_nm / step.steps
+            rates += [step.torque_rate_nm_s, height_nm / (height_nm / step.torque_rate_nm_s + step.dwell_s)]
+        elif isinstance(step, SpeedCycles):
+            if bench is None:
+                return None
+            unit = recipe.unit_under_test
+            over = unit.ratio if recipe.loading == "input" else 1.0
+            at_output_rad_s = step.speed_rad_s / bench.drive.gear_ratio / over
+            rates.append(at_output_rad_s * unit.stiffness_nm_per_arcmin * ARCMIN_PER_RAD)
+    return (min(rates), max(rates)) if rates else None
 
 
 def lags_of(bench: Bench) -> dict[str, float]:

@@ -23,8 +23,9 @@ P1 = ReferenceUnit()
 
 
 METHOD = Method(
-    ratio=RATIO, rated_torque_nm=412, fixture_stiffness_nm_per_arcmin=1e4, catalogue_stiffness_nm_per_arcmin=100.0
-)
+    ratio=RATIO, rated_torque_nm=412, fixture_stiffness_nm_per_arcmin=1e4, catalogue_stiffness_nm_per_arcmin=100.0,
+    planned_nm_s=(60.0, 60.0),
+)  # fmt: skip
 
 
 WANTED = [MetricWanted("backlash_width_3pct", max=1.0)]
@@ -266,6 +267,7 @@ BAD: dict[str, Bad] = {
     "late_torque": lambda: changed(torque_out_nm=late(GOOD.torque_out_nm, 0.025)),
     "noise_low": lambda: changed(torque_out_nm=uniform_filter1d(GOOD.torque_out_nm, 9)),
     "noise_high": lambda: changed(torque_in_nm=np.round(GOOD.torque_in_nm, 1)),
+    "time_scale": lambda: changed(t_s=30.0 * GOOD.t_s),
     "ramp_rate": uneven_ramp,
     "interrupted": set_back,
     "width_growth": lambda: creeping(-2.0),

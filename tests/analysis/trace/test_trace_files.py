@@ -232,3 +232,11 @@ def test_parquet_with_text_that_is_no_text(tmp_path: Path, honest: bytes, bent: 
     path.write_bytes(path.read_bytes().replace(honest, bent))
     with pytest.raises(AnalysisError, match=words):
         read_trace(path)
+
+
+@pytest.mark.parametrize(("unit", "counts"), [("s", 1), ("ms", 1000), ("us", 1_000_000), ("ns", 1_000_000_000)])
+def test_durations_of_parquet_bring_their_unit(tmp_path: Path, unit: str, counts: int) -> None:
+    path = tmp_path / "trace.parquet"
+    time = pa.array([0, counts, 2 * counts], pa.int64()).cast(pa.duration(unit))
+    pq.write_table(pa.table({"t_s": time, "torque_out_nm": [1.0, 2.0, 3.0]}), path)
+    assert read_trace(path).t_s == pytest.approx(np.array([0.0, 1.0, 2.0]))

@@ -99,7 +99,7 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     assert set(why) == {
         "missed_periods", "sample_age", "torque_in_saturated", "torque_out_saturated", "not_ready", "torque_zeroes",
         "drift", "repeat",
-        "copied_cycles", "repeated_samples", "lag", "noise_low", "noise_high", "ramp_rate",
+        "copied_cycles", "repeated_samples", "lag", "noise_low", "noise_high", "time_scale", "ramp_rate",
         "torque_agreement", "efficiency_low", "efficiency_high", "ratio_agreement",
         "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines", "torque_bend",
         "torque_out_zero", "calibrated_turn", "calibrated_gap", "calibrated_zero", "drive_torque_agreement",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from virtual_bench.physics.elastic import elastic_windup_arcmin
 from virtual_bench.physics.find_unit import find_unit
-from virtual_bench.physics.plant_parameters import elastic_windup_arcmin
 from virtual_bench.physics.units import UNITS, Unit
 
 

@@ -1,8 +1,8 @@
 """Modbus devices of the virtual bench and their TCP server: measuring amplifier, brake supply, remote I/O.
 
-pymodbus does the framing, the PDUs and the connections. Requests are answered where they arrive instead of through its
-data store: the values are those of the plant at the moment of the request, and at 1000 requests per second the store's
-task per request costs more than everything else. All of pymodbus that the virtual bench uses is named in this file.
+pymodbus does the framing and the PDUs. Requests are answered where they arrive instead of by its server with its data
+store: the values are those of the plant at the moment of the request, at 1000 requests per second the store's task per
+request costs more than everything else, and the server brings an HTTP server with it.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import asyncio
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 from pymodbus import ExceptionResponse
 from pymodbus.constants import ExcCodes
 from pymodbus.exceptions import ModbusIOException
-from pymodbus.pdu import ModbusPDU
+from pymodbus.framer import FramerSocket
+from pymodbus.pdu import DecodePDU, ModbusPDU
 from pymodbus.pdu.register_message import (
     ReadHoldingRegistersRequest,
     ReadHoldingRegistersResponse,
@@ -27,9 +27,6 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterRequest,
     WriteSingleRegisterResponse,
 )
-from pymodbus.server import ModbusTcpServer
-from pymodbus.server.requesthandler import ServerRequestHandler
-from pymodbus.simulator import DataType, SimData, SimDevice
 
 from drivers.profile import ModbusProfile, WriteField
 from virtual_bench.bench_time import BenchTime
@@ -129,17 +126,15 @@ class ModbusServer:
         self._time = time
         self._waiting: list[Callable[[], None]] = []
         self.connections: set[Connection] = set()
-        self._server: _Server | None = None
+        self._server: asyncio.Server | None = None
 
     async def start(self, host: str, port: int) -> int:
         """Listen and return the port; port 0 takes a free one. Raises `OSError` when it cannot be had."""
-        self._server = _Server(self, host, port)
         try:
-            await self._server.serve_forever(background=True)
-        except RuntimeError as error:
+            self._server = await asyncio.get_running_loop().create_server(partial(Connection, self), host, port)
+        except OSError as error:
             raise OSError(f"{self.device.registers.profile.name}: port {port} on {host} is not available") from error
-        transport: Any = self._server.transport
-        return int(transport.sockets[0].getsockname()[1])
+        return int(self._server.sockets[0].getsockname()[1])
 
     def answer(
         self, request: ModbusPDU, asked: bytes, build: Callable[[ModbusPDU], bytes], send: Callable[[bytes], None]
@@ -197,76 +192,64 @@ class ModbusServer:
         """Close the port and all connections."""
         self.cut()
         if self._server is not None:
-            await self._server.shutdown()  # type: ignore[no-untyped-call]
+            self._server.close()
+            await self._server.wait_closed()
 
 
 def _nothing() -> None:
     """Tell nobody."""
 
 
-class _Server(ModbusTcpServer):
-    """pymodbus' TCP server with our connections instead of its own."""
+class Connection(asyncio.Protocol):
+    """One client; answers at once, and all requests of a packet."""
 
-    def __init__(self, owner: ModbusServer, host: str, port: int) -> None:
-        # The store is never asked; the server insists on one.
-        store = SimDevice(owner.device.unit_id, SimData(0, values=0, datatype=DataType.REGISTERS))
-        super().__init__(store, address=(host, port))
+    def __init__(self, owner: ModbusServer) -> None:
         self._owner = owner
+        self._framer = FramerSocket(DecodePDU(is_server=True))
+        self._buffer = b""
+        self._transport: asyncio.Transport | None = None
 
-    def callback_new_connection(self) -> Connection:
-        """Return the protocol of a new connection."""
-        return Connection(self, self._owner)
-
-
-class Connection(ServerRequestHandler):
-    """One client; answers at once, and all requests of a packet instead of only the first."""
-
-    def __init__(self, server: _Server, owner: ModbusServer) -> None:
-        super().__init__(server, None, None, None)  # type: ignore[no-untyped-call]
-        self._owner = owner
-
-    def callback_connected(self) -> None:
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the connection, or drop it while the line is cut."""
-        super().callback_connected()
+        assert isinstance(transport, asyncio.Transport)  # noqa: S101 - a TCP server makes no other
+        self._transport = transport
         self._owner.connections.add(self)
         if self._owner.faults.is_cut(self._owner.name):
             self.drop()
 
-    def callback_disconnected(self, exc: Exception | None) -> None:
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - as asyncio calls it
         """Forget the connection."""
-        super().callback_disconnected(exc)
         self._owner.connections.discard(self)
 
-    def callback_data(self, data: bytes, addr: tuple[Any, ...] | None = None) -> int:
-        """Answer every complete request in `data` and return how much of it was used."""
-        owner = self._owner
-        if owner.faults.is_cut(owner.name):
+    def data_received(self, data: bytes) -> None:
+        """Answer every complete request, and keep the beginning of the next one."""
+        if self._owner.faults.is_cut(self._owner.name):
             self.drop()
-            return len(data)
-        used = 0
-        while used < len(data):
+            return
+        self._buffer += data
+        while self._buffer:
             try:
-                length, request = self.framer.handleFrame(data[used:], 0, 0)
+                length, request = self._framer.handleFrame(self._buffer, 0, 0)
             except ModbusIOException as error:
                 response: ModbusPDU = ExceptionResponse(error.fcode or 0, ExcCodes.ILLEGAL_FUNCTION)
                 response.dev_id, response.transaction_id = error.dev_id, error.transaction_id
-                self.pdu_send(response, addr=addr)
-                return len(data)
+                self._buffer = b""
+                self._send(self._framer.buildFrame(response))
+                return
             if not length:
-                break
-            used += length
+                return
+            asked, self._buffer = self._buffer[:length], self._buffer[length:]
             if request is not None:
-                owner.answer(request, data[used - length : used], self.framer.buildFrame, self._send)
-        return used
+                self._owner.answer(request, asked, self._framer.buildFrame, self._send)
 
     def _send(self, data: bytes) -> None:
-        if isinstance(self.transport, asyncio.Transport) and not self.transport.is_closing():
-            self.transport.write(data)
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write(data)
 
     def drop(self) -> None:
         """End the connection at once."""
-        if isinstance(self.transport, asyncio.Transport):
-            hang_up(self.transport)
+        if self._transport is not None:
+            hang_up(self._transport)
 
 
 def encode(registers: ModbusProfile, values: Mapping[str, float]) -> list[int]:

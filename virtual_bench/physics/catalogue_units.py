@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from virtual_bench.config import Catalogue
-from virtual_bench.physics.plant_parameters import elastic_windup_arcmin
+from virtual_bench.physics.elastic import elastic_windup_arcmin
 from virtual_bench.physics.units import P1, UNITS, Unit, parameters
 
 CATALOGUE = "catalogue"

@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 
 from virtual_bench.config import BenchConfig
+from virtual_bench.physics.elastic import elastic_windup_arcmin
 from virtual_bench.physics.plant_kernel import ARCMIN_RAD, FloatArray, P
 from virtual_bench.physics.units import Unit
 
@@ -22,16 +23,6 @@ GEARBOX_BRISTLE_ARCMIN = 0.005
 BRISTLE_DAMPING_RATIO = 0.06
 GEARBOX_VISCOUS_NMS_RAD = 1.0
 MIN_LAG_S = 1e-6
-
-
-def elastic_windup_arcmin(unit: Unit, torque_nm: FloatArray) -> FloatArray:
-    """Return the elastic wind-up over torque: linear part, soft contact at low torque, gap."""
-    magnitude = np.abs(torque_nm)
-    stiffness = np.where(torque_nm >= 0.0, unit.stiffness_positive_nm_per_arcmin, unit.stiffness_negative_nm_per_arcmin)
-    soft = unit.soft_arcmin * np.sign(torque_nm) * -np.expm1(-magnitude / unit.soft_torque_nm)
-    gap = unit.gap_arcmin / 2.0 * np.tanh(torque_nm / unit.gap_torque_nm)
-    windup: FloatArray = torque_nm / stiffness + soft + gap
-    return windup
 
 
 def elastic_table(unit: Unit) -> FloatArray:

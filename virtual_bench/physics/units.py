@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from virtual_bench.physics.plant_kernel import ARCMIN_RAD
+from definitions.units import RAD_PER_ARCMIN
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Unit:
     @property
     def bristle_stiffness_nm_rad(self) -> float:
         """Stiffness of the input friction's bristles at the input shaft."""
-        return self.bristle_nm / (self.ratio * ARCMIN_RAD)
+        return self.bristle_nm / (self.ratio * RAD_PER_ARCMIN)
 
 
 P1 = Unit(

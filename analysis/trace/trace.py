@@ -46,8 +46,9 @@ class Trace:
     """Samples of one run as arrays of equal length; a channel that was not measured is None.
 
     segment: segment id per sample, its meaning in `segments`; None when the profile is not known (turning points are
-    then found on the curve). Raises AnalysisError when lengths differ, a value is not finite or beyond 1e9, time runs
-    backwards, or a segment id or role is unknown; the text names column and row (counted from 1).
+    then found on the curve). reading: how a file was read, in words, where it is not plain. Raises AnalysisError when
+    lengths differ, a value is not finite or beyond 1e9, time runs backwards, or a segment id or role is
+    unknown; the text names column and row (counted from 1).
     """
 
     t_s: FloatArray | None = None
@@ -60,6 +61,7 @@ class Trace:
     segment: IntArray | None = None
     segments: Mapping[int, SegmentInfo] = field(default_factory=dict)
     source: str = "trace"
+    reading: str = ""
 
     def __post_init__(self) -> None:
         """Check and normalise the arrays (float64, int64)."""

@@ -13,15 +13,15 @@ import re
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 
-from analysis.trace.errors import AnalysisError
+from analysis.trace.csv_table import CsvTable, read_csv_table
+from analysis.trace.errors import AnalysisError, TableError
+from analysis.trace.number_text import read_numbers
 from analysis.trace.segment_names import SEGMENT_COLUMNS, read_segments
 from analysis.trace.trace import SegmentInfo, Trace, first_bad_row
 from analysis.trace.units import BoolArray, FloatArray, IntArray
@@ -49,6 +49,21 @@ QUANTITIES = ("angle", "torque", "temperature", "temp", "time", "t", "segment", 
 MISSPELT = 0.85
 """Likeness (of difflib) from which a name is taken for one of ours with a wrong letter."""
 
+UNIT_WORDS: dict[str, tuple[str, ...]] = {
+    "t_s": ("s", "sec", "second", "seconds"),
+    "torque_in_nm": ("N·m", "Nm", "N m", "N*m", "N.m"),
+    "torque_out_nm": ("N·m", "Nm", "N m", "N*m", "N.m"),
+    "angle_in_rad": ("rad",),
+    "angle_in_arcmin": ("arcmin", "′", "'"),
+    "angle_out_rad": ("rad",),
+    "angle_out_arcmin": ("arcmin", "′", "'"),
+    "temperature_c": ("°C", "C", "degC", "deg C"),
+    "drive_torque_nm": ("N·m", "Nm", "N m", "N*m", "N.m"),
+}
+"""What a row of units may say below the name of each column; the name has the unit, and the row must not contradict."""
+
+NO_UNIT = ("", "-", "–")
+
 TDMS_MAGIC = b"TDSm"
 PARQUET_MAGIC = b"PAR1"
 
@@ -67,42 +82,116 @@ def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
     """Read a file as `read_trace` does; return also the row of each sample, for rows that are not used are left out."""
     file = Path(path)
     table = _read_table(file)
-    names = [str(name).strip() for name in table.column_names]
-    channels: dict[str, tuple[str, FloatArray]] = {}
+    names = list(table.names)
+    chosen: dict[str, int] = {}
     for index, name in enumerate(names):
-        if name not in COLUMNS:
-            continue
-        channel, factor = COLUMNS[name]
-        if channel in channels:
-            raise AnalysisError(
-                f"{file}: columns {channels[channel][0]} and {name} both are {channel}; keep one of them"
-            )
-        column = table.column(index)
-        if channel == "t_s" and pa.types.is_duration(column.type):
-            column, factor = column.cast(pa.int64()), SECONDS[column.type.unit]
-        channels[channel] = (name, factor * _numbers(column, file, name))
-    if not channels:
-        raise AnalysisError(
-            f"{file}: found columns {', '.join(names) or 'none'}; expected some of {', '.join(COLUMNS)}; "
-            "name the columns in the first row, separated by commas"
-        )
+        if name in COLUMNS:
+            channel = COLUMNS[name][0]
+            if channel in chosen:
+                raise TableError(
+                    file, f"columns {names[chosen[channel]]} and {name}, which both are {channel}", "one of them",
+                    "keep one of them", column=name,
+                )  # fmt: skip
+            chosen[channel] = index
+    if not chosen:
+        raise TableError(
+            file, f"columns {', '.join(names) or 'none'}", f"some of {', '.join(COLUMNS)}",
+            "name the columns in the first row",
+        )  # fmt: skip
     _refuse_near_misses(names, file)
-    if table.num_rows == 0:
-        raise AnalysisError(f"{file}: the header is followed by no rows; record a loop")
+    _check_units(table)
+    if table.rows == 0:
+        raise TableError(file, "no rows behind the header", "the samples of a loop", "record a loop")
+    channels, decimals = _channels(table, chosen)
     segment: IntArray | None = None
     segments: dict[int, SegmentInfo] = {}
-    used: BoolArray = np.ones(table.num_rows, dtype=np.bool_)
+    used: BoolArray = np.ones(table.rows, dtype=np.bool_)
     for name in SEGMENT_COLUMNS:
         if name in names:
-            used, segment, segments = read_segments(table.column(names.index(name)), file, name)
+            used, segment, segments = read_segments(table.columns[names.index(name)], file, name)
             break
-    arrays: dict[str, Any] = {channel: values for channel, (_, values) in channels.items()}
-    whole = Trace(**arrays, source=str(file))  # all rows are checked, so that a bad one is named by its number
+    arrays: dict[str, Any] = dict(channels)
+    # all rows are checked, so that a bad one is named by its number
+    whole = Trace(**arrays, source=str(file), reading=_told(table, decimals))
     rows = np.flatnonzero(used).astype(np.int64) + 1
     if used.all():
         return replace(whole, segment=segment, segments=segments), rows
     kept: dict[str, Any] = {channel: values[used] for channel, values in arrays.items()}
-    return Trace(**kept, segment=segment, segments=segments, source=str(file)), rows
+    return Trace(**kept, segment=segment, segments=segments, source=str(file), reading=whole.reading), rows
+
+
+class _Table(NamedTuple):
+    """Names and columns of a file of any kind; `csv` where it was read from text."""
+
+    file: Path
+    names: tuple[str, ...]
+    columns: tuple[Any, ...]
+    csv: CsvTable | None = None
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.columns[0]) if self.columns else 0
+
+    def fail(self, row: int, column: str, found: str, allowed: str, hint: str) -> TableError:
+        """Make the error for one cell."""
+        line = None if self.csv is None else self.csv.line_of(row)
+        return TableError(self.file, found, allowed, hint, row=row, line=line, column=column)
+
+
+def _channels(table: _Table, chosen: dict[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Return the channels in their units, and how their numbers were read."""
+    texts = {table.names[index]: table.columns[index] for index in chosen.values() if is_text(table.columns[index])}
+    by_comma = table.csv is None or table.csv.separator == ","
+    read = read_numbers(texts, table.fail, by_comma=by_comma)
+    channels: dict[str, FloatArray] = {}
+    for channel, index in chosen.items():
+        name, column = table.names[index], table.columns[index]
+        factor = COLUMNS[name][1]
+        if channel == "t_s" and pa.types.is_duration(column.type):
+            column, factor = column.cast(pa.int64()), SECONDS[column.type.unit]
+        values = read.columns[name] if name in texts else _numbers(column, table, name)
+        bad = ~np.isfinite(values)
+        if bad.any():
+            row = first_bad_row(bad)
+            cell = table.columns[index][row - 1].as_py()
+            raise table.fail(row, name, repr(cell), "a finite number", "repair or remove the row")
+        channels[channel] = factor * values
+    return channels, read.reading
+
+
+def is_text(column: Any) -> bool:
+    """Whether a column (pyarrow) holds text, plain or by a dictionary."""
+    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+
+
+def _numbers(column: Any, table: _Table, name: str) -> FloatArray:
+    """Convert a column of numbers; TableError for one that holds none."""
+    kind = column.type
+    if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)):
+        raise table.fail(1, name, f"{kind}, which holds no numbers", "numbers", "convert the column to numbers")
+    values: FloatArray = column.cast(pa.float64(), safe=False).to_numpy().astype(np.float64)
+    return values
+
+
+def _check_units(table: _Table) -> None:
+    """Refuse a row of units that contradicts the names of the columns."""
+    if table.csv is None or table.csv.units is None:
+        return
+    for name, cell in zip(table.names, table.csv.units, strict=False):
+        plain = cell.strip("[]() ")
+        if name in UNIT_WORDS and plain not in (*UNIT_WORDS[name], *NO_UNIT):
+            raise TableError(
+                table.file, f"the unit '{cell}'", UNIT_WORDS[name][0], "convert the column to that unit",
+                line=table.csv.units_line, column=name,
+            )  # fmt: skip
+
+
+def _told(table: _Table, decimals: tuple[str, ...]) -> str:
+    """Return in words how a file was read that is not plain CSV; '' for one that is."""
+    parts = [*(() if table.csv is None else table.csv.reading), *decimals]
+    return f"read as CSV with {', '.join(parts)}" if parts else ""
 
 
 def _refuse_near_misses(names: list[str], file: Path) -> None:
@@ -120,91 +209,39 @@ def _refuse_near_misses(names: list[str], file: Path) -> None:
             )
 
 
-def _read_table(file: Path) -> Any:
+def _read_table(file: Path) -> _Table:
     try:
         with file.open("rb") as stream:
             start = stream.read(4)
         if start == TDMS_MAGIC:
             from analysis.trace.tdms_files import read_tdms_table  # noqa: PLC0415 - half a second for one kind of file
 
-            return read_tdms_table(file, frozenset([*COLUMNS, *SEGMENT_COLUMNS]))
-        wrong = "" if start == PARQUET_MAGIC else not_a_table(file)
+            return _of_arrow(file, read_tdms_table(file, frozenset([*COLUMNS, *SEGMENT_COLUMNS])))
+        if start == PARQUET_MAGIC:
+            return _of_arrow(file, pa_parquet.read_table(file))
+        wrong = not_a_table(file)
         if wrong:
             raise AnalysisError(f"{file}: cannot be read as CSV, Parquet or TDMS: {wrong}")
-        table = pa_parquet.read_table(file) if start == PARQUET_MAGIC else _read_csv(file)
-        _ = table.column_names  # Arrow checks names when they are asked for: UnicodeDecodeError here, not later
+        read = read_csv_table(file, (*COLUMNS, *SEGMENT_COLUMNS))
+        return _Table(file, read.names, tuple(read.cells.columns), read)
     except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
         reason = printable(str(error))
-        raise AnalysisError(
-            f"{file}: cannot be read as CSV, Parquet or TDMS: {reason}; expected a table with a header row, "
-            "commas between columns and points in numbers"
-        ) from error
-    return table
+        raise TableError(
+            file, f"a file that cannot be read as CSV, Parquet or TDMS: {reason}", "a table with a header row",
+            "save it as CSV",
+        ) from error  # fmt: skip
 
 
-def _read_csv(file: Path) -> Any:
-    return pa_csv.read_csv(
-        file,
-        read_options=pa_csv.ReadOptions(use_threads=False),
-        parse_options=pa_csv.ParseOptions(invalid_row_handler=None),
-        convert_options=pa_csv.ConvertOptions(column_types=_as_text(file), strings_can_be_null=False),
-    )
-
-
-def _as_text(file: Path) -> dict[str, Any]:
-    """Read every column as text: numbers are converted here, so that a bad one is named by row and column."""
-    with file.open("rb") as stream:
-        header = stream.readline(1_000_000).decode("utf-8-sig")
-    names = header.strip("\r\n").split(",")
-    return {name.strip('"'): pa.string() for name in names}
-
-
-def _numbers(column: Any, file: Path, name: str) -> FloatArray:
-    """Convert a column to numbers; AnalysisError with row and what was found there."""
-    kind = column.type
-    if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind):
-        numbers = column.cast(pa.float64(), safe=False)
-    else:
-        try:
-            text = column.cast(pa.string())
-            numbers = pc.cast(pc.utf8_trim_whitespace(text), pa.float64())
-        except (pa.ArrowException, ValueError) as error:
-            row, found = _first_not_a_number(column)
-            raise AnalysisError(
-                f"{file}: row {row}, column {name}: found '{found}'; expected a number; repair or remove the row"
-            ) from error
-    values: FloatArray = numbers.to_numpy().astype(np.float64)
-    bad = ~np.isfinite(values)
-    if bad.any():
-        row = first_bad_row(bad)
-        raise AnalysisError(
-            f"{file}: row {row}, column {name}: found {column[row - 1].as_py()!r}; expected a finite number; repair "
-            "or remove the row"
-        )
-    return values
-
-
-def _first_not_a_number(column: Any) -> tuple[int, str]:
-    """Row and text of the first value that Arrow takes for no number: Python's float() takes more than it does."""
-    for row, scalar in enumerate(column, start=1):
-        try:
-            value = scalar.as_py()
-        except UnicodeDecodeError as error:
-            return row, bytes(error.object).decode("utf-8", "replace")
-        try:
-            pc.cast(pc.utf8_trim_whitespace(pa.scalar(value, pa.string())), pa.float64())
-        except (pa.ArrowException, TypeError, ValueError):
-            return row, str(value)
-    return 1, f"{column.type}, which holds no numbers"
+def _of_arrow(file: Path, table: Any) -> _Table:
+    # Arrow checks names when they are asked for: UnicodeDecodeError here, not later
+    return _Table(file, tuple(str(name).strip() for name in table.column_names), tuple(table.columns))
 
 
 NO_TABLES: tuple[tuple[bytes, str, str], ...] = (
     (b"%PDF", "a PDF document", "name the table that it was made from"),
-    (b"PK\x03\x04", "a ZIP archive or an Excel workbook", "save the sheet as CSV with commas between columns"),
-    (b"\xd0\xcf\x11\xe0", "an Excel workbook of the old kind", "save the sheet as CSV with commas between columns"),
+    (b"PK\x03\x04", "a ZIP archive or an Excel workbook", "save the sheet as CSV"),
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook of the old kind", "save the sheet as CSV"),
     (b"\x1f\x8b", "a file packed by gzip", "unpack it first"),
-    (b"\xff\xfe", "text in UTF-16", "save it as CSV in UTF-8"),
-    (b"\xfe\xff", "text in UTF-16", "save it as CSV in UTF-8"),
     (b"\x89PNG", "a picture", "name the table that it was made from"),
     (b"\x89HDF", "an HDF5 or MATLAB file", "export its arrays as CSV or Parquet"),
     (b"MATLAB", "a MATLAB file", "export its arrays as CSV or Parquet"),
@@ -213,8 +250,7 @@ NO_TABLES: tuple[tuple[bytes, str, str], ...] = (
 )
 """First bytes, what such a file is, and what to do."""
 
-OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "upright bars"}
-LOOKED_AT = 4096
+LOOKED_AT = 16
 """Bytes from the start that are looked at."""
 
 
@@ -228,15 +264,6 @@ def not_a_table(file: Path) -> str:
     for magic, what, then in NO_TABLES:
         if start.startswith(magic):
             return f"it is {what}: {then}"
-    if b"\0" in start:
-        return "it holds binary data: export the table as CSV or Parquet"
-    header = start.split(b"\n", 1)[0].decode("utf-8", "replace")
-    for sign, name in OTHER_SEPARATORS.items():
-        if sign in header and "," not in header:
-            return (
-                f"found {name} between the columns: write commas between columns and points in numbers (a spreadsheet "
-                "does so in English settings)"
-            )
     return ""
 
 

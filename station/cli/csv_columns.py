@@ -1,15 +1,19 @@
-"""CSV files of the statistics: named columns, checked so that an error names row and column."""
+"""CSV files of the statistics: named columns, checked so that an error names row and column.
+
+Separators, decimal signs and encodings are read as those of traces are (`analysis.trace.csv_table`).
+"""
 
 from __future__ import annotations
 
-import csv
-import io
-import math
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from recipes import open_regular
-from station.errors import StationError
+import numpy as np
+
+from analysis.trace.csv_table import CsvTable, read_csv_table
+from analysis.trace.errors import TableError
+from analysis.trace.number_text import looks_like_number, read_numbers
 
 LARGEST = 1e12
 """Larger magnitudes are refused: squares of it still are finite, and nothing on a bench reaches it."""
@@ -22,66 +26,64 @@ class CsvColumns:
     """A table of text by column name; rows count from 1 after the header, as in all messages."""
 
     file: Path
-    columns: dict[str, list[str]]
+    table: CsvTable
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns, in their order."""
+        return self.table.names
 
     def texts(self, name: str) -> list[str]:
-        """Return a column as text; StationError when it is not there or a cell is empty."""
+        """Return a column as text; TableError when it is not there or a cell is empty."""
         if name not in self.columns:
-            raise StationError(
-                f"{self.file}: column {name} is missing; found are {', '.join(self.columns)}. Add it, or name another"
-            )
-        cells = self.columns[name]
+            found = f"columns {', '.join(self.columns)}"
+            raise TableError(self.file, found, f"a column {name}", "add it, or name another", column=name)
+        cells = [str(cell).strip() for cell in self.table.column(name).to_pylist()]
         for row, cell in enumerate(cells, start=1):
             if not cell:
-                raise StationError(f"{self.file}: row {row}, column {name}: is empty; fill it, or remove the row")
+                raise self._fault(row, name, "an empty cell", "a value", "fill it, or remove the row")
         return cells
 
     def numbers(self, name: str) -> list[float]:
-        """Return a column as finite numbers; StationError naming row and column of the first that is none."""
-        return [self._number(cell, row, name) for row, cell in enumerate(self.texts(name), start=1)]
+        """Return a column as finite numbers; TableError naming row and column of the first that is none."""
+        self.texts(name)
+        read = read_numbers({name: self.table.column(name)}, self._fault, by_comma=self.table.separator == ",")
+        values = read.columns[name]
+        bad = ~(np.abs(values) <= LARGEST)
+        if bad.any():
+            row = int(np.argmax(bad)) + 1
+            found = repr(str(self.table.column(name)[row - 1].as_py())[:40])
+            raise self._fault(row, name, found, f"a finite number within ±{LARGEST:g}", "repair it, or remove the row")
+        return [float(value) for value in values]
 
     def numeric(self) -> list[str]:
         """Return the names of the columns whose first cell is a number."""
-        return [name for name, cells in self.columns.items() if _is_number(cells[0])]
+        return [name for name in self.columns if looks_like_number(self.table.column(name)[0].as_py())]
 
-    def _number(self, cell: str, row: int, name: str) -> float:
-        if not _is_number(cell) or not abs(float(cell)) <= LARGEST:
-            raise StationError(
-                f"{self.file}: row {row}, column {name}: found '{cell:.40}'; expected a finite number with a point, "
-                f"within ±{LARGEST:g}; repair it, or remove the row"
-            )
-        return float(cell)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return "_" not in cell and not math.isnan(float(cell))
-    except ValueError:
-        return False
+    def _fault(self, row: int, column: str, found: str, allowed: str, hint: str) -> TableError:
+        line = self.table.line_of(row)
+        return TableError(self.file, found, allowed, hint, row=row, line=line, column=column)
 
 
 def read_csv_columns(file: Path) -> CsvColumns:
-    """Read a CSV file with a header row and commas.
+    """Read a CSV file with a header row.
 
-    Raises StationError when it cannot be read, has no rows, names a column twice or not at all, or a row has more or
+    Raises TableError when it cannot be read, has no rows, names a column twice or not at all, or a row has more or
     fewer cells than the header.
     """
     try:
-        with io.TextIOWrapper(open_regular(file), encoding="utf-8-sig", newline="") as stream:
-            rows = [[cell.strip() for cell in row] for row in csv.reader(stream, strict=True) if row]
-    except (OSError, UnicodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise StationError(f"{file}: cannot be read: {reason}; expected a CSV file with a header row") from error
-    header, cells = (rows[0], rows[1:]) if rows else ([], [])
-    if not cells or len(cells) > MOST_ROWS:
-        raise StationError(f"{file}: has {len(cells)} rows below its header; expected 1 to {MOST_ROWS}")
-    twice = [name for name in header if not name or header.count(name) > 1]
+        if not stat.S_ISREG(file.stat().st_mode):
+            raise TableError(file, "no file", "a CSV file with a header row", "name another: it cannot be read")
+        table = read_csv_table(file)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise TableError(file, reason, "a CSV file with a header row", "name another: it cannot be read") from error
+    rows = table.cells.num_rows
+    if not 0 < rows <= MOST_ROWS:
+        raise TableError(file, f"{rows} rows below the header", f"1 to {MOST_ROWS}", "add them, or name another file")
+    twice = [name for name in table.names if not name or table.names.count(name) > 1]
     if twice:
-        raise StationError(f"{file}: the header has '{twice[0]}' more than once, or without a name; name each column")
-    for number, row in enumerate(cells, start=1):
-        if len(row) != len(header):
-            raise StationError(
-                f"{file}: row {number}: has {len(row)} cells, the header has {len(header)}; commas separate columns, "
-                "points stand in numbers"
-            )
-    return CsvColumns(file, {name: [row[place] for row in cells] for place, name in enumerate(header)})
+        raise TableError(
+            file, f"'{twice[0]}' more than once, or a column without name", "a name each", "name each column"
+        )
+    return CsvColumns(file, table)

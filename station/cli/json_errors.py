@@ -11,11 +11,15 @@ PLACE = re.compile(r"^(?P<option>--[a-z-]+): found (?P<found>.*?); allowed (?:ar
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputProblem:
-    """One problem with the input; None for what the error does not say by itself."""
+    """One problem with the input; None for what the error does not say by itself.
+
+    row: of a table, from 1 below its header. column: of a table its name, of another text its position.
+    """
 
     file: str | None = None
     line: int | None = None
-    column: int | None = None
+    row: int | None = None
+    column: int | str | None = None
     option: str | None = None
     found: str
     allowed: str | None = None
@@ -30,6 +34,7 @@ def errors_of(error: BaseException) -> list[InputProblem]:
             InputProblem(
                 file=problem.path or None,
                 line=problem.line or None,
+                row=getattr(problem, "row", None),
                 column=problem.column or None,
                 option=problem.option or None,
                 found=problem.found,

@@ -163,9 +163,10 @@ def trace_of(
     kept = table[evaluated(table)]
     if not len(kept):
         raise StationError(f"{source}: the run ended before anything was measured")
+    channels: dict[str, Any] = dict(measured_channels(kept, bench))
     return Trace(
         t_s=kept["scan"] * (period_ns * 1e-9),
-        **measured_channels(kept, bench),
+        **channels,
         segment=kept["orders"]["segment"].astype(np.int64),
         segments=segment_table(segments),
         source=source,

@@ -115,16 +115,34 @@ def write_parquet(path: Path, columns: list[Column], run: ExportedRun) -> None:
     pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path, compression="zstd")
 
 
-def write_csv(path: Path, columns: list[Column], run: ExportedRun) -> None:
+class CsvStyle(NamedTuple):
+    """What stands between the columns, and the decimal sign."""
+
+    separator: str
+    decimal: str
+
+
+LOCALES: dict[str, CsvStyle] = {"en": CsvStyle(",", "."), "de": CsvStyle(";", ",")}
+"""How a spreadsheet of a language takes a CSV file by a double click; most of the others do as one of these."""
+
+
+def write_csv(path: Path, columns: list[Column], run: ExportedRun, style: CsvStyle = LOCALES["en"]) -> None:
     """Write CSV with one header row; units, meanings, names and the run go to a JSON file beside it.
 
     Numbers are written so that they read back exactly. `lostmotion analyze` reads the file as it is.
     """
     import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.compute as pc  # noqa: PLC0415
     import pyarrow.csv as pa_csv  # noqa: PLC0415
 
-    table = pa.Table.from_arrays([pa.array(one.values) for one in columns], names=[one.name for one in columns])
-    options = pa_csv.WriteOptions(quoting_style="none", quoting_header="none")
+    def written(values: Any) -> Any:
+        array = pa.array(values)
+        if style.decimal == "." or not pa.types.is_floating(array.type):
+            return array
+        return pc.replace_substring(array.cast(pa.string()), ".", style.decimal)
+
+    table = pa.Table.from_arrays([written(one.values) for one in columns], names=[one.name for one in columns])
+    options = pa_csv.WriteOptions(quoting_style="none", quoting_header="none", delimiter=style.separator)
     pa_csv.write_csv(table, path, options)
     described = [
         {"name": one.name, "group": one.group, "unit": one.unit, "meaning": one.meaning} | one.names()

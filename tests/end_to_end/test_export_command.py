@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from lostmotion_command import COMMAND, ROOT
@@ -46,6 +47,22 @@ def test_export_in_each_format_and_of_a_damaged_run(lostmotion, stored, tmp_path
     assert damaged.exit_code == 2
     assert "CRC" in damaged.err
     assert not (tmp_path / "no.parquet").exists()
+
+
+def test_a_german_spreadsheet_has_the_same_numbers(lostmotion, stored, tmp_path):
+    for locale in ("en", "de"):
+        asked = ("--format", "csv", "--locale", locale, "--out", str(tmp_path / f"{locale}.csv"))
+        assert lostmotion("export", str(stored), *asked).exit_code == 0
+    english, german = (read_trace(tmp_path / f"{locale}.csv") for locale in ("en", "de"))
+    assert ";" in (tmp_path / "de.csv").read_text(encoding="utf-8").splitlines()[0]
+    for name in ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "segment"):
+        assert np.array_equal(getattr(english, name), getattr(german, name)), name
+    assert german.segments == english.segments
+    assert "decimal commas" in german.reading
+    for wrong in (("--locale", "xx", "--format", "csv"), ("--locale", "de")):
+        refused = lostmotion("export", str(stored), *wrong)
+        assert refused.exit_code == 2
+        assert "--locale" in refused.err
 
 
 SAME = ("verdict", "reasons", "decision", "metrics", "gates", "stages")

@@ -114,13 +114,17 @@ def export(
         Path | None,
         typer.Option("--out", metavar="FILE", help="File or folder to write. Default: RUN.FORMAT in this folder."),
     ] = None,
+    locale: Annotated[
+        str,
+        typer.Option("--locale", metavar="LOCALE", help="CSV for spreadsheets in this language: en, or de (0,5; 1,5)."),
+    ] = "en",
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
     """Write every scan of a run as Parquet, CSV, MATLAB or TDMS, with units and metadata."""
     from station.cli.runs import export as command_export
 
-    raise typer.Exit(command_export.export(name, data, file_format, out, as_json=as_json))
+    raise typer.Exit(command_export.export(name, data, file_format, out, locale=locale, as_json=as_json))
 
 
 def replay(

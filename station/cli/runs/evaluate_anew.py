@@ -98,7 +98,7 @@ def elsewhere(
         decision=judged.decision,
         metrics=judged.metrics,
         gates=judged.gates,
-        notes=judged.notes,
+        notes=(*([f"{path}: {trace.reading}"] if trace.reading else []), *judged.notes),
         stages=judged.stages,
         record=str(path),
         preset=selection.preset,

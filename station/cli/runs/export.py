@@ -6,6 +6,7 @@ import contextlib
 import json
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from station.cli.out_file import refuse_records, writing
@@ -19,7 +20,7 @@ from station.records.samples.check import check_bytes
 from station.records.samples.samples import samples_bytes
 from station.records.samples.table import table_of
 from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
-from station.results.export import FORMATS, Column, columns_of, sidecar
+from station.results.export import FORMATS, LOCALES, Column, Writer, columns_of, sidecar, write_csv
 from station.results.export_origin import TraceNote, for_analysis
 
 
@@ -70,7 +71,7 @@ def described(run: RunRecord, note: TraceNote | None) -> ExportedRun:
     )
 
 
-def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json: bool) -> int:
+def export(name: str, data: Path, file_format: str, out: Path | None, *, locale: str = "en", as_json: bool) -> int:
     """Export a run; return 0, or 3 for an altered record, which the file and the command both say.
 
     Raises:
@@ -80,6 +81,11 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     """
     if file_format not in FORMATS:
         raise StationError(f"--format: found {file_format!r}; allowed are {', '.join(FORMATS)}")
+    if locale not in LOCALES:
+        raise StationError(f"--locale: found {locale!r}; allowed are {', '.join(LOCALES)}")
+    if locale != "en" and file_format != "csv":
+        raise StationError("--locale is for --format csv; the other formats are the same everywhere. Leave it out")
+    writer = partial(write_csv, style=LOCALES[locale]) if file_format == "csv" else FORMATS[file_format]
     run = Store(data).find(name)
     altered = alterations(run)
     path = Path(f"{run.id}.{file_format}") if out is None else out
@@ -97,7 +103,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     table = table_of(content, layout)
     measured, note = for_analysis(run, table)
     columns = columns_of(table, run.manifest().period_ns, measured)
-    _write(path, file_format, columns, described(run, note))
+    _write(path, writer, columns, described(run, note))
     found = Exported(
         run=run.id,
         file=str(path),
@@ -115,7 +121,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, as_json
     return EXIT_ALTERED if altered else 0
 
 
-def _write(path: Path, file_format: str, columns: list[Column], run: ExportedRun) -> None:
+def _write(path: Path, write: Writer, columns: list[Column], run: ExportedRun) -> None:
     """Write the file, and what stands beside it, completely or not at all; nothing is left of what failed.
 
     Raises:
@@ -126,7 +132,7 @@ def _write(path: Path, file_format: str, columns: list[Column], run: ExportedRun
     finals = {part: path, sidecar(part): sidecar(path)}
     try:
         with writing(path):
-            FORMATS[file_format](part, columns, run)
+            write(part, columns, run)
             for written, final in finals.items():
                 if written.exists():
                     written.replace(final)

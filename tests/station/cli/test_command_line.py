@@ -204,7 +204,7 @@ def test_bad_input_is_one_json_object_for_programs(tmp_path: Path) -> None:
         done = here(*args, "--json")
         assert done.exit_code == 2
         (error,) = done.json["errors"]
-        assert set(error) == {"file", "line", "column", "option", "found", "allowed", "hint"}
+        assert set(error) == {"file", "line", "row", "column", "option", "found", "allowed", "hint"}
         assert (error["file"], error["option"], error["found"]) == (str(recipe), "loading", "'inputt'")
         assert error["line"] > 1
         assert str(recipe) in done.err

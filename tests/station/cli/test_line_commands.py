@@ -14,6 +14,7 @@ from stored_runs import metric, store_lot, store_run
 
 from analysis.trace.errors import AnalysisError
 from station.cli.csv_columns import read_csv_columns
+from station.cli.json_errors import errors_of
 from station.cli.line import gage as command_gage
 from station.cli.line import line_statistics as line
 from station.cli.line.line_statistics import Asked
@@ -197,19 +198,19 @@ def test_a_master_part_of_stored_runs(runs: Path, capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("value\n1\n2\nx\n", r"values.csv: row 3, column value: found 'x'; expected a finite number"),
+        ("value\n1\n2\nx\n", r"values.csv: row 3, column value: found 'x'; expected a number"),
         ("value\n1\nnan\n", "row 2, column value: found 'nan'"),
         ("value\n1\n1e999\n", "row 2, column value: found '1e999'"),
         ("value\n1\n1_0\n", "row 2, column value: found '1_0'"),
         ("value,b\n1,\n", None),
-        ("value,b\n,1\n", "row 1, column value: is empty"),
-        ("other\n1\n", "column value is missing; found are other"),
-        ("value\n1,2\n", "row 1: has 2 cells, the header has 1"),
+        ("value,b\n,1\n", "row 1, column value: found an empty cell"),
+        ("other\n1\n", "column value: found columns other"),
+        ("value\n1,2\n", "row 1: found 2 cells"),
         ("value,value\n1,2\n", "more than once"),
-        ("value\n", "has 0 rows"),
-        ("", "has 0 rows"),
-        ('value\n"1\n', "cannot be read"),
-        ("value\n\x00\n", "row 1"),
+        ("value\n", "found 0 rows"),
+        ("", "found 0 rows"),
+        ('value\n"1\n', "row 1: found a quote that is not closed"),
+        ("value\n\x00\n", "binary data"),
     ],
 )
 def test_a_bad_file_is_told_by_row_and_column(tmp_path: Path, text: str, said: str | None) -> None:
@@ -217,7 +218,7 @@ def test_a_bad_file_is_told_by_row_and_column(tmp_path: Path, text: str, said: s
     if said is None:
         assert read_csv_columns(path).numbers("value") == [1.0]
         return
-    with pytest.raises(StationError, match=said):
+    with pytest.raises(AnalysisError, match=said):
         read_csv_columns(path).numbers("value")
 
 
@@ -225,8 +226,23 @@ def test_files_that_are_no_text_are_told(tmp_path: Path) -> None:
     path = tmp_path / "values.csv"
     path.write_bytes(b"\xff\xfe\x00")
     for bad in (path, tmp_path, tmp_path / "none.csv"):
-        with pytest.raises(StationError, match="cannot be read"):
+        with pytest.raises(AnalysisError, match=r"cannot be read|no UTF-16"):
             read_csv_columns(bad)
+
+
+def test_a_german_spreadsheet_is_read_and_its_errors_are_fields_for_programs(tmp_path: Path) -> None:
+    path = tmp_path / "values.csv"
+    path.write_bytes("Größe;value\nA;0,125\nB;1,5\n".encode("cp1252"))
+    table = read_csv_columns(path)
+    assert (table.numbers("value"), table.texts("Größe")) == ([0.125, 1.5], ["A", "B"])
+    assert table.numeric() == ["value"]
+    path.write_text("part;value\nA;0,125\n\nB;soon\n", encoding="utf-8")
+    with pytest.raises(AnalysisError) as refused:
+        read_csv_columns(path).numbers("value")
+    (problem,) = errors_of(refused.value)
+    assert (problem.file, problem.row, problem.line, problem.column) == (str(path), 2, 4, "value")
+    assert (problem.found, problem.allowed) == ("'soon'", "a number")
+    assert problem.hint
 
 
 def test_few_or_equal_values_are_refused_in_words(tmp_path: Path) -> None:
@@ -243,10 +259,10 @@ def test_few_or_equal_values_are_refused_in_words(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "has 0 rows below its header"),
+        ("", "found 0 rows below the header"),
         ("operator,part\nA,1\n", "expected operator, part and value"),
         ("operator,part,value\nA,1,0.1\nA,1,x\n", "row 2, column value: found 'x'"),
-        ("operator,part,value\nA,1,0.1\nA,1,\n", "row 2, column value: is empty"),
+        ("operator,part,value\nA,1,0.1\nA,1,\n", "row 2, column value: found an empty cell"),
         ("operator,part,value\nA,1,0.1\nA,1\n", "row 2"),
         ("operator,part,value\nA,1,0.1\nA,2,0.1\nB,1,0.1\n", "part 2 was measured 0 times by operator B"),
         ("operator,part,value\nA,1,0.1\nA,2,0.1\n", "expected 2 or more of each"),

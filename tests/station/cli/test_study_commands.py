@@ -44,7 +44,7 @@ def test_the_published_lock_angles(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["positions"] == 14
     assert set(found["spreads"]) == {"hysteresis_loss_arcsec", "backlash_arcsec"}
     assert found["correlations"][0]["coefficient"] == pytest.approx(0.938, abs=5e-4)
-    with pytest.raises(StationError, match="column nothing is missing"):
+    with pytest.raises(AnalysisError, match="column nothing: found columns"):
         command_studies.lock_angle(DATA / "lock_angle_tests.csv", [Ask("nothing")], DATA, 0.95, as_json=True)
     with pytest.raises(StationError, match="--serial SN and --metric ID"):
         command_studies.lock_angle(None, [Ask("lost_motion")], DATA, 0.95, as_json=True)

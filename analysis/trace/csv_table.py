@@ -36,6 +36,8 @@ LOOKED_AT = 4096
 """Bytes by which text in UTF-16 without a mark is told from binary data."""
 
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+DIRECTION = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""Characters that make a text look other than it is."""
 
 TABLE = "a table with a header row"
 UNQUOTED = "check the separators and quotes of this line"
@@ -94,15 +96,17 @@ class Header(NamedTuple):
     before: int
 
 
-def read_csv_table(file: Path, known: Collection[str] = ()) -> CsvTable:
+def read_csv_table(file: Path, known: Collection[str] = (), content: bytes | None = None) -> CsvTable:
     """Read a CSV file; the header is the first line that has one of the known names, or the first line of all.
+
+    content: that of the file, where it was read already.
 
     Raises:
         TableError: text in no known encoding, no separator that can be told, rows of different length.
         OSError: the file cannot be read.
 
     """
-    text, encoding = _text(file)
+    text, encoding = _text(file, file.read_bytes() if content is None else content)
     lines = text.split("\n")
     header = _header(lines, known, file)
     body, reading = Body(lines[header.line :], header.line + 1), []
@@ -129,9 +133,8 @@ def read_csv_table(file: Path, known: Collection[str] = ()) -> CsvTable:
     return CsvTable(file, tuple(names), cells, separator, tuple(reading), units, units_line, body)
 
 
-def _text(file: Path) -> tuple[str, str]:
+def _text(file: Path, raw: bytes) -> tuple[str, str]:
     """Return the text of a file with plain ends of lines, and its encoding."""
-    raw = file.read_bytes()
     encoding = next((name for mark, name in BYTE_ORDER_MARKS if raw.startswith(mark)), "")
     if not encoding and b"\0" in raw[:LOOKED_AT]:
         encoding = _without_mark(raw[:LOOKED_AT])
@@ -147,6 +150,11 @@ def _text(file: Path) -> tuple[str, str]:
     control = CONTROL.search(text[:LOOKED_AT])
     if control:
         raise TableError(file, "binary data", TABLE, "export the table as CSV or Parquet")
+    turned = DIRECTION.search(text)
+    if turned:
+        found = f"the character U+{ord(turned[0]):04X}, which turns the direction of writing"
+        line = text.count("\n", 0, turned.start()) + 1
+        raise TableError(file, found, "text that reads as it stands", "delete it", line=line)
     return text, encoding or "utf-8"
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 UNIT_DEFINITIONS = """
 micro- = 1e-6 = u-
 milli- = 1e-3 = m-
+centi- = 1e-2 = c-
 kilo- = 1e3 = k-
 mega- = 1e6 = M-
 second = [time] = s
@@ -45,7 +46,23 @@ percent = 0.01 * one
 parts_per_million = 1e-6 * one = ppm
 """
 
+WORDS = (
+    (r"U/min|1/min|min\^-1|min⁻¹|r\.?p\.?m\.?", "rpm"),
+    (r"arc[ -]?min", "arcmin"),
+    (r"arc[ -]?sec", "arcsec"),
+    (r"deg[ .]?c", "degC"),
+    (r"msec", "ms"),
+    (r"[uµμ]sec", "us"),
+    (r"sec", "s"),
+    (r"N[.-]m", "N*m"),
+)
+"""Words that people write in several ways, whatever their case, and what the registry reads instead.
+
+A speed in 1/min is what drives have on their name plates; a frequency in 1/s is none.
+"""
+
 SPELLINGS = (
+    ("•", "*"),
     ("·", "*"),
     ("⋅", "*"),
     ("∙", "*"),
@@ -57,14 +74,21 @@ SPELLINGS = (
     ("°", "deg"),
     ("′", "arcmin"),
     ("″", "arcsec"),
+    ("''", "arcsec"),
+    ("’", "arcmin"),
+    ("'", "arcmin"),
+    ('"', "arcsec"),
+    ("”", "arcsec"),
     ("µ", "u"),
     ("μ", "u"),
     ("%", "percent"),
 )
 """Signs that people write, and what the registry reads instead; applied from top to bottom."""
 
-NEWTON_METRE = re.compile(r"(?<![A-Za-z])([umkM]?N)m(?![A-Za-z])")
-NUMBER_AND_UNIT = re.compile(r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*", re.DOTALL)
+NEWTON_METRE = re.compile(r"(?<![A-Za-z])([umkM]?N)(c?m)(?![A-Za-z])")
+NUMBER_AND_UNIT = re.compile(
+    r"\s*(?P<number>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(?P<unit>.*?)\s*", re.DOTALL
+)
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+")
 UNIT_GRAMMAR = re.compile(r"[A-Za-z]+(\^[1-4])?([*/][A-Za-z]+(\^[1-4])?){0,5}")
 LONGEST_TEXT = 80
@@ -120,10 +144,12 @@ def read_unit(text: str) -> pint.Unit:
 
 def plain_unit(text: str) -> str:
     """Return a unit in the registry's spelling: `*` for products, `^` for powers, `N*m` for a newton metre."""
+    for written, read in WORDS:
+        text = re.sub(rf"(?<![A-Za-z])(?:{written})(?![A-Za-z])", read, text, flags=re.IGNORECASE)
     for written, read in SPELLINGS:
         text = text.replace(written, read)
     text = re.sub(r"\s*([*/^])\s*", r"\1", text.strip())
-    return NEWTON_METRE.sub(r"\1*m", re.sub(r"\s+", "*", text))
+    return NEWTON_METRE.sub(r"\1*\2", re.sub(r"\s+", "*", text))
 
 
 def dimension_name(unit: pint.Unit) -> str:
@@ -158,6 +184,8 @@ def read_quantity(text: object, kind: Kind, percent_of: float | None = None, all
         raise QuantityError(*_not_a_text(text, kind, allowed))
     match = NUMBER_AND_UNIT.fullmatch(text.replace("−", "-")) if len(text) <= LONGEST_TEXT else None
     comma = DECIMAL_COMMA.match(text)
+    if any(sign.isdecimal() and not sign.isascii() for sign in text):
+        raise QuantityError(f"{excerpt(text)}, with digits of another script", allowed, "Write the digits 0 to 9.")
     if match is None or comma:
         hint = "Write the decimal sign as a point." if comma else "Write a number, a space and a unit."
         raise QuantityError(f"{excerpt(text)}, which is not a number with a unit", allowed, hint)
@@ -167,7 +195,9 @@ def read_quantity(text: object, kind: Kind, percent_of: float | None = None, all
     try:
         unit = read_unit(match["unit"])
     except ValueError:
-        spellings = {plain_unit(known.shown): known.shown for known in KINDS}
+        meant_kind = unit_registry().parse_units(kind.unit).dimensionality
+        alike = [one for one in KINDS if unit_registry().parse_units(one.unit).dimensionality == meant_kind]
+        spellings = {plain_unit(known.shown): known.shown for known in alike}
         meant = did_you_mean(plain_unit(match["unit"]), spellings)
         for plain, shown in spellings.items():
             meant = meant.replace(f"'{plain}'", f"'{shown}'")

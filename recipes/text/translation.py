@@ -44,6 +44,11 @@ PATTERNS = {
 }
 """Patterns of `recipes.text.section` in words."""
 
+BEHIND_COMMA = re.compile(r"[0-9]+(\s*[^0-9\s].*)?")
+"""What YAML makes of the rest of `{torque: 110,5 N·m}`: an option without a value."""
+
+POINT = "A decimal comma? Write the decimal sign as a point."
+
 QUOTED = re.compile(r"'([^']*)'")
 
 
@@ -63,7 +68,8 @@ def problem_of(error: Mapping[str, Any], source: Source, model: type[BaseModel])
         case "extra_forbidden":
             names = options_at(model, place[:-1])
             found, allowed = f"the unknown option {excerpt(place[-1])}", one_of(names) or "no options"
-            hint = did_you_mean(place[-1], names) or "Delete it."
+            behind_comma = error["input"] is None and BEHIND_COMMA.fullmatch(str(place[-1]))
+            hint = POINT if behind_comma else did_you_mean(place[-1], names) or "Delete it."
         case "model_type":
             names = options_at(model, place)
             allowed = f"a section with the options {one_of(names)}" if names else "a section (lines of name: value)"

@@ -7,6 +7,7 @@ found. `yes` and `on` are texts, `true` is not.
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import replace
 from functools import lru_cache
@@ -59,6 +60,10 @@ YAML_HINTS = (
 """Part of the parser's message, and what to do about it."""
 
 
+DIRECTION = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""Characters that make a text look other than it is, comments included: nobody can check such a file by reading it."""
+
+
 def read_source(path: str | Path) -> Source:
     """Read a document from a file. Raises RecipeError when it cannot be opened or is no YAML."""
     return parse_source(read_bytes(path), str(path))
@@ -107,6 +112,10 @@ def _parsed(raw: bytes, path: str) -> Source:
         found = f"more than {LARGEST_FILE // 1024} kB"
         raise _whole_file(path, found, f"at most {LARGEST_FILE // 1024} kB", "Is this the right file?")
     text = _decoded(raw, path)
+    if turned := DIRECTION.search(text):
+        line, column = _line_and_column(text[: turned.start()])
+        found = f"the character U+{ord(turned[0]):04X}, which turns the direction of writing"
+        raise RecipeError([Problem(path, line, column, "", found, "text that reads as it stands", "Delete it.")])
     reader = _Reader(text, path)
     try:
         with warnings.catch_warnings():

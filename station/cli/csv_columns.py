@@ -5,7 +5,6 @@ Separators, decimal signs and encodings are read as those of traces are (`analys
 
 from __future__ import annotations
 
-import stat
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 from analysis.trace.csv_table import CsvTable, read_csv_table
 from analysis.trace.errors import TableError
 from analysis.trace.number_text import looks_like_number, read_numbers
+from recipes import open_regular
 
 LARGEST = 1e12
 """Larger magnitudes are refused: squares of it still are finite, and nothing on a bench reaches it."""
@@ -72,9 +72,8 @@ def read_csv_columns(file: Path) -> CsvColumns:
     fewer cells than the header.
     """
     try:
-        if not stat.S_ISREG(file.stat().st_mode):
-            raise TableError(file, "no file", "a CSV file with a header row", "name another: it cannot be read")
-        table = read_csv_table(file)
+        with open_regular(file) as stream:
+            table = read_csv_table(file, content=stream.read())
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise TableError(file, reason, "a CSV file with a header row", "name another: it cannot be read") from error

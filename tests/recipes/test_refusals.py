@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from refusal_support import problems
 
 from recipes import RecipeError, find_recipe, load_bench, load_document, shipped_recipes
+from recipes.text.yaml_source import parse_source
 
 GOOD = shipped_recipes()["rv-40e-121-inverse"].read_text(encoding="utf-8")
 
@@ -267,3 +268,18 @@ def test_models_of_other_packages(tmp_path):
         strict=True,
     ):  # fmt: skip
         assert words in line
+
+
+def test_a_decimal_comma_in_a_section_of_one_line_is_told_as_one() -> None:
+    found = problems(GOOD.replace("torque_rate: 60 N·m/s, dwell: 200", "torque_rate: 60,5 N·m/s, dwell: 200"))
+    assert any("'5 N·m/s'" in str(one) and "decimal sign as a point" in str(one) for one in found)
+
+
+@pytest.mark.parametrize("place", ["# a comment {}\nname: a\n", "name: a{}b\n"])
+@pytest.mark.parametrize("character", ["\u202e", "\u2066", "\u200f"])
+def test_characters_that_turn_the_text_are_refused_wherever_they_stand(place: str, character: str) -> None:
+    with pytest.raises(RecipeError) as refused:
+        parse_source(place.format(character).encode(), "r.yaml")
+    (problem,) = refused.value.problems
+    assert f"U+{ord(character):04X}" in problem.found
+    assert problem.column > 1

@@ -70,13 +70,12 @@ class MetricResult:
 
     @property
     def verdict(self) -> Verdict | None:
-        """Worst of the sides; None for a value that was asked for without a limit and could be had."""
-        found = worst(side.verdict for side in self.sides)
-        return None if found is Verdict.PASS and not self.limited else found
+        """Worst of the sides; None for a value that was asked for without a limit: it decides nothing."""
+        return worst(side.verdict for side in self.sides) if self.limited else None
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the metric does not pass."""
+        """Why the metric does not pass, or could not be evaluated."""
         return tuple(side.reason for side in self.sides if side.reason)
 
     def to_dict(self) -> dict[str, object]:
@@ -113,7 +112,7 @@ class MetricResult:
                     "monte_carlo": side.drawn,
                     "standard_deviation": side.standard_deviation,
                     "per_cycle": list(side.per_cycle),
-                    "verdict": side.verdict.value if self.limited or side.value is None else None,
+                    "verdict": side.verdict.value if self.limited else None,
                 }
                 for side in self.sides
             },

@@ -57,8 +57,9 @@ class Result:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What each stage did, in words."""
-        return tuple(stage.text for stage in self.stages)
+        """What each stage did, in words, and why a metric without a limit could not be evaluated."""
+        missing = [reason for metric in self.metrics if not metric.limited for reason in metric.reasons]
+        return (*(stage.text for stage in self.stages), *missing)
 
     def to_dict(self) -> dict[str, object]:
         """Return verdict, reasons, metrics, notes, checks and stages as plain data (the JSON contract)."""
@@ -137,10 +138,10 @@ def _curves(loops: Sequence[Loop]) -> Curves:
 def _overall(metrics: Sequence[MetricResult], problems: Sequence[str]) -> tuple[Verdict, list[str]]:
     """Verdict of the run and its reasons, the deciding ones first."""
     reasons = list(problems)
-    by_verdict = sorted(metrics, key=lambda metric: metric.verdict is not Verdict.FAIL)
-    reasons += [reason for metric in by_verdict for reason in metric.reasons]
+    judged = sorted((one for one in metrics if one.limited), key=lambda metric: metric.verdict is not Verdict.FAIL)
+    reasons += [reason for metric in judged for reason in metric.reasons]
     if problems:
         return Verdict.NOT_DECIDABLE, reasons
-    if not any(metric.limited for metric in metrics):
+    if not judged:
         return Verdict.NOT_DECIDABLE, [*reasons, "no metric has a limit: there is nothing to decide"]
-    return worst(metric.verdict for metric in metrics if metric.verdict is not None), reasons
+    return worst(metric.verdict for metric in judged if metric.verdict is not None), reasons

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.loop.method import Method
 from analysis.loop.stages import Figure, StageRecord
-from analysis.torque_ratio.quadrant_fit import fit_quadrants
+from analysis.torque_ratio.quadrant_fit import fit_quadrants, quadrants_of_cycles
 from analysis.torque_ratio.quadrants import Quadrants, output_torque, turn_lines
 from analysis.trace.errors import AnalysisError
 from analysis.trace.runs import Run, commanded_runs, found_runs, paired_cycles
@@ -131,12 +131,14 @@ def _torque_ratio(trace: Trace, method: Method, runs: Sequence[Run]) -> tuple[Qu
     """Return the torque ratio as given or as measured, or the reason why there is none; and what was found."""
     if method.quadrants is not None:
         return method.quadrants, ["torque ratio: as given"]
+    calibrated = converts(trace, method) or any(run.role == "calibrate" for run in runs)
     try:
-        quadrants = fit_quadrants(trace, runs)
+        quadrants = fit_quadrants(trace, runs) if calibrated else quadrants_of_cycles(trace, runs)
     except AnalysisError as error:
         return error, []
+    which = "torque ratio" if calibrated else "torque ratio of the measured cycles"
     return quadrants, [
-        f"torque ratio, {name}: T_out = {fit.offset_nm:.4g} + {fit.slope:.5g} T_in (N·m), s = "
+        f"{which}, {name}: T_out = {fit.offset_nm:.4g} + {fit.slope:.5g} T_in (N·m), s = "
         f"{fit.residual_sd_nm:.2g} N·m over {fit.points} points, {fit.flagged.size} flagged"
         for name, fit in quadrants.fits.items()
     ]

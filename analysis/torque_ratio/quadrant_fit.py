@@ -58,6 +58,19 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
     return replace(moving, left=_leftovers(branches, moving))
 
 
+def quadrants_of_cycles(trace: Trace, runs: Sequence[Run]) -> Quadrants:
+    """Fit the four lines to the measured cycles, where no calibrate run was made: to be told, not to convert by.
+
+    Raises AnalysisError as `fit_quadrants`.
+    """
+    cycles = [run for run in runs if run.role == "measure"]
+    if not cycles:
+        raise AnalysisError(f"{trace.source}: no measured cycle; the torque ratio needs one, or a calibrate segment")
+    fits = fit_lines(trace, cycles)
+    lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
+    return Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)
+
+
 def fit_lines(
     trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE
 ) -> dict[str, RatioFit]:

@@ -86,10 +86,14 @@ def test_a_metric_that_cannot_be_had_never_passes() -> None:
     assert "412" in result.reasons[0]
 
 
-def test_missing_without_a_limit_is_not_decidable_either() -> None:
-    result = analyse(TRACE, METHOD, [BACKLASH, MetricWanted("torque_ratio_slope")])
-    assert result.verdict is OPEN
-    assert "torque_in_nm" in result.reasons[0]
+def test_what_is_missing_decides_where_it_has_a_limit_and_is_noted_where_it_has_none() -> None:
+    told = analyse(TRACE, METHOD, [BACKLASH, MetricWanted("torque_ratio_slope")])
+    assert (told.verdict, told.reasons) == (PASS, ())
+    assert (told.metrics[1].verdict, told.metrics[1].headline.value) == (None, None)
+    assert "torque_in_nm" in told.notes[-1]
+    limited = analyse(TRACE, METHOD, [BACKLASH, MetricWanted("torque_ratio_slope", min=1.0)])
+    assert limited.verdict is OPEN
+    assert "torque_in_nm" in limited.reasons[0]
 
 
 def test_guard_band_needs_an_uncertainty() -> None:

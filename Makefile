@@ -40,7 +40,7 @@ help:
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $(STAMP)
 
 setup: $(STAMP)
@@ -83,7 +83,7 @@ power-cuts: $(STAMP)
 	$(BIN)/python tests/proofs/drills/power_cuts.py $(CUTS)
 
 fuzz: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,fuzz]'
+	$(BIN)/python -m pip install --quiet --no-compile --no-compile --disable-pip-version-check -c constraints.txt -e '.[dev,fuzz]'
 	$(BIN)/python tests/proofs/fuzz/coverage_guided.py $(FUZZ_SECONDS)
 
 fuzz-wires: $(STAMP)

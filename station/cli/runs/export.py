@@ -85,7 +85,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, locale:
         raise StationError(f"--locale: found {locale!r}; allowed are {', '.join(LOCALES)}")
     if locale != "en" and file_format != "csv":
         raise StationError("--locale is for --format csv; the other formats are the same everywhere. Leave it out")
-    writer = partial(write_csv, style=LOCALES[locale]) if file_format == "csv" else FORMATS[file_format]
+    writer = FORMATS[file_format] if locale == "en" else partial(write_csv, style=LOCALES[locale])
     run = Store(data).find(name)
     altered = alterations(run)
     path = Path(f"{run.id}.{file_format}") if out is None else out

@@ -13,7 +13,7 @@ from benchmarks.simulated.simulated_run import SimulatedBench
 from recipes import load_bench
 from station.bench.figures import figures_of
 
-UNITS = 24
+UNITS = 16
 NAMES = [
     "backlash_width_3pct",
     "backlash_width_zero",
@@ -59,7 +59,7 @@ def test_interval_of_a_share(covered: float, units: int, between: tuple[float, f
 
 def test_one_error_alone_has_the_deviation_that_its_source_states() -> None:
     """Gain of the sensor alone in a wind-up: ± 2 u is all of what a data sheet allows, and 95 % of a certificate's."""
-    bench, units, alone = SimulatedBench(rate_nm_s=480.0, cycles=1), 60, [MetricWanted("windup")]
+    bench, units, alone = SimulatedBench(rate_nm_s=480.0, cycles=1), 40, [MetricWanted("windup")]
     method = Method(ratio=bench.ratio, rated_torque_nm=412.0, fixture_stiffness_nm_per_arcmin=1e4)
     quiet = {"zero_fraction": 0.0, "reversibility_fraction": 0.0, "noise_fraction": 0.0, "gain_fraction": 0.02}
     for by, least in (("data_sheet", 1.0), ("certificate", 0.82)):

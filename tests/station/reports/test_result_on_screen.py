@@ -116,7 +116,8 @@ def test_bad_input_of_a_statistic_is_json_for_a_program(tmp_path: Path) -> None:
     done = here("capability", str(path), "--max", "9", "--json")
     assert done.exit_code == 2
     assert "row 2, column value: found 'x'" in done.err
-    assert "row 2, column value" in done.json["errors"][0]["found"]
+    (told,) = done.json["errors"]
+    assert (told["file"], told["row"], told["column"], told["found"]) == (str(path), 2, "value", "'x'")
 
 
 def test_wider_validity_limits_stand_above_the_other_notes() -> None:

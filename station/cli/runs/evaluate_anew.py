@@ -38,6 +38,7 @@ from station.results.export_origin import Origin, origin_of
 from station.results.judged import judged_in
 from station.results.run_analysis import evaluate_run
 from station.results.trace_origin import check_recipe_fits, objections_to_bench
+from station.results.unit_hint import torque_unit_hint
 from station.run.conclusion import NOT_DECIDABLE
 from station.version import version
 from station.wall_clock import WALL_CLOCK
@@ -88,6 +89,7 @@ def elsewhere(
     if bench is None:
         judged = _with_unknown_lag(judged, found)
     judged = _with_warnings(judged, recipe, recipe_file, bench)
+    reading = f"{path}: {trace.reading}" if trace.reading else ""
     result = Evaluation(
         run=None,
         serial=None,
@@ -98,7 +100,7 @@ def elsewhere(
         decision=judged.decision,
         metrics=judged.metrics,
         gates=judged.gates,
-        notes=(*([f"{path}: {trace.reading}"] if trace.reading else []), *judged.notes),
+        notes=(*[text for text in (torque_unit_hint(trace, recipe), reading) if text], *judged.notes),
         stages=judged.stages,
         record=str(path),
         preset=selection.preset,

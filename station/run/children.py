@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,10 @@ class LifeLine:
                 os.close(handle)
 
 
+def nothing() -> None:
+    """Do nothing while a process starts."""
+
+
 def run_module(module: str, *words: str | Path, **options: Any) -> subprocess.Popen[bytes]:
     """Start a module of this program as a process of its own, with what it reads on its command line."""
     # A session of its own: Ctrl-C in the terminal is for the desk, which unloads the torque first.
@@ -54,23 +59,27 @@ def run_module(module: str, *words: str | Path, **options: Any) -> subprocess.Po
     return subprocess.Popen(command, start_new_session=True, env=os.environ | ONE_THREAD, **options)  # noqa: S603
 
 
-def start_virtual_bench(spec: Path, log: Path, life_line: LifeLine) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    """Start the embedded virtual bench; return its process and its ready line.
+def start_virtual_bench(
+    spec: Path, log: Path, life_line: LifeLine, meanwhile: Callable[[], None] = nothing
+) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    """Start the embedded virtual bench; return its process and its ready line. `meanwhile` is done until that comes.
 
     Raises:
         BenchFaultError: it did not come up; the text holds what it said.
 
     """
-    return _start_serving("station.bench.virtual_bench_process", "virtual bench", spec, log, life_line)
+    return _start_serving("station.bench.virtual_bench_process", "virtual bench", spec, log, life_line, meanwhile)
 
 
-def start_gateway(spec: Path, log: Path, life_line: LifeLine) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+def start_gateway(
+    spec: Path, log: Path, life_line: LifeLine, meanwhile: Callable[[], None] = nothing
+) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
     """Start the gateway before a bench on a cable; as `start_virtual_bench`."""
-    return _start_serving("station.bench.gateway_process", "gateway", spec, log, life_line)
+    return _start_serving("station.bench.gateway_process", "gateway", spec, log, life_line, meanwhile)
 
 
-def _start_serving(
-    module: str, name: str, spec: Path, log: Path, life_line: LifeLine
+def _start_serving(  # noqa: PLR0917 - a process, and what is done while it starts
+    module: str, name: str, spec: Path, log: Path, life_line: LifeLine, meanwhile: Callable[[], None]
 ) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
     with log.open("wb") as errors:
         process = run_module(
@@ -80,6 +89,11 @@ def _start_serving(
             stdout=subprocess.PIPE,
             stderr=errors,
         )
+    try:
+        meanwhile()
+    except BaseException:
+        stop(process)
+        raise
     line = _first_line(process, READY_TIMEOUT_S)
     try:
         ready: dict[str, Any] = json.loads(line)

@@ -80,14 +80,19 @@ class Desk:
         attend: Callable[[RingReader], None] | None = None,
         gateway: bool = False,
         pacing: Pacing = BY_WALL_CLOCK,
+        meanwhile: Callable[[], None] = children.nothing,
     ) -> None:
-        """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench."""
+        """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench.
+
+        meanwhile: done while the other processes start, when nobody waits for the desk.
+        """
         self._job, self._record = job, record
         self._gateway = gateway
         self._pacing = pacing
         self._companion = companion
         self._show, self._say = _if_possible(show), _if_possible(say)
         self._left, self._attend = left, attend
+        self._meanwhile = meanwhile
         self._stopping = Stopping()
         self._disk_refused = ""
         self._waits = False
@@ -123,6 +128,8 @@ class Desk:
             report = self._record.folder / SCAN_REPORT
             process = self._start_scan(ring_path, report, ports, life_line)
             cleanup.callback(children.stop, process, self._longest_unload_s())
+            if ports is None:
+                self._meanwhile()
             if self._companion is not None:
                 tell = None if life_line is None else life_line.tell
                 self._companion.begin(Reach(process.pid, ring.send, tell))
@@ -156,7 +163,7 @@ class Desk:
         self._say("starting the gateway" if self._gateway else "starting the virtual bench")
         spec = write_bench_spec(self._job, self._record, unit, scenario, self._pacing.clock)
         start = children.start_gateway if self._gateway else children.start_virtual_bench
-        process, ready = start(spec, self._record.folder / BENCH_LOG, life_line)
+        process, ready = start(spec, self._record.folder / BENCH_LOG, life_line, self._meanwhile)
         cleanup.callback(children.stop, process)
         return ready
 

@@ -24,7 +24,7 @@ from station.records.clocks import SCAN, VIRTUAL, Pacing
 from station.records.data_folder import Store, check_operator, check_reason, check_serial
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
-from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude
+from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude, load_ahead
 from station.run.disk_space import refuse_full_disk
 from station.run.ending import DESK_REPORT, Ending
 from station.run.new_record import Wanted, new_record
@@ -327,7 +327,9 @@ def _conclude(
 
         companion = None if scenario is None else _companion(scenario)
         try:
-            ending = Desk(job, record, progress.show, progress.say, companion, pacing=pacing).run(unit, scenario)
+            ending = Desk(job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead).run(
+                unit, scenario
+            )
         except BenchFaultError as error:
             record.samples.touch()
             ending = Ending.refused_by(record, error)

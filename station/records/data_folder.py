@@ -27,6 +27,7 @@ STAMP = "%Y%m%dT%H%M%S.%f"
 FORMAT_VERSION = 1
 LONGEST_SERIAL = 128
 LONGEST_REASON = 200
+LONGEST_NOTE = 400
 
 FURTHEST_AHEAD = timedelta(days=3660)
 """A folder named by a later moment than this from now was not named by a clock: new ids do not come after it."""
@@ -53,6 +54,14 @@ def check_reason(text: str) -> str:
     if not text.strip() or len(text) > LONGEST_REASON or not text.isprintable():
         allowed = f"1 to {LONGEST_REASON} printable characters"
         raise StationError(f"--retest-reason: found {text[:40]!r}; allowed are {allowed}")
+    return text.strip()
+
+
+def check_note(text: str) -> str:
+    """Return a note for the record as it may be stored; StationError as `check_operator`."""
+    if not text.strip() or len(text) > LONGEST_NOTE or not text.isprintable():
+        allowed = f"1 to {LONGEST_NOTE} printable characters"
+        raise StationError(f"--note: found {text[:40]!r}; allowed are {allowed}")
     return text.strip()
 
 

@@ -21,6 +21,7 @@ from sqlalchemy import Connection, delete, insert, select
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.wall_clock import WALL_CLOCK, now_text
+from station.web.bypasses import LONGEST_HOURS, BypassError, add_bypass, bypasses_now, end_bypass
 from station.web.models import Models
 from station.web.people import audit
 from station.web.people.accounts import (
@@ -45,6 +46,7 @@ from station.web.scanner import ScanError, serial_of
 
 EVERYBODY = frozenset(ROLES)
 AT_THE_BENCH = frozenset({"operator", "technician", "engineer", "admin"})
+IN_CHARGE = frozenset({"technician", "engineer", "admin"})
 ADMIN = frozenset({"admin"})
 
 OK, BAD_INPUT, NOT_ENTERED, NOT_ALLOWED, NOT_NOW, NOT_READY = 200, 422, 401, 403, 409, 503
@@ -72,6 +74,20 @@ class Confirm(_Needs):
     """The run whose bad unit is in the NOK box."""
 
     run: str = Field(max_length=200)
+
+
+class NewBypass(_Needs):
+    """A start condition to set aside, why, and for how many hours."""
+
+    condition: str = Field(max_length=40)
+    reason: str = Field(min_length=1, max_length=120)
+    hours: float = Field(gt=0.0, le=LONGEST_HOURS)
+
+
+class EndedBypass(_Needs):
+    """A start condition that counts again."""
+
+    condition: str = Field(max_length=40)
 
 
 class NewPerson(_Needs):
@@ -161,11 +177,15 @@ def _start_run(call: Call, given: Start) -> dict[str, Any]:
     wanted = Wanted(serial, given.retest_reason)
     confirmed = _confirmed(call.connection)
     now = situation_of(station.data, station.models, wanted, busy=station.running.busy(), confirmed=confirmed)
-    if why := refusals(now):
+    bypasses = bypasses_now(call.connection)
+    if why := refusals(now, {one.condition for one in bypasses}):
         raise NotNowError(why)
     model = now.model
     assert model is not None  # noqa: S101 - a condition of the start
     options = [model.recipe, "--operator", call.person.name, "--no-report", *station.run_options]
+    used = {name for name, _ in refusals(now)}
+    for note in (str(one) for one in bypasses if one.condition in used):
+        options += ["--note", note]
     options += ["--retest-reason", given.retest_reason] if given.retest_reason.strip() else []
     options += ["--bench", model.bench] if model.bench else []
     options += ["--unit", model.unit] if model.unit else []
@@ -197,6 +217,17 @@ def _confirm(call: Call, given: Confirm) -> dict[str, Any]:
     if call.connection.execute(there).first() is None:
         call.connection.execute(insert(CONFIRMED).values(run=given.run, name=call.person.name, at=now_text()))
     return {"run": given.run}
+
+
+def _add_bypass(call: Call, given: NewBypass) -> dict[str, Any]:
+    found = add_bypass(call.connection, given.condition, call.person.name, given.reason, given.hours)
+    return {"condition": found.condition, "text": str(found)}
+
+
+def _end_bypass(call: Call, given: EndedBypass) -> dict[str, Any]:
+    if not end_bypass(call.connection, given.condition):
+        raise NotNowError([("no_bypass", f"The condition {given.condition!r} is not bypassed.")])
+    return {"condition": given.condition}
 
 
 def _add_person(call: Call, given: NewPerson) -> dict[str, Any]:
@@ -234,6 +265,9 @@ ACTIONS: dict[str, Action] = {
         Action("start_run", "measure the scanned unit", AT_THE_BENCH, Start, _start_run, ("scanned", "retest_reason")),
         Action("stop_run", "bring the torque to zero and stop the run", EVERYBODY, Nothing, _stop_run),
         Action("confirm_nok", "confirm that a bad unit is in the NOK box", AT_THE_BENCH, Confirm, _confirm, ("run",)),
+        Action("add_bypass", "set a start condition aside for some hours", IN_CHARGE, NewBypass, _add_bypass,
+               ("condition", "reason", "hours")),
+        Action("end_bypass", "let a start condition count again", IN_CHARGE, EndedBypass, _end_bypass, ("condition",)),
         Action("add_person", "add an account", ADMIN, NewPerson, _add_person, ("name", "role")),
         Action("disable_person", "close an account", ADMIN, Named, _disable_person, ("name",)),
         Action("reset_person", "open an account again with a first password", ADMIN, FreshPassword, _reset_person,
@@ -338,6 +372,7 @@ _REFUSALS: tuple[tuple[type[StationError], int, str], ...] = (
     (EntryRefusedError, NOT_ALLOWED, "password"),
     (AccountError, BAD_INPUT, "input"),
     (ScanError, BAD_INPUT, "scan"),
+    (BypassError, BAD_INPUT, "input"),
 )
 """Status and id of a refusal, by what was raised; of anything else the station cannot do it now."""
 

@@ -6,7 +6,7 @@ that nobody mends one to learn of the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -53,11 +53,12 @@ class Situation:
 
 
 class Condition(NamedTuple):
-    """One row: id, what it asks in a few words, and the look."""
+    """One row: id, what it asks in a few words, the look, and whether somebody may set it aside for a while."""
 
     id: str
     title: str
     why_not: Callable[[Situation], str | None]
+    may_be_bypassed: bool = False
 
 
 def situation_of(data: Path, models: Models, wanted: Wanted, *, busy: bool, confirmed: frozenset[str]) -> Situation:
@@ -74,11 +75,15 @@ def situation_of(data: Path, models: Models, wanted: Wanted, *, busy: bool, conf
     return Situation(data, wanted, model, job, why, busy, before, newest, unconfirmed(data, confirmed))
 
 
-def refusals(situation: Situation) -> list[tuple[str, str]]:
-    """Return id and reason of every condition that is not met; while a run is on that alone counts."""
+def refusals(situation: Situation, bypassed: Collection[str] = ()) -> list[tuple[str, str]]:
+    """Return id and reason of every condition that is not met; while a run is on that alone counts.
+
+    bypassed: ids of conditions that were set aside; of the others none can be.
+    """
     if (busy := _bench_free(situation)) is not None:
         return [(CONDITIONS[0].id, busy)]
-    found = ((one.id, one.why_not(situation)) for one in CONDITIONS)
+    counting = [one for one in CONDITIONS if not (one.may_be_bypassed and one.id in bypassed)]
+    found = ((one.id, one.why_not(situation)) for one in counting)
     return [(name, why) for name, why in found if why is not None]
 
 
@@ -181,10 +186,17 @@ CONDITIONS: tuple[Condition, ...] = (
     Condition("model_known", "the serial number is one of a known model", _model_known),
     Condition("recipe_in_order", "recipe and bench of the model are in order", _recipe_in_order),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
-    Condition("attempts_left", "the unit was not measured as often as its model allows", _attempts_left),
-    Condition("retest_reason", "a unit that was measured before has a reason to be measured again", _retest_reason),
+    Condition(
+        "attempts_left", "the unit was not measured as often as its model allows", _attempts_left, may_be_bypassed=True
+    ),
+    Condition(
+        "retest_reason",
+        "a unit that was measured before has a reason to be measured again",
+        _retest_reason,
+        may_be_bypassed=True,
+    ),
     Condition("bench_recovered", "the bench was brought back after a fault", _bench_recovered),
     Condition("room_on_disk", "there is room on the disk for the record", _room_on_disk),
-    Condition("clock_plausible", "the computer's clock is plausible", _clock_plausible),
+    Condition("clock_plausible", "the computer's clock is plausible", _clock_plausible, may_be_bypassed=True),
 )
-"""Conditions of a start."""
+"""Conditions of a start. What keeps hands and bench safe, or says what a unit is, nobody can set aside."""

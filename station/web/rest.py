@@ -31,6 +31,7 @@ from station.web.actions import (
     perform,
     said,
 )
+from station.web.bypasses import bypasses_now
 from station.web.people import audit
 from station.web.people.accounts import (
     LONGEST_NAME,
@@ -140,6 +141,8 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         if _session(station, token) is None:
             return _not_entered()
         found = station.running.now()
+        with station.database.reading() as connection:
+            bypasses = [str(one) for one in bypasses_now(connection)]
         return JSONResponse({
             "stage": found.stage, "serial": found.serial, "run": found.run, "attempt": found.attempt,
             "recipe": found.recipe, "refused": found.refused, "altered": list(found.altered),
@@ -149,6 +152,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "left_s": None if found.view is None else found.view.left_s,
             "verdict": None if found.result is None else found.result.verdict,
             "reasons": [] if found.result is None else list(found.result.reasons),
+            "bypasses": bypasses,
         })  # fmt: skip
 
     @app.get("/api/runs/{run}", summary="the result of a run", tags=["runs"], **_answers(200, 401, 404, 409, 503))

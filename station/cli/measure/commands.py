@@ -73,6 +73,9 @@ def run(
     retest_reason: Annotated[
         str | None, typer.Option("--retest-reason", metavar="TEXT", help="Why the unit is measured again.")
     ] = None,
+    note: Annotated[
+        list[str] | None, typer.Option("--note", metavar="TEXT", help="A note for record and report; repeatable.")
+    ] = None,
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -97,6 +100,7 @@ def run(
         seed,
         report=report,
         retest_reason=retest_reason,
+        notes=tuple(note or ()),
         wall_clock=wall_clock,
         fast=pace is Pace.fast,
     )

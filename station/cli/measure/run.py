@@ -21,7 +21,7 @@ from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
 from station.records.chain.keys import own_key
 from station.records.clocks import SCAN, VIRTUAL, Pacing
-from station.records.data_folder import Store, check_operator, check_reason, check_serial
+from station.records.data_folder import Store, check_note, check_operator, check_reason, check_serial
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
 from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude, load_ahead
@@ -67,6 +67,8 @@ class Options:
     """Whether a virtual bench lives by the wall clock, as real hardware does, instead of waiting for the scan."""
     retest_reason: str | None = None
     """Why a unit is measured again; it stands in the record."""
+    notes: tuple[str, ...] = ()
+    """What else is to stand in record and report, such as a start condition that was bypassed."""
     fast: bool = False
     """Whether scans follow each other without waiting for deadlines, on a bench that waits for them."""
 
@@ -97,7 +99,7 @@ def run(options: Options) -> int:
     refuse_full_disk(options.data, job)
     _check_key(job)
     _put_in_order(Store(options.data), job)
-    notes = recipe_notes(options.data, job)
+    notes = [*(check_note(one) for one in options.notes), *recipe_notes(options.data, job)]
     wanted = Wanted(serial, unit, scenario, options.operator, pacing.clock, options.retest_reason)
     record = new_record(options.data, job, wanted, notes=notes)
     for note in record.manifest().notes:

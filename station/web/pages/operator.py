@@ -18,6 +18,7 @@ from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
 from station.web.actions import OK, Answer, Station, perform, unconfirmed_run
+from station.web.bypasses import Bypass, bypasses_now
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
 from station.web.rest import COOKIE
@@ -56,6 +57,12 @@ def _session(station: Station, token: str | None) -> Session | None:
         return session_of(connection, token)
 
 
+def _seen(station: Station, token: str) -> tuple[Session | None, tuple[Bypass, ...]]:
+    """Return whose page it is, and which start conditions do not count now."""
+    with station.database.reading() as connection:
+        return session_of(connection, token), bypasses_now(connection)
+
+
 class _Page:
     """One open page. It shows what the bench does, and keeps nothing but what was scanned last."""
 
@@ -64,7 +71,7 @@ class _Page:
         self._shown: tuple[Any, ...] = ()
         self._points = -1
         self._scan = ("", 0.0, "")
-        self._session_seen = time.monotonic()
+        self._session_seen = 0.0
 
     def build(self) -> None:
         """Lay the page out."""
@@ -79,6 +86,8 @@ class _Page:
                 self._tile = ui.html(sanitize=False).classes("lm-tile").props('role="status" aria-live="polite"')
                 self._refused = ui.element("div").classes("lm-refused").props('role="alert"')
                 self._refused.set_visibility(False)
+                self._bypasses = ui.label().classes("lm-bypasses")
+                self._bypasses.set_visibility(False)
                 self._why = ui.html(sanitize=False).classes("lm-why").props('tabindex="0"')
             with ui.element("section").classes("lm-right"):
                 self._figures = ui.html(sanitize=False).classes("lm-figures")
@@ -88,9 +97,12 @@ class _Page:
 
     async def _look(self) -> None:
         if time.monotonic() - self._session_seen > SESSION_EVERY_S:
-            if await asyncio.to_thread(_session, self._station, self._session.token) is None:
+            session, bypasses = await asyncio.to_thread(_seen, self._station, self._session.token)
+            if session is None:
                 ui.navigate.to("/enter")  # nobody sees the bench after the end of a session
                 return
+            self._bypasses.set_text(" ".join(str(one) for one in bypasses))
+            self._bypasses.set_visibility(bool(bypasses))
             self._session_seen = time.monotonic()
         now = await asyncio.to_thread(self._station.running.now)
         self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))

@@ -77,6 +77,16 @@ CONFIRMED = Table(
 )  # fmt: skip
 """Runs whose bad unit somebody has put into the box for bad units."""
 
+BYPASSES = Table(
+    "bypasses", METADATA,
+    Column("number", Integer, primary_key=True),
+    Column("condition", String(40), nullable=False),
+    Column("name", String(64), nullable=False),
+    Column("reason", Text, nullable=False),
+    Column("until_s", Float, nullable=False),
+)  # fmt: skip
+"""Start conditions that somebody has set aside; one that was ended has its end in `until_s`."""
+
 AUDIT = Table(
     "audit", METADATA,
     Column("number", Integer, primary_key=True, autoincrement=False),

@@ -24,6 +24,8 @@ VALUES = {
     "start_run": {"scanned": "of no model at all"},
     "stop_run": {},
     "confirm_nok": {"run": "R"},
+    "add_bypass": {"condition": "bench_free", "reason": "r", "hours": 1.0},
+    "end_bypass": {"condition": "bench_free"},
     "add_person": {"name": " no", "role": "operator", "password": FIRST},
     "disable_person": {"name": "nobody of this name"},
     "reset_person": {"name": "nobody of this name", "password": FIRST},

@@ -47,6 +47,9 @@ class MetricRow(NamedTuple):
     limit_max: float | None
 
 
+MOST_SIDES = 100
+"""Rows that the sides of one run's metric are looked for in: two sides, and what a recipe asks of the metric again."""
+
 OF_THE_RUN = MetricRow._fields[: MetricRow._fields.index("position")]
 
 
@@ -70,3 +73,18 @@ def metric_rows(
         rows = [MetricRow._make(row) for row in connection.execute(asked).all()]
     for _, group in groupby(rows, key=attrgetter("run")):
         yield list(group)
+
+
+def sides_of(view: View, metric: str, recipe: str | None, serial: str | None) -> tuple[str, ...]:
+    """Return the sides that the newest run with the metric has of it; none where no run has it."""
+    together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
+    asked = select(METRICS.c.run, METRICS.c.side).select_from(RUNS).join(METRICS, together)
+    asked = asked.where(RUNS.c.chain == view.chain.id, METRICS.c.metric == metric)
+    if recipe is not None:
+        asked = asked.where(RUNS.c.recipe == recipe)
+    if serial is not None:
+        asked = asked.where(RUNS.c.serial == serial)
+    asked = asked.order_by(METRICS.c.run.desc(), METRICS.c.main.desc()).limit(MOST_SIDES)
+    with view.database.reading() as connection:
+        rows = connection.execute(asked).all()
+    return tuple(dict.fromkeys(side for run, side in rows if run == rows[0][0]))

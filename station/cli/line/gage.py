@@ -18,9 +18,9 @@ from analysis.line.gage_study import (
     gage_design,
 )
 from station.cli.csv_columns import read_csv_columns
-from station.cli.line.line_statistics import figure
+from station.cli.line.line_statistics import Side, Values, figure, worse_side
 from station.cli.line.stored_metric import Ask, StoredValue
-from station.cli.line.stored_values import StoredValues, stored_values
+from station.cli.line.stored_values import StoredValues, values_of_sides
 from station.cli.say import Grid, say
 from station.errors import StationError
 
@@ -65,16 +65,13 @@ def gage(
         raise StationError(f"--by: found {by!r}; allowed are {', '.join(BY)}")
     if file is None and ask is None:
         raise StationError("give a CSV FILE with the columns operator, part and value, or --metric ID for stored runs")
-    stored: StoredValues | None = None
     if file is not None:
-        design, stored = _listed(file, ask, data)
+        found = _listed(file, ask, data)
     else:
-        stored = stored_values(data, ask or Ask(""))
-        design = _of_runs(stored, by)
-    tolerance = _tolerance(given, stored)
-    anova = analyse_gage_study(design, tolerance, level)
-    ranges = analyse_average_range(design, tolerance, level)
-    unit = "" if stored is None else stored.unit
+        found = [(_of_runs(one, by), one) for one in values_of_sides(data, ask or Ask(""))]
+    sides = [_studied(design, stored, given, level) for design, stored in found]
+    values, (design, tolerance, anova, ranges), of_sides = worse_side(sides)
+    stored, unit = values.stored, values.unit
     head: dict[str, Any] = {"file": None if file is None else str(file), **({} if stored is None else stored.head())}
     head |= {"parts": list(design.parts), "operators": list(design.operators), "trials": design.values.shape[2]}
     document = {
@@ -84,29 +81,48 @@ def gage(
         "anova": _plain(anova),
         "average_range": _plain(ranges),
     }
-    notes = [] if stored is None else stored.notes()
-    return say(document, [*_blocks(design, anova, ranges, unit, level), *notes], as_json=as_json)
+    blocks = _blocks(design, anova, ranges, unit, level)
+    return say(document, [*blocks, *of_sides, *values.notes()], as_json=as_json)
 
 
-def _listed(file: Path, ask: Ask | None, data: Path) -> tuple[GageDesign, StoredValues | None]:
-    """Return the study of a CSV file; where it names runs instead of values, these are looked up."""
+Study = tuple[GageDesign, float | None, GageStudy, AverageRange]
+
+
+def _studied(design: GageDesign, stored: StoredValues | None, given: float | None, level: float) -> Side[Study]:
+    tolerance = _tolerance(given, stored)
+    anova = analyse_gage_study(design, tolerance, level)
+    ranges = analyse_average_range(design, tolerance, level)
+    name, unit = ("", "") if stored is None else (stored.name, stored.unit)
+    share = anova.grr_pct.value
+    values = Values(name, unit, [], None, stored)
+    return Side(values, (design, tolerance, anova, ranges), share, f"{share:.3g} % of the total spread")
+
+
+def _listed(file: Path, ask: Ask | None, data: Path) -> list[tuple[GageDesign, StoredValues | None]]:
+    """Return the study of a CSV file; where it names runs instead of values, these are looked up, of each side."""
     table = read_csv_columns(file)
     operators, parts = table.texts("operator"), table.texts("part")
     if "value" in table.columns:
-        return gage_design(operators, parts, table.numbers("value")), None
+        return [(gage_design(operators, parts, table.numbers("value")), None)]
     if "run" not in table.columns or ask is None:
         raise StationError(
             f"{file}: found columns {', '.join(table.columns)}; expected operator, part and value, or operator, part "
             "and run with --metric ID"
         )
     names = table.texts("run")
-    stored = stored_values(data, ask, names)
+    asked = values_of_sides(data, ask, names)
+    return [_of_listed(file, operators, parts, names, one) for one in asked]
+
+
+def _of_listed(
+    file: Path, operators: list[str], parts: list[str], names: list[str], stored: StoredValues
+) -> tuple[GageDesign, StoredValues]:
     by_run = {one.run_id: one for one in stored.values}
     rows = []
     for row, name in enumerate(names, start=1):
         if name not in by_run:
             raise StationError(
-                f"{file}: row {row}, column run: found '{name:.60}'; no such run with a value of {ask.metric} in {data}"
+                f"{file}: row {row}, column run: found '{name:.60}'; no such run with a value of {stored.name}"
             )
         rows.append(by_run[name])
     twice = next((name for name, count in Counter(one.run_id for one in rows).items() if count > 1), None)

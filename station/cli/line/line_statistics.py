@@ -6,14 +6,14 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from analysis.line.capability import Capability, capability
 from analysis.line.master_part import master_part_trend
-from analysis.line.spread import unit_to_unit
+from analysis.line.spread import UnitToUnit, unit_to_unit
 from station.cli.csv_columns import CsvColumns, read_csv_columns
 from station.cli.line.stored_metric import Ask
-from station.cli.line.stored_values import StoredValues, stored_values
+from station.cli.line.stored_values import StoredValues, values_of_sides
 from station.cli.say import Grid, say
 from station.documents.result import Limits
 from station.errors import StationError
@@ -26,6 +26,7 @@ LEAST_SHARE = 1e-6
 """Share of units beyond the limits that is still told as a figure: 1 in a million. No tail is known further out."""
 
 SECONDS_PER_DAY = 86400.0
+Study = TypeVar("Study")
 OUT_OF_CONTROL = 1
 
 
@@ -60,15 +61,36 @@ class Values:
         return [] if self.stored is None else self.stored.notes()
 
 
-def values_of(asked: Asked) -> Values:
-    """Return the values that were asked for; StationError when it is not clear which, or they cannot be read."""
+def values_of(asked: Asked) -> list[Values]:
+    """Return the values that were asked for, of each side where the metric has two and none was chosen.
+
+    Raises:
+        StationError: it is not clear which, or they cannot be read.
+
+    """
     if (asked.file is None) == (asked.ask is None):
         raise StationError("give either a CSV FILE, or --metric ID for the stored runs below --data")
     if asked.file is not None:
         table = read_csv_columns(asked.file)
-        return Values(asked.column, "", table.numbers(asked.column), table, None)
-    stored = stored_values(asked.data, asked.ask or Ask(""))
-    return Values(stored.name, stored.unit, [one.value for one in stored.values], None, stored)
+        return [Values(asked.column, "", table.numbers(asked.column), table, None)]
+    sides = values_of_sides(asked.data, asked.ask or Ask(""))
+    return [Values(one.name, one.unit, [row.value for row in one.values], None, one) for one in sides]
+
+
+class Side(NamedTuple, Generic[Study]):
+    """A study of the values of one side, and how bad it is: the larger, the worse."""
+
+    found: Values
+    study: Study
+    badness: float
+    text: str
+
+
+def worse_side(sides: Sequence[Side[Study]]) -> tuple[Values, Study, list[str]]:
+    """Return the worse side, which judges, with a note that names the other one."""
+    worst, *others = sorted(sides, key=lambda side: -side.badness)
+    notes = [f"The worse side. The other one, {other.found.name}: {other.text}" for other in others]
+    return worst.found, worst.study, notes
 
 
 def figure(value: float | None, unit: str = "", digits: int = 5) -> str:
@@ -85,21 +107,25 @@ def capability_of(
         StationError, AnalysisError: bad input, no limit, or too few values.
 
     """
-    found = values_of(asked)
-    lower, upper = limits
-    if limits == (None, None) and found.stored is not None:
-        lower, upper = found.stored.limits.min, found.stored.limits.max
-    if lower is None and upper is None:
-        raise StationError(f"capability of {found.name}: {_no_limit(found)}")
-    one = capability(found.values, lower, upper, subgroup, level)
-    both = lower is not None and upper is not None
+    sides = []
+    for values in values_of(asked):
+        lower, upper = limits
+        if limits == (None, None) and values.stored is not None:
+            lower, upper = values.stored.limits.min, values.stored.limits.max
+        if lower is None and upper is None:
+            raise StationError(f"capability of {values.name}: {_no_limit(values)}")
+        index = capability(values.values, lower, upper, subgroup, level)
+        nearest = index.overall.nearest
+        sides.append(Side(values, index, -nearest, f"Ppk {figure(nearest, '', 4)}"))
+    found, one, of_sides = worse_side(sides)
+    both = one.lower is not None and one.upper is not None
     rows = [
         (name, figure(sd, found.unit, 4), figure(index.both, "", 4), figure(index.nearest, "", 4))
         for name, sd, index in (("within", one.sd_within, one.within), ("overall", one.sd_overall, one.overall))
     ]
     blocks: list[str | Grid] = [
         f"{found.name}: {one.values} values, mean {figure(one.mean, found.unit)}, "
-        f"limit {limits_text(Limits(min=lower, max=upper))} {unit_text(found.unit)}".rstrip(),
+        f"limit {limits_text(Limits(min=one.lower, max=one.upper))} {unit_text(found.unit)}".rstrip(),
         Grid(("spread", "standard deviation", "Cp, Pp", "Cpk, Ppk"), rows, right=(1, 2, 3)),
         f"{_intervals(one)} with {level:.0%} confidence",
         f"expected beyond limits: {_share(one.outside_fraction)} of the units, if they are normally distributed",
@@ -107,7 +133,7 @@ def capability_of(
     if not both:
         blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk are of the side that has the limit")
     document = {**found.head(), "level": level, "subgroup": subgroup, **dataclasses.asdict(one)}
-    return say(document, [*blocks, *found.notes()], as_json=as_json)
+    return say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
 
 
 def _intervals(one: Capability) -> str:
@@ -146,15 +172,7 @@ def units_of(asked: Asked, level: float, *, as_json: bool) -> int:
         StationError, AnalysisError: bad input, or fewer than three units.
 
     """
-    found = values_of(asked)
-    if found.stored is not None:
-        serials: Sequence[str] = [one.serial for one in found.stored.values]
-    else:
-        serials = found.table.texts("serial") if found.table is not None else []
-    by_unit: dict[str, list[float]] = {}
-    for serial, value in zip(serials, found.values, strict=True):
-        by_unit.setdefault(serial, []).append(value)
-    one = unit_to_unit(by_unit, level)
+    found, one, of_sides = worse_side([_between_units(values, level) for values in values_of(asked)])
     unit = found.unit
     interval = f"{figure(one.sd_low, '', 3)} … {figure(one.sd_high, '', 3)} with {level:.0%} confidence"
     rows = [
@@ -172,7 +190,19 @@ def units_of(asked: Asked, level: float, *, as_json: bool) -> int:
         f"{unusual} (modified z score beyond 3.5)",
     ]
     document = {**found.head(), "level": level, **dataclasses.asdict(one)}
-    return say(document, [*blocks, *found.notes()], as_json=as_json)
+    return say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
+
+
+def _between_units(found: Values, level: float) -> Side[UnitToUnit]:
+    if found.stored is not None:
+        serials: Sequence[str] = [one.serial for one in found.stored.values]
+    else:
+        serials = found.table.texts("serial") if found.table is not None else []
+    by_unit: dict[str, list[float]] = {}
+    for serial, value in zip(serials, found.values, strict=True):
+        by_unit.setdefault(serial, []).append(value)
+    one = unit_to_unit(by_unit, level)
+    return Side(found, one, one.sd, f"standard deviation {figure(one.sd, found.unit, 3)}")
 
 
 def _repeated(spread: float | None) -> str:
@@ -213,10 +243,13 @@ def master_part_of(
         StationError, AnalysisError: bad input, or too few measurements.
 
     """
-    found = values_of(asked)
-    days = _days(found)
-    one = master_part_trend(days, found.values, baseline, reference, level)
-    unit = found.unit
+    sides = []
+    for values in values_of(asked):
+        trend = master_part_trend(_days(values), values.values, baseline, reference, level)
+        badness = len(trend.signals) - trend.p_no_trend
+        sides.append(Side(values, trend, badness, "in control" if trend.in_control else "OUT OF CONTROL"))
+    found, one, of_sides = worse_side(sides)
+    days, unit = _days(found), found.unit
     rows = [
         ("centre", figure(one.centre, unit), f"of the first {baseline}"),
         ("control limits", f"{figure(one.low_limit)} … {figure(one.high_limit, unit)}", ""),
@@ -236,5 +269,5 @@ def master_part_of(
     blocks += [f"OUT OF CONTROL at measurement {s.measurement}: {s.text}" for s in one.signals] or ["in control"]
     document = {**found.head(), "level": level, "measurements": len(days), **dataclasses.asdict(one)}
     document |= {"signals": [signal._asdict() for signal in one.signals], "in_control": one.in_control}
-    say(document, [*blocks, *found.notes()], as_json=as_json)
+    say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
     return 0 if one.in_control else OUT_OF_CONTROL

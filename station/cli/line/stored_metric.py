@@ -88,7 +88,7 @@ def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> StoredMetric | s
 
     Raises:
         RecordError: the record is damaged.
-        StationError: the metric stands in the run more than once, or has no such side.
+        StationError: the metric stands in the run more than once.
 
     """
     run = rows[0]
@@ -96,9 +96,15 @@ def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> StoredMetric | s
     if reason:
         return reason
     metric = _metric(rows, ask)
-    value = None if metric is None else _value(metric, ask)
-    if metric is None or value is None:
-        return f"without {ask.metric}" if metric is None else "whose value could not be evaluated"
+    if metric is None:
+        return f"without {ask.metric}"
+    sides = {row.side: row.value for row in metric}
+    side = metric[0].side if ask.side is None else ask.side
+    if side not in sides:
+        return f"without side {side} of {ask.metric} (there is {' and '.join(sorted(sides))})"
+    value = sides[side]
+    if value is None:
+        return "whose value could not be evaluated"
     started = datetime.fromisoformat(run.started)
     who, faults = run.operator or "", bool(run.scenario)
     found = StoredValue(view.data, run.run, run.serial, started, run.bench, value, run.virtual, who, faults)
@@ -135,13 +141,3 @@ def _metric(rows: list[MetricRow], ask: Ask) -> list[MetricRow] | None:
         )
     chosen = exact or found
     return chosen[0] if chosen else None
-
-
-def _value(metric: list[MetricRow], ask: Ask) -> float | None:
-    """Return the value of the side that is asked for; the first row is that of the side that the verdict goes by."""
-    if ask.side is None:
-        return metric[0].value
-    sides = {row.side: row.value for row in metric}
-    if ask.side not in sides:
-        raise StationError(f"--side: found {ask.side!r}; {ask.metric} has no such side. Choose {metric[0].side!r}")
-    return sides[ask.side]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,8 @@ from station.cli.line.stored_metric import Ask, Kind, StoredMetric, StoredValue,
 from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
-from station.store.metric_rows import MetricRow, metric_rows
-from station.store.view import look_at, without_collector
+from station.store.metric_rows import MetricRow, metric_rows, sides_of
+from station.store.view import View, look_at, without_collector
 
 ATTEMPTS = ("first", "last", "all")
 """Which runs of a serial number count: a retest must not count twice where each unit counts once."""
@@ -77,16 +78,45 @@ def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> 
             recipes or with the output torque from different sensors.
 
     """
+    with _looked_at(data, ask) as view, without_collector():
+        return _collected(view, ask, only)
+
+
+def values_of_sides(data: Path, ask: Ask, only: Collection[str] | None = None) -> tuple[StoredValues, ...]:
+    """Collect a metric as `stored_values` does, once for each side that the newest run has; raises as that does.
+
+    One side where one is asked for, or where the metric has no sides.
+    """
+    with _looked_at(data, ask) as view, without_collector():
+        there = () if ask.side is not None else sides_of(view, _name(ask), ask.recipe, ask.serial)
+        sides = [side for side in there if side != "both"]
+        return tuple(_collected(view, replace(ask, side=side), only) for side in sides) or (
+            _collected(view, ask, only),
+        )
+
+
+@contextmanager
+def _looked_at(data: Path, ask: Ask) -> Iterator[View]:
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
     if ask.attempts not in ATTEMPTS:
         raise StationError(f"--attempts: found {ask.attempts!r}; allowed are {', '.join(ATTEMPTS)}")
-    rows, left_out = _read(data, ask, only)
+    with look_at(data) as view:
+        yield view
+
+
+def _name(ask: Ask) -> str:
+    """Return the id of the metric, without what was chosen otherwise."""
+    return (ask.metric.split() or [""])[0]
+
+
+def _collected(view: View, ask: Ask, only: Collection[str] | None) -> StoredValues:
+    rows, left_out = _read(view, ask, only)
     rows = _attempts(rows, ask.attempts, left_out)
     if not rows:
         what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "it holds no runs"
-        raise StationError(f"{data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
-    metric = _same(rows, (ask.metric.split() or [""])[0])
+        raise StationError(f"{view.data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
+    metric = _same(rows, _name(ask))
     pooled = Counter(row.kind for row in rows)
     if ask.recipe is None:
         _check_one_kind(ask.metric, pooled)
@@ -97,25 +127,23 @@ def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> 
     return StoredValues(ask, metric.unit, name, metric.definition, limits, values, left_out, pooled)
 
 
-def _read(data: Path, ask: Ask, only: Collection[str] | None) -> tuple[list[StoredMetric], Counter[str]]:
+def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[StoredMetric], Counter[str]]:
     """Return the runs that count, oldest first, and why the others do not."""
     left_out: Counter[str] = Counter()
     rows: list[StoredMetric] = []
-    name = (ask.metric.split() or [""])[0]
-    with look_at(data) as view, without_collector():
-        for lines in metric_rows(view, name, ask.side, ask.recipe, ask.serial):
-            if only is not None and lines[0].run not in only:
-                continue
-            found = read_metric(view, lines, ask)
-            if isinstance(found, str):
-                left_out[found] += 1
-            else:
-                rows.append(found)
-        for run in view.open:
-            reason = _why_open(RunRecord(data / run), ask) if only is None or run in only else ""
-            if reason:
-                left_out[reason] += 1
-        left_out["altered"] += sum(problem.kind in ELSEWHERE for problem in view.problems)
+    for lines in metric_rows(view, _name(ask), ask.side, ask.recipe, ask.serial):
+        if only is not None and lines[0].run not in only:
+            continue
+        found = read_metric(view, lines, ask)
+        if isinstance(found, str):
+            left_out[found] += 1
+        else:
+            rows.append(found)
+    for run in view.open:
+        reason = _why_open(RunRecord(view.data / run), ask) if only is None or run in only else ""
+        if reason:
+            left_out[reason] += 1
+    left_out["altered"] += sum(problem.kind in ELSEWHERE for problem in view.problems)
     return rows, +left_out
 
 

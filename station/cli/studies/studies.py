@@ -11,9 +11,9 @@ from analysis.studies.eccentricity import PUBLISHED, EccentricityRow, eccentrici
 from analysis.studies.lock_angle import lock_angle_study
 from analysis.studies.temperature import temperature_trend
 from station.cli.csv_columns import read_csv_columns
-from station.cli.line.line_statistics import Asked, figure, values_of
+from station.cli.line.line_statistics import Asked, Side, Values, figure, values_of, worse_side
 from station.cli.line.stored_metric import Ask
-from station.cli.line.stored_values import StoredValues, stored_values
+from station.cli.line.stored_values import StoredValues, values_of_sides
 from station.cli.say import Grid, say
 from station.errors import StationError
 from station.records.run_conditions import housing_temperature_c, lock_position_deg
@@ -76,7 +76,7 @@ def _columns(file: Path, asks: Sequence[Ask]) -> Source:
 def _runs(asks: Sequence[Ask], data: Path) -> Source:
     if not asks or asks[0].serial is None:
         raise StationError("give a CSV FILE with a column per metric, or --serial SN and --metric ID for stored runs")
-    found: list[StoredValues] = [stored_values(data, ask) for ask in asks]
+    found: list[StoredValues] = [side for ask in asks for side in values_of_sides(data, ask)]
     ids = [one.run_id for one in found[0].values]
     for other in found[1:]:
         if [one.run_id for one in other.values] != ids:
@@ -109,14 +109,14 @@ def temperature(
 
     """
     reference, level = how
-    found = values_of(Asked(file, column, data, ask))
-    if found.stored is not None:
-        celsius = [housing_temperature_c(one.run) for one in found.stored.values]
-    else:
-        celsius = found.table.numbers(TEMPERATURE) if found.table is not None else []
-    one = temperature_trend(celsius, found.values, reference, level)
-    unit = found.unit
-    per = f"{unit}/°C" if unit else "/°C"
+    sides = []
+    for values in values_of(Asked(file, column, data, ask)):
+        celsius = _temperatures(values)
+        trend = temperature_trend(celsius, values.values, reference, level)
+        slope = f"slope {figure(trend.slope_per_c, _per_c(values.unit), 4)}"
+        sides.append(Side(values, (trend, celsius), abs(trend.slope_per_c), slope))
+    found, (one, celsius), of_sides = worse_side(sides)
+    unit, per = found.unit, _per_c(found.unit)
     interval = f"{figure(one.slope_low, '', 3)} … {figure(one.slope_high, '', 3)} with {level:.0%} confidence"
     means = "depends" if one.p_none < 1.0 - level else "does not visibly depend"
     rows = [
@@ -130,7 +130,17 @@ def temperature(
         f"The metric {means} on temperature (p of no slope: {one.p_none:.2g})",
     ]
     document = {**found.head(), "level": level, "temperature_c": celsius, **dataclasses.asdict(one)}
-    return say(document, [*blocks, *found.notes()], as_json=as_json)
+    return say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
+
+
+def _temperatures(values: Values) -> list[float]:
+    if values.stored is not None:
+        return [housing_temperature_c(one.run) for one in values.stored.values]
+    return values.table.numbers(TEMPERATURE) if values.table is not None else []
+
+
+def _per_c(unit: str) -> str:
+    return f"{unit}/°C" if unit else "/°C"
 
 
 def eccentricity(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,35 @@ def test_a_share_beyond_the_limits_that_nobody_can_know_is_not_told_as_a_figure(
     path = csv(tmp_path, "value\n9.9\n10\n10.1\n")  # mean 10, standard deviation 0.1
     line.capability_of(of_file(path), (None, float(limit)), 1, 0.95, as_json=False)
     assert f"expected beyond limits: {said} of the units" in capsys.readouterr().out
+
+
+def test_of_two_sides_the_worse_one_judges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The side that stands first may be the better one; the other is named beside the result."""
+    for day in range(12):
+        plus, minus = 0.5 + 0.01 * (day % 3), 0.8 + 0.03 * (day % 3) + 0.04 * (day // 4) + 0.02 * (day % 4)
+        sides = {side: {"value": value, "uncertainty": None} for side, value in (("+", plus), ("-", minus))}
+        store_run(tmp_path, f"S{day % 4}", [metric(plus, sides=sides)], day=day)
+
+    def asked(side: str | None = None) -> Asked:
+        return Asked(None, "value", tmp_path, Ask("lost_motion", side=side))
+
+    def judged(side: str | None, command: Callable[[Asked], int]) -> str:
+        assert command(asked(side)) == 0
+        return str(printed(capsys)["side"])
+
+    commands: tuple[Callable[[Asked], int], ...] = (
+        lambda one: line.capability_of(one, (None, None), 1, 0.95, as_json=True),
+        lambda one: line.units_of(one, 0.95, as_json=True),
+    )
+    for command in commands:
+        assert judged(None, command) == "-"
+        assert judged("+", command) == "+"
+    assert line.master_part_of(asked(), 8, None, 0.99, as_json=True) == line.OUT_OF_CONTROL
+    assert printed(capsys)["side"] == "-"
+    line.capability_of(asked(), (None, None), 1, 0.95, as_json=False)
+    said = capsys.readouterr().out
+    assert "lost_motion side −: 12 values" in said
+    assert "lost_motion side +: Ppk" in said
 
 
 def test_units_are_compared_apart_from_their_repeatability(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -67,7 +67,7 @@ def test_runs_with_the_torque_of_different_sensors_are_pooled_only_when_the_reci
     ("ask", "said"),
     [
         (Ask("unknown"), "no run has a value of unknown"),
-        (Ask("lost_motion", side="both"), "--side: found 'both'"),
+        (Ask("lost_motion", side="both"), r"without side both of lost_motion \(there is \+"),
         (Ask("lost_motion", attempts="best"), "--attempts: found 'best'"),
     ],
 )

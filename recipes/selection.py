@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from recipes.loader import load_source
-from recipes.schema.metric_schema import MetricWanted, preset_metrics
+from recipes.schema.metric_schema import LIMIT_OPTIONS, MetricWanted, preset_metrics
 from recipes.schema.recipe_schema import Recipe
 from recipes.text.problems import Mark, Problem, RecipeError, Source, excerpt, one_of
 from recipes.text.section import RATED, REFERENCE
@@ -23,7 +23,6 @@ PLACE = "--metric"
 OPTION = re.compile(r"(?:^|\s)([^\s=]+)\s*=")
 NOWHERE = Mark(0, 0, 0, 0)
 """Place of what stands in no file."""
-LIMITS = ("min", "max")
 EXAMPLE = "stiffness_at torque=50% branch=load"
 
 
@@ -78,7 +77,7 @@ def selected(recipe: Recipe, selection: Selection = OWN) -> list[MetricWanted]:
 def left_out(recipe: Recipe, selection: Selection) -> list[str]:
     """Name the metrics that the recipe has limits for and that are not among the chosen ones."""
     judged = [id(one) for one in selected(recipe, selection)]
-    return [one.id for one in recipe.metrics if (one.min, one.max) != (None, None) and id(one) not in judged]
+    return [one.id for one in recipe.metrics if one.limited and id(one) not in judged]
 
 
 def read_metric(text: str, place: str, percentages: Mapping[str, float]) -> MetricWanted:
@@ -97,7 +96,7 @@ def read_metric(text: str, place: str, percentages: Mapping[str, float]) -> Metr
             problems.append(Problem(path, 0, 0, "", found, allowed, f"Write it as in '{EXAMPLE}'."))
         elif name in data:
             problems.append(Problem(path, 0, 0, name, f"{name} a second time", "each option once", "Delete one."))
-        elif name in LIMITS:
+        elif name in LIMIT_OPTIONS:
             allowed = "the limits of the recipe, which hold for the same definition"
             hint = "Write it in a recipe and name that with --recipe: what decides has a name and a revision."
             problems.append(Problem(path, 0, 0, name, f"a limit, {excerpt(value)}", allowed, hint))
@@ -125,4 +124,4 @@ def _options(text: str) -> Iterator[tuple[str, str]]:
 
 
 def _free_options() -> list[str]:
-    return [name for name in options_at(MetricWanted, ()) if name not in ("id", *LIMITS)]
+    return [name for name in options_at(MetricWanted, ()) if name not in ("id", *LIMIT_OPTIONS)]

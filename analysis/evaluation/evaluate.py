@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.evaluation.metric_result import MetricResult, SideValue
-from analysis.evaluation.verdict import Verdict, check_limits, judge
+from analysis.evaluation.verdict import Verdict, check_limits, judge, judge_spread, worst
 from analysis.loop.curves import DEFAULT_FIT, fit_name
 from analysis.loop.loop import Loop
 from analysis.loop.method import Decision, Method, MetricWanted
@@ -113,7 +113,7 @@ def evaluate(
             one = _without_doubt(wanted.id, row, one, again, doubt)
         if unbounded and row.narrowed_by_delay and limited and not invalid and one.verdict is Verdict.PASS:
             one = replace(one, verdict=Verdict.NOT_DECIDABLE, reason=f"{wanted.id}: {UNBOUNDED.format(unbounded)}")
-        found.append(one)
+        found.append(judged_spread(wanted, row, one, invalid=invalid))
     estimator = _estimator(row, variant, fit, method)
     return MetricResult(wanted, row, branch, estimator, band, torque, tuple(found), _choices(wanted, row))
 
@@ -197,6 +197,27 @@ def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Deci
             "" if verdict is Verdict.PASS else f"{name}: {_because(wanted, value, budget, verdict, limit, why_none)}"
         )
     return SideValue(side, value, expanded, deviation, values, verdict, reason, budget)
+
+
+def judged_spread(wanted: MetricWanted, row: Metric, found: SideValue, *, invalid: bool) -> SideValue:
+    """Return a side with its standard deviation over the cycles judged too, where that has a limit."""
+    limit = wanted.max_standard_deviation
+    if limit is None or found.value is None:
+        return found
+    if invalid:
+        return replace(found, verdict=Verdict.NOT_DECIDABLE)
+    verdict = judge_spread(found.standard_deviation, limit)
+    if verdict is Verdict.PASS:
+        return found
+    name = wanted.id if found.side == "both" else f"{wanted.id}, side {found.side}"
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    if verdict is Verdict.FAIL:
+        why = f"a standard deviation over the cycles of {found.standard_deviation:.3g}{unit} is above the limit of "
+        why += f"{limit:g}{unit}: the unit does not repeat, or something is loose"
+    else:
+        why = f"a standard deviation needs two cycles or more; there is {len(found.per_cycle)}"
+    reason = f"{found.reason}; {why}" if found.reason else f"{name}: {why}"
+    return replace(found, verdict=worst((found.verdict, verdict)), reason=reason)
 
 
 def _judged_grade(

@@ -66,7 +66,7 @@ class MetricResult:
     @property
     def limited(self) -> bool:
         """Say whether the metric has a limit."""
-        return self.wanted.min is not None or self.wanted.max is not None
+        return self.wanted.limited
 
     @property
     def verdict(self) -> Verdict | None:
@@ -77,6 +77,11 @@ class MetricResult:
     def reasons(self) -> tuple[str, ...]:
         """Why the metric does not pass, or could not be evaluated."""
         return tuple(side.reason for side in self.sides if side.reason)
+
+    def _limits(self) -> dict[str, float | None]:
+        spread = self.wanted.max_standard_deviation
+        of_spread = {} if spread is None else {"max_standard_deviation": spread}
+        return {"min": self.wanted.min, "max": self.wanted.max, **of_spread}
 
     def to_dict(self) -> dict[str, object]:
         """Return the object of the JSON contract."""
@@ -101,7 +106,7 @@ class MetricResult:
             "mean": shown.value,
             "standard_deviation": shown.standard_deviation,
             "per_cycle": list(cycles),
-            "limits": {"min": self.wanted.min, "max": self.wanted.max},
+            "limits": self._limits(),
             "verdict": None if self.verdict is None else self.verdict.value,
             "reasons": list(self.reasons),
             "sides": {

@@ -61,6 +61,16 @@ def judge(
     return Verdict.NOT_DECIDABLE, limit
 
 
+def judge_spread(standard_deviation: float | None, limit: float) -> Verdict:
+    """Judge a standard deviation over cycles; NOT DECIDABLE where there are not two of them.
+
+    It is the sample's own: no guard band, for with few cycles its interval is wider than any useful limit.
+    """
+    if standard_deviation is None or not math.isfinite(standard_deviation):
+        return Verdict.NOT_DECIDABLE
+    return Verdict.PASS if standard_deviation <= limit else Verdict.FAIL
+
+
 def check_limits(name: str, low: float | None, high: float | None) -> None:
     """Refuse limits that are not finite or that exclude each other; AnalysisError names the metric."""
     for which, limit in (("min", low), ("max", high)):

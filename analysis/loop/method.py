@@ -160,7 +160,7 @@ class MetricWanted:
     branch: "load", "unload" or "mean"; side: "+" or "-", None judges the worse side; torque_nm: where `stiffness_at`
     or `hysteresis_angle` is taken; band: fraction of the reference torque, half width for `lost_motion`; variant: one
     of the definition's estimators (`spring_constant`: "ending", "centred", "from", "direct"); fit: one of
-    `analysis.loop.curves.FITS`, for metrics of a fitted curve.
+    `analysis.loop.curves.FITS`, for metrics of a fitted curve. max_standard_deviation: over the cycles, on each side.
     """
 
     id: str
@@ -172,6 +172,12 @@ class MetricWanted:
     max: float | None = None
     variant: str | None = None
     fit: str | None = None
+    max_standard_deviation: float | None = None
+
+    @property
+    def limited(self) -> bool:
+        """Whether there is a limit, on the value or on its standard deviation over the cycles."""
+        return any(limit is not None for limit in (self.min, self.max, self.max_standard_deviation))
 
 
 @dataclass(frozen=True)

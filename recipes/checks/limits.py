@@ -6,11 +6,15 @@ from collections.abc import Callable, Iterator
 
 from definitions.metrics import METRICS, Metric, Scale
 from recipes.checks.expectations import Finding
+from recipes.checks.measurement import MEASURED
 from recipes.schema.bench_schema import Bench
 from recipes.schema.metric_schema import MetricWanted
 from recipes.schema.recipe_schema import Recipe
 
 SIDES = ("min", "max")
+LEAST_CYCLES = 2
+"""Cycles that a standard deviation is taken over, at least."""
+
 DECIDES = {"low": "min", "high": "max"}
 """Limit that decides, by the side on which a unit is bad; a limit on the other side alone lets every bad one pass."""
 
@@ -34,6 +38,7 @@ SCALES: dict[Scale, Callable[[Recipe], float]] = {
 def check_limits(recipe: Recipe, _bench: Bench) -> Iterator[Finding]:
     """No limit is one that no unit can fail."""
     yield from idle_limits(recipe)
+    yield from _spread_of_one_cycle(recipe)
 
 
 def idle_limits(recipe: Recipe) -> Iterator[Finding]:
@@ -49,6 +54,17 @@ def idle_limits(recipe: Recipe) -> Iterator[Finding]:
             decides = DECIDES[row.bad.side]
             allowed = f"a {decides}" if decides == "max" else f"a min above {_said(floor, metric)}"
             yield _never(index, metric, "min", metric.min, allowed)
+
+
+def _spread_of_one_cycle(recipe: Recipe) -> Iterator[Finding]:
+    """A standard deviation over cycles is limited where there are cycles to take it over."""
+    cycles = sum(step.count for step in recipe.sequence if isinstance(step, MEASURED))
+    for index, metric in enumerate(recipe.metrics):
+        if metric.max_standard_deviation is not None and cycles < LEAST_CYCLES:
+            found = f"a standard deviation of '{metric.id}' over {cycles} measured cycle"
+            allowed = f"{LEAST_CYCLES} measured cycles or more"
+            hint = "Raise 'count' of the cycles, or delete this limit."
+            yield Finding(("metrics", index, "max_standard_deviation"), found, allowed, hint)
 
 
 def implausible_limits(recipe: Recipe) -> Iterator[Finding]:

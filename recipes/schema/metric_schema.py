@@ -13,6 +13,9 @@ from recipes.text.problems import did_you_mean, excerpt, one_of
 from recipes.text.quantity import QuantityError, read_quantity
 from recipes.text.section import FROM_DOCUMENT, Band, Section, TorqueOfReference, refusal
 
+LIMIT_OPTIONS = ("min", "max", "max_standard_deviation")
+"""Options of a metric that decide."""
+
 
 class MetricWanted(Section):
     """One metric to report, with the limits that decide; limits are in the metric's own unit."""
@@ -29,6 +32,14 @@ class MetricWanted(Section):
     )
     min: float | None = None
     max: float | None = None
+    max_standard_deviation: float | None = Field(
+        default=None, description="largest standard deviation over the measured cycles, each side for itself"
+    )
+
+    @property
+    def limited(self) -> bool:
+        """Whether the metric has a limit."""
+        return any(getattr(self, name) is not None for name in LIMIT_OPTIONS)
 
     @field_validator("id")
     @classmethod
@@ -38,7 +49,7 @@ class MetricWanted(Section):
             raise refusal(f"the unknown metric {excerpt(value)}", one_of(list(METRICS)), hint)
         return value
 
-    @field_validator("min", "max", mode="before")
+    @field_validator(*LIMIT_OPTIONS, mode="before")
     @classmethod
     def _limit_with_unit(cls, value: Any, info: ValidationInfo) -> Any:
         if not (info.context or {}).get(FROM_DOCUMENT) or value is None:
@@ -61,6 +72,16 @@ class MetricWanted(Section):
             found = f"min {self.min:g} {unit}".strip()
             allowed = f"a min up to max, {self.max:g} {unit}".strip()
             raise refusal(found, allowed, "Exchange the two or correct one.", at="min")
+        return self
+
+    @model_validator(mode="after")
+    def _spread_of_cycles(self) -> MetricWanted:
+        limit, row, option = self.max_standard_deviation, METRICS[self.id], "max_standard_deviation"
+        if limit is not None and (row.calibration or row.graded):
+            why = "it has one value a run" if row.calibration else "it goes in steps: limit the backlash behind it"
+            raise refusal(f"a {option} for {self.id}", f"none: {why}", "Delete it.", at=option)
+        if limit is not None and not limit > 0.0:
+            raise refusal(f"{limit:g} {row.unit}", "a standard deviation above 0", "Correct or delete it.", at=option)
         return self
 
     @model_validator(mode="after")

@@ -54,14 +54,15 @@ class SideValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of a metric in its unit."""
+    """Limits of a metric in its unit; `max_standard_deviation` over the cycles of a side."""
 
     min: Number | None = None
     max: Number | None = None
+    max_standard_deviation: Number | None = left_out()
 
     def __bool__(self) -> bool:
         """Whether there is any."""
-        return self.min is not None or self.max is not None
+        return any(limit is not None for limit in (self.min, self.max, self.max_standard_deviation))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,9 +34,11 @@ def number(value: float | None, uncertainty: float | None = None) -> str:
 
 
 def limits_text(limits: Limits) -> str:
-    """Return limits as they are said: `≤ 1`, `≥ 108`, `95 … 120`, or nothing."""
-    low, high = limits.min, limits.max
-    return _range_text(None if low is None else f"{low:g}", None if high is None else f"{high:g}")
+    """Return limits as they are said: `≤ 1`, `≥ 108`, `95 … 120`, `≤ 1, s ≤ 0.02`, or nothing."""
+    low, high, spread = limits.min, limits.max, limits.max_standard_deviation
+    of_value = _range_text(None if low is None else f"{low:g}", None if high is None else f"{high:g}")
+    of_spread = "" if spread is None else f"s ≤ {spread:g}"
+    return ", ".join(text for text in (of_value, of_spread) if text)
 
 
 def guarded_text(metric: MetricValue, decision: DecisionRule) -> str:
@@ -45,9 +47,10 @@ def guarded_text(metric: MetricValue, decision: DecisionRule) -> str:
         return ""
     width = decision.guard_factor * metric.uncertainty
     low, high = metric.limits.min, metric.limits.max
-    return "accept " + _range_text(
+    limits = _range_text(
         None if low is None else number(low + width, width), None if high is None else number(high - width, width)
     )
+    return f"accept {limits}" if limits else ""
 
 
 def _range_text(low: str | None, high: str | None) -> str:

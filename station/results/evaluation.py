@@ -137,6 +137,7 @@ def wanted_of(recipe: Recipe, selection: Selection = OWN) -> list[MetricWanted]:
             fit=one.fit,
             min=one.min,
             max=one.max,
+            max_standard_deviation=one.max_standard_deviation,
         )
         for one in selected(recipe, selection)
     ]

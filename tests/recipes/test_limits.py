@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from definitions.metrics import METRICS, Scale
-from recipes import check, check_alone, default_bench, parse_recipe, shipped_recipes, warnings
+from recipes import RecipeError, check, check_alone, default_bench, parse_recipe, shipped_recipes, warnings
 from recipes.checks.limits import DECIDES, SCALES
 
 INVERSE = shipped_recipes()["rv-40e-121-inverse"].read_text("utf-8")
@@ -79,3 +79,34 @@ def test_a_limit_that_is_not_usual_is_told_and_not_refused(metric):
 def test_the_limits_of_shipped_recipes_are_usual(name):
     loaded = parse_recipe(shipped_recipes()[name].read_bytes(), name)
     assert [*check_alone(loaded), *warnings(loaded)] == []
+
+
+SPREADS = {
+    "{id: lost_motion, max_standard_deviation: 0.5 arcsec}": None,
+    "{id: lost_motion, max: 1 arcmin, max_standard_deviation: 0 arcmin}": "a standard deviation above 0",
+    "{id: torque_ratio_slope, max_standard_deviation: 0.1}": "it has one value a run",
+    "{id: grade, max_standard_deviation: 1}": "limit the backlash behind it",
+}
+
+
+@pytest.mark.parametrize("metric", SPREADS)
+def test_a_limit_on_the_spread_over_the_cycles_is_read_in_the_unit_of_its_metric(metric):
+    said = SPREADS[metric]
+    if said is None:
+        loaded = recipe(metric)
+        (wanted,) = loaded.metrics
+        assert wanted.max_standard_deviation == pytest.approx(0.5 / 60)
+        assert wanted.limited
+        assert check(loaded, default_bench(loaded)[1]) == []
+        return
+    with pytest.raises(RecipeError, match=said):
+        recipe(metric)
+
+
+@pytest.mark.parametrize(("cycles", "refused"), [(1, True), (2, False)])
+def test_a_limit_on_the_spread_of_one_cycle_is_refused(cycles, refused):
+    start, end = INVERSE.index("metrics:"), INVERSE.index("validity:")
+    text = INVERSE[:start].replace("count: 3", f"count: {cycles}") + "metrics:\n  - " + next(iter(SPREADS)) + "\n\n"
+    loaded = parse_recipe((text + INVERSE[end:]).encode(), "r.yaml")
+    found = [problem.option for problem in check(loaded, default_bench(loaded)[1])]
+    assert ("metrics[0].max_standard_deviation" in found) is refused

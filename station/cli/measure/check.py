@@ -135,7 +135,7 @@ def metric_lines(recipe: Recipe) -> list[str]:
         side = f"side {one.side}" if one.side else ""
         name = " ".join(part for part in (one.id, torque, band, one.branch, one.variant, one.fit, side) if part)
         preset = f" (preset {recipe.presets[int(place[1])]})" if place[0] == "presets" else ""
-        limits = limits_text(Limits(min=one.min, max=one.max))
+        limits = limits_text(Limits(min=one.min, max=one.max, max_standard_deviation=one.max_standard_deviation))
         unit = "" if METRICS[one.id].unit == "1" else f" {METRICS[one.id].unit}"
         lines.append(f"    {name:<32} {f'{limits}{unit}' if limits else 'reported'}{preset}")
     return lines

@@ -17,6 +17,7 @@ from station.errors import StationError
 from station.records.program_file import StoredProgram
 from station.records.run_record import RESULT, TIMING, RunRecord
 from station.records.samples.table import Table
+from station.reports.result_text import limits_text
 from station.results.divergence import Beside, FirstDifference
 from station.results.judged import judged_in
 from station.results.trace_origin import check_recipe_fits
@@ -213,10 +214,9 @@ def _metric_line(change: MetricChange) -> str:
     def side(metric: MetricValue | None) -> str:
         if metric is None:
             return "not asked for"
-        pairs = (("min", metric.limits.min), ("max", metric.limits.max))
-        bounds = [f"{name} {limit:g}" for name, limit in pairs if limit is not None]
+        bounds = limits_text(metric.limits)
         value = "no value" if metric.value is None else f"{metric.value:.4g} {metric.unit}"
-        return f"{value} ({', '.join(bounds) or 'no limit'}): {metric.verdict or 'not judged'}"
+        return f"{value} ({bounds or 'no limit'}): {metric.verdict or 'not judged'}"
 
     branch = f" {change.branch}" if change.branch else ""
     return f"  {change.id}{branch}: {side(change.recorded)} -> {side(change.other)}"

@@ -15,6 +15,7 @@ from nicegui import ui
 
 from station.documents.result import MetricValue, Result
 from station.reports.headline import remaining_reasons
+from station.reports.result_text import limits_text
 from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
 from station.web.actions import OK, Answer, Station, perform, unconfirmed_run
@@ -224,9 +225,7 @@ def _table(result: Result) -> str:
 def _row(metric: MetricValue) -> str:
     value = "–" if metric.value is None else f"{metric.value:.4g}"
     u = "" if metric.uncertainty is None else f" ± {metric.uncertainty:.2g}"
-    low, high = metric.limits.min, metric.limits.max
-    limit = " ".join(f"{sign} {value:g}" for sign, value in (("≥", low), ("≤", high)) if value is not None)
-    cells = (f"{value}{u}".replace("-", "−"), metric.unit, limit.replace("-", "−"), metric.verdict or "")
+    cells = (f"{value}{u}".replace("-", "−"), metric.unit, limits_text(metric.limits), metric.verdict or "")
     title = (metric.title or metric.id).partition(" (")[0]
     return f"<tr><td>{escape(title)}</td>" + "".join(f'<td class="n">{escape(one)}</td>' for one in cells) + "</tr>"
 

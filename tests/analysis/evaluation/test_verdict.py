@@ -1,15 +1,19 @@
 """PASS, FAIL and NOT DECIDABLE: the rule as a table, and what never passes."""
 
 import math
+import statistics
 
 import pytest
 from printed_numbers import reads
 from reference_unit import ReferenceUnit, exact_trace
 
+from analysis.evaluation.evaluate import judged_spread
+from analysis.evaluation.metric_result import SideValue
 from analysis.evaluation.pipeline import analyse
 from analysis.evaluation.verdict import Verdict, judge, worst
 from analysis.loop.method import Decision, Method, MetricWanted
 from analysis.trace.errors import AnalysisError
+from definitions.metrics import METRICS
 
 METHOD = Method(ratio=121, rated_torque_nm=412)
 TRACE = exact_trace(ReferenceUnit(), 480.0, points=3001)
@@ -64,6 +68,45 @@ def test_pass_and_fail_of_a_run() -> None:
     bad = analyse(TRACE, METHOD, [MetricWanted("backlash_width_3pct", max=0.9)])
     assert bad.verdict is FAIL
     assert reads(bad.reasons[0], "backlash_width_3pct, side +: 0.94 arcmin is above the limit of 0.9 arcmin: ")
+
+
+SPREAD_LIMIT = 0.01
+
+
+@pytest.mark.parametrize(
+    ("widths", "verdict", "said"),
+    [
+        ((0.94, 0.945, 0.94), PASS, ""),
+        ((0.92, 0.945, 0.96), FAIL, "is above the limit of 0.01 arcmin"),
+        ((0.94,), OPEN, "needs two cycles or more; there is 1"),
+    ],
+)
+@pytest.mark.parametrize("largest", [None, 1.0, 0.9])
+def test_the_standard_deviation_over_the_cycles_may_have_a_limit(
+    widths: tuple[float, ...], verdict: Verdict, said: str, largest: float | None
+) -> None:
+    """It decides beside the limits of the value, on each side, and by itself where there are none."""
+    row = METRICS["lost_motion"]
+    wanted = MetricWanted("lost_motion", max=largest, max_standard_deviation=SPREAD_LIMIT)
+    spread = statistics.stdev(widths) if len(widths) > 1 else None
+    for side in ("both", "-"):
+        of_value = FAIL if largest == 0.9 else PASS
+        found = SideValue(
+            side, statistics.mean(widths), None, spread, widths, of_value, "too wide" if largest == 0.9 else ""
+        )
+        judged = judged_spread(wanted, row, found, invalid=False)
+        assert judged.verdict is worst((of_value, verdict))
+        assert said in judged.reason and judged.reason.startswith(
+            "too wide" if largest == 0.9 else "lost_motion" * bool(said)
+        )
+        assert judged_spread(wanted, row, found, invalid=True).verdict is OPEN
+
+
+def test_a_limit_on_the_spread_alone_decides_a_run() -> None:
+    wanted = MetricWanted("backlash_width_3pct", max_standard_deviation=SPREAD_LIMIT)
+    one_cycle = analyse(TRACE, METHOD, [wanted])
+    assert one_cycle.verdict is OPEN
+    assert one_cycle.metrics[0].to_dict()["limits"] == {"min": None, "max": None, "max_standard_deviation": 0.01}
 
 
 @pytest.mark.parametrize("limit", [1.0, 0.9])

@@ -90,10 +90,8 @@ def test_the_standard_deviation_over_the_cycles_may_have_a_limit(
     wanted = MetricWanted("lost_motion", max=largest, max_standard_deviation=SPREAD_LIMIT)
     spread = statistics.stdev(widths) if len(widths) > 1 else None
     for side in ("both", "-"):
-        of_value = FAIL if largest == 0.9 else PASS
-        found = SideValue(
-            side, statistics.mean(widths), None, spread, widths, of_value, "too wide" if largest == 0.9 else ""
-        )
+        of_value, why = (FAIL, "too wide") if largest == 0.9 else (PASS, "")
+        found = SideValue(side, statistics.mean(widths), None, spread, widths, of_value, why)
         judged = judged_spread(wanted, row, found, invalid=False)
         assert judged.verdict is worst((of_value, verdict))
         assert said in judged.reason

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -35,19 +36,23 @@ class Branch:
     torque_nm: FloatArray
     angle_arcmin: FloatArray
 
+    @cached_property
+    def _ends_nm(self) -> tuple[float, float]:
+        return float(self.torque_nm[0]), float(self.torque_nm[-1])
+
     @property
     def least_nm(self) -> float:
         """Lowest torque that can be evaluated."""
-        return float(self.torque_nm[0]) - self._beyond
+        return self._ends_nm[0] - self._beyond
 
     @property
     def most_nm(self) -> float:
         """Highest torque that can be evaluated."""
-        return float(self.torque_nm[-1]) + self._beyond
+        return self._ends_nm[1] + self._beyond
 
     @property
     def _beyond(self) -> float:
-        return BEYOND_ENDS * float(self.torque_nm[-1] - self.torque_nm[0])
+        return BEYOND_ENDS * (self._ends_nm[1] - self._ends_nm[0])
 
     def covers(self, low_nm: float, high_nm: float) -> bool:
         """Say whether the branch can be evaluated from one torque to the other."""
@@ -65,16 +70,29 @@ class Branch:
             )
         return interpolate(self.torque_nm, self.angle_arcmin, wanted)
 
+    def value_at(self, torque_nm: float) -> float:
+        """Wind-up [arcmin] at one torque [N·m], as `at` gives it; AnalysisError beyond the ends."""
+        first, last = self._ends_nm
+        if first <= torque_nm <= last:
+            return float(np.interp(torque_nm, self.torque_nm, self.angle_arcmin))
+        return float(self.at(np.array([torque_nm]))[0])
+
 
 def interpolate(x: FloatArray, y: FloatArray, wanted: FloatArray) -> FloatArray:
     """Linear interpolation, continued straight beyond the ends with the slope of the last percent of the points."""
     result = np.asarray(np.interp(wanted, x, y))
     reach = max(1, x.size // 100)
-    for end, inner, beyond in ((0, reach, wanted < x[0]), (-1, -1 - reach, wanted > x[-1])):
-        if beyond.any():
-            slope = (y[inner] - y[end]) / (x[inner] - x[end])
-            result = np.where(beyond, y[end] + slope * (wanted - x[end]), result)
+    if wanted.min() < x[0]:
+        beyond = wanted < x[0]
+        result[beyond] = y[0] + _slope(x, y, 0, reach) * (wanted[beyond] - x[0])
+    if wanted.max() > x[-1]:
+        beyond = wanted > x[-1]
+        result[beyond] = y[-1] + _slope(x, y, -1, -1 - reach) * (wanted[beyond] - x[-1])
     return result
+
+
+def _slope(x: FloatArray, y: FloatArray, end: int, inner: int) -> float:
+    return float((y[inner] - y[end]) / (x[inner] - x[end]))
 
 
 class Blocks(NamedTuple):

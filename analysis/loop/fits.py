@@ -125,24 +125,30 @@ def fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> F
 
     Raises AnalysisError when the branch has too few points between the two torques [N·m].
     """
-    inside = (branch.torque_nm >= low_nm) & (branch.torque_nm <= high_nm)
-    if np.count_nonzero(inside) < degree + 2:
+    first = int(branch.torque_nm.searchsorted(low_nm, "left"))
+    behind = int(branch.torque_nm.searchsorted(high_nm, "right"))
+    if behind - first < degree + 2:
         raise AnalysisError(
-            f"the segment {low_nm:.4g}…{high_nm:.4g} N·m has {np.count_nonzero(inside)} points; expected "
+            f"the segment {low_nm:.4g}…{high_nm:.4g} N·m has {max(behind - first, 0)} points; expected "
             f"{degree + 2} or more; sample faster or load slower"
         )
-    torque = np.linspace(low_nm, high_nm, FIT_POINTS)
-    angle = interpolate(branch.torque_nm[inside], branch.angle_arcmin[inside], torque)
-    scaled = _least_squares(degree) @ angle
+    # as np.linspace, which takes as long as the rest of the fit: a budget makes thousands of these
+    torque = _GRID * ((high_nm - low_nm) / (FIT_POINTS - 1)) + low_nm
+    torque[-1] = high_nm
+    angle = interpolate(branch.torque_nm[first:behind], branch.angle_arcmin[first:behind], torque)
+    scaled = (_least_squares(degree) @ angle).tolist()
     # from x in -1…1 to torque: x = offset + slope·T
     slope = 2.0 / (high_nm - low_nm)
-    x = np.array([-(high_nm + low_nm) / (high_nm - low_nm), slope])
-    coefficients = np.zeros(degree + 1)
-    power = np.ones(1)
-    for coefficient in scaled:
-        coefficients[: power.size] += coefficient * power
-        power = np.convolve(power, x)
-    return coefficients
+    offset = -(high_nm + low_nm) / (high_nm - low_nm)
+    powers = ((1.0,), (offset, slope), (offset * offset, 2.0 * offset * slope, slope * slope))
+    coefficients = [0.0] * (degree + 1)
+    for coefficient, power in zip(scaled, powers, strict=False):
+        for place, value in enumerate(power):
+            coefficients[place] += coefficient * value
+    return np.array(coefficients)
+
+
+_GRID = np.arange(FIT_POINTS, dtype=np.float64)
 
 
 @cache

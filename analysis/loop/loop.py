@@ -148,7 +148,7 @@ class Loop:
 
 def _at(branch: Branch, torque_nm: float) -> float:
     """Wind-up [arcmin] of a branch at one torque."""
-    return float(branch.at(np.array([torque_nm]))[0])
+    return branch.value_at(torque_nm)
 
 
 def _area(branch: Branch, low_nm: float, high_nm: float) -> float:

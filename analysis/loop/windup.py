@@ -40,11 +40,17 @@ def measured_windup(trace: Trace, method: Method) -> Windup:
 
     With both encoders: loaded shaft minus locked shaft, at the output. With one: the input angle over the ratio when
     the input is loaded, or the output angle; with input loading an output angle alone is a wind-up that somebody has
-    made already. AnalysisError when there is no angle to take, and when what is there belongs to a bench that has
-    measured both shafts: its output angle is that of the lock.
+    made already, and so is any that the trace calls one. AnalysisError when there is no angle to take, and when what is
+    there belongs to a bench that has measured both shafts: its output angle is that of the lock.
     """
     angle_in, angle_out = trace.angle_in_rad, trace.angle_out_rad
     to_output = ARCMIN_PER_RAD / method.ratio
+    alone = angle_out is not None and angle_in is None and method.loading == "input"
+    if alone and not trace.windup_made:
+        _refuse_lock_as_windup(trace)
+    if alone or trace.windup_made:
+        made = trace.channel("angle_out_rad", "the wind-up") * ARCMIN_PER_RAD
+        return Windup(made, "given", _record("wind-up as given: nothing is taken out of it any more"))
     if angle_in is not None and angle_out is not None:
         windup = angle_out * -ARCMIN_PER_RAD
         windup += angle_in * to_output
@@ -54,14 +60,8 @@ def measured_windup(trace: Trace, method: Method) -> Windup:
     if method.loading == "output":
         windup = trace.channel("angle_out_rad", "the wind-up") * ARCMIN_PER_RAD
         return Windup(windup, "loaded", _record("wind-up = angle_out; the locked input was not measured"))
-    if angle_in is not None:
-        how = "wind-up = angle_in / ratio; the locked output was not measured"
-        return Windup(angle_in * to_output, "loaded", _record(how))
-    if angle_out is not None:
-        _refuse_lock_as_windup(trace)
-        how = "wind-up = angle_out as given; there is no input angle in the trace"
-        return Windup(angle_out * ARCMIN_PER_RAD, "given", _record(how))
-    return Windup(trace.channel("angle_in_rad", "the wind-up"), "loaded", _record(""))
+    windup = trace.channel("angle_in_rad", "the wind-up") * to_output
+    return Windup(windup, "loaded", _record("wind-up = angle_in / ratio; the locked output was not measured"))
 
 
 def _refuse_lock_as_windup(trace: Trace) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -28,8 +29,7 @@ class RatioFit:
     """Ordinary least squares of output torque on input torque: T_out = offset_nm + slope · T_in.
 
     residual_sd_nm s, standard uncertainties u_offset_nm and u_slope, correlation of the two, r_squared, externally
-    studentised residuals and the indices flagged by them, and the Theil–Sen line (through
-    the medians of both torques) as a check that outliers cannot move. The pairs themselves are inputs_nm, outputs_nm.
+    studentised residuals and the indices flagged by them. The pairs themselves are inputs_nm, outputs_nm.
     """
 
     offset_nm: float
@@ -41,11 +41,24 @@ class RatioFit:
     r_squared: float
     studentised: FloatArray
     flagged: IntArray
-    theil_sen_offset_nm: float
-    theil_sen_slope: float
     points: int
     inputs_nm: FloatArray
     outputs_nm: FloatArray
+
+    @property
+    def theil_sen_offset_nm(self) -> float:
+        """Offset of the Theil–Sen line, through the medians of both torques: a check that outliers cannot move."""
+        return self._theil_sen[0]
+
+    @property
+    def theil_sen_slope(self) -> float:
+        """Slope of the Theil–Sen line."""
+        return self._theil_sen[1]
+
+    @cached_property
+    def _theil_sen(self) -> tuple[float, float]:
+        # when it is asked for: most lines are fitted for a check, and it takes ten times as long as they do
+        return _theil_sen(self.inputs_nm, self.outputs_nm)
 
     def torque_out_nm(self, torque_in_nm: FloatArray | float) -> FloatArray | float:
         """Output torque [N·m] for an input torque [N·m]."""
@@ -100,7 +113,6 @@ def fit_torque_ratio(torque_in_nm: FloatArray, torque_out_nm: FloatArray) -> Rat
     variance = sum_of_squares / (n - 2)
     total = float(np.square(y - y.mean()).sum())
     studentised = _studentised(residuals, 1.0 / n + np.square(x - x_mean) / s_xx, sum_of_squares)
-    theil_offset, theil_slope = _theil_sen(x, y)
     mean_square = float(np.square(x).mean())
     return RatioFit(
         offset_nm=offset,
@@ -112,8 +124,6 @@ def fit_torque_ratio(torque_in_nm: FloatArray, torque_out_nm: FloatArray) -> Rat
         r_squared=1.0 - sum_of_squares / total if total > 0 else 0.0,
         studentised=studentised,
         flagged=np.flatnonzero(np.abs(studentised) > FLAG_STUDENTISED).astype(np.int64),
-        theil_sen_offset_nm=theil_offset,
-        theil_sen_slope=theil_slope,
         points=n,
         inputs_nm=x,
         outputs_nm=y,

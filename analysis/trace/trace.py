@@ -46,7 +46,8 @@ class Trace:
     """Samples of one run as arrays of equal length; a channel that was not measured is None.
 
     segment: segment id per sample, its meaning in `segments`; None when the profile is not known (turning points are
-    then found on the curve). reading: how a file was read, in words, where it is not plain. Raises AnalysisError when
+    then found on the curve). reading: how a file was read, in words, where it is not plain. windup_made: what stands in
+    angle_out_rad is the wind-up of the unit, made elsewhere with all its corrections. Raises AnalysisError when
     lengths differ, a value is not finite or beyond 1e9, time runs backwards, or a segment id or role is
     unknown; the text names column and row (counted from 1).
     """
@@ -62,6 +63,7 @@ class Trace:
     segments: Mapping[int, SegmentInfo] = field(default_factory=dict)
     source: str = "trace"
     reading: str = ""
+    windup_made: bool = False
 
     def __post_init__(self) -> None:
         """Check and normalise the arrays (float64, int64)."""

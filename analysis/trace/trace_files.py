@@ -1,10 +1,10 @@
 """Traces measured elsewhere: CSV, Parquet and NI TDMS files with known column names.
 
 Columns: t_s, torque_in_nm, torque_out_nm, angle_in_rad or angle_in_arcmin, angle_out_rad or angle_out_arcmin,
-temperature_c, drive_torque_nm, segment. The unit is read from the name. Other columns are left alone, but for those
-that are nearly one of these: what is dropped there would be missed by the evaluation. What stands in the column
-`segment` (or `branch`) is described in `segment_names`. What is no table at all is told by its first bytes, so that the
-message is not a parser's complaint.
+windup_rad or windup_arcmin, temperature_c, drive_torque_nm, segment. The unit is read from the name. Other columns are
+left alone, but for those that are nearly one of these: what is dropped there would be missed by the evaluation. What
+stands in the column `segment` (or `branch`) is described in `segment_names`. What is no table at all is told by its
+first bytes, so that the message is not a parser's complaint.
 """
 
 from __future__ import annotations
@@ -35,15 +35,20 @@ COLUMNS: dict[str, tuple[str, float]] = {
     "angle_in_arcmin": ("angle_in_rad", RAD_PER_ARCMIN),
     "angle_out_rad": ("angle_out_rad", 1.0),
     "angle_out_arcmin": ("angle_out_rad", RAD_PER_ARCMIN),
+    "windup_rad": ("angle_out_rad", 1.0),
+    "windup_arcmin": ("angle_out_rad", RAD_PER_ARCMIN),
     "temperature_c": ("temperature_c", 1.0),
     "drive_torque_nm": ("drive_torque_nm", 1.0),
 }
 """Column of a file: channel of the trace and factor to its unit."""
 
+WINDUPS = ("windup_rad", "windup_arcmin")
+"""Columns that hold a wind-up made elsewhere: nothing is to be taken out of it any more."""
+
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of Parquet's durations, which bring their own: seconds of one count."""
 
-QUANTITIES = ("angle", "torque", "temperature", "temp", "time", "t", "segment", "branch")
+QUANTITIES = ("angle", "windup", "torque", "temperature", "temp", "time", "t", "segment", "branch")
 """First words of a column's name that say it is meant as one of ours, whatever unit or shaft comes after."""
 
 MISSPELT = 0.85
@@ -57,6 +62,8 @@ UNIT_WORDS: dict[str, tuple[str, ...]] = {
     "angle_in_arcmin": ("arcmin", "′", "'"),
     "angle_out_rad": ("rad",),
     "angle_out_arcmin": ("arcmin", "′", "'"),
+    "windup_rad": ("rad",),
+    "windup_arcmin": ("arcmin", "′", "'"),
     "temperature_c": ("°C", "C", "degC", "deg C"),
     "drive_torque_nm": ("N·m", "Nm", "N m", "N*m", "N.m"),
 }
@@ -112,12 +119,13 @@ def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
             break
     arrays: dict[str, Any] = dict(channels)
     # all rows are checked, so that a bad one is named by its number
-    whole = Trace(**arrays, source=str(file), reading=_told(table, decimals))
+    made = any(name in WINDUPS for name in names)
+    whole = Trace(**arrays, source=str(file), reading=_told(table, decimals), windup_made=made)
     rows = np.flatnonzero(used).astype(np.int64) + 1
     if used.all():
         return replace(whole, segment=segment, segments=segments), rows
     kept: dict[str, Any] = {channel: values[used] for channel, values in arrays.items()}
-    return Trace(**kept, segment=segment, segments=segments, source=str(file), reading=whole.reading), rows
+    return replace(whole, **kept, segment=segment, segments=segments), rows
 
 
 class _Table(NamedTuple):

@@ -209,7 +209,7 @@ def loop_csv(analysis: Found) -> bytes:
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(("torque_out_nm", "angle_out_arcmin", "segment"))
+    writer.writerow(("torque_out_nm", "windup_arcmin", "segment"))
     curves = analysis.curves
     for cycle, (rising, falling) in enumerate(zip(curves.forward, curves.backward, strict=True), start=1):
         for branch, direction in ((falling, -1), (rising, 1)):

@@ -33,6 +33,10 @@ def remote_io_shows(plant: Plant, faults: FaultInjector) -> dict[str, float]:
     }
 
 
+DEVICES = frozenset(f"modbus.{device}" for device in LINKS)
+"""Targets of faults that keep a device from answering, or its answers from being believed."""
+
+
 class Answer(NamedTuple):
     """An answer: the scan in whose course it comes, and what was measured when it was asked for."""
 
@@ -94,10 +98,14 @@ class SlowDevices:
 
     def links_lost(self) -> int:
         """Return the bits of `Link` for the devices that faults have cut off."""
+        if DEVICES.isdisjoint(self._faults.targets):
+            return 0
         return sum(bit for device, bit in LINKS.items() if self._faults.device(device)[0] in ("off", "exception"))
 
     def _came(self, device: str, scan: int, every: int, read: Callable[[], Any]) -> Answer | None:
         """Return the answer that comes before the next scan, to the request of this scan or to one before it."""
+        if scan % every and DEVICES.isdisjoint(self._faults.targets) and not self._on_their_way:
+            return None
         verb, value = self._faults.device(device)
         if verb != "slow":
             self._on_their_way.pop(device, None)

@@ -52,7 +52,7 @@ class FrameFaults:
     def fate(self, target: str) -> int:
         """Return what becomes of a frame whose bytes nobody changes: `LOST`, or the delay in ns."""
         schedule = self._schedule
-        if not schedule.active:
+        if target not in schedule.targets and BUS not in schedule.targets:
             return 0
         if schedule.value(BUS, "off") is not None or schedule.value(BUS, "cut") is not None:
             schedule.seen(BUS)
@@ -74,9 +74,9 @@ class FrameFaults:
     def pass_on(self, cob_id: int, data: bytes) -> list[Frame]:
         """Return what arrives of a frame."""
         schedule = self._schedule
-        if not schedule.active:
-            return [Frame(0, cob_id, data)]
         target = self._targets.get(cob_id, "")
+        if target not in schedule.targets and BUS not in schedule.targets:
+            return [Frame(0, cob_id, data)]
         delay_ns = self.fate(target)
         if delay_ns == LOST:
             return []

@@ -130,11 +130,12 @@ class FaultInjector(FaultSchedule):
 
     def device(self, name: str) -> tuple[str, float]:
         """Return how a Modbus device misbehaves in process: verb and value; an empty verb while it is in order."""
-        if self.active:
+        target = f"modbus.{name}"
+        if target in self.targets:
             for verb in (*CLOSED, "exception", *UNANSWERED, "freeze", "slow"):
-                value = self.value(f"modbus.{name}", verb)
+                value = self.value(target, verb)
                 if value is not None:
-                    self.seen(f"modbus.{name}")
+                    self.seen(target)
                     return "off" if verb in CLOSED else "silence" if verb in UNANSWERED else verb, value
         return "", 0.0
 

@@ -55,6 +55,8 @@ class FaultSchedule:
     def __init__(self, scenario: Scenario | None, report: Callable[[Acted], None] | None = None) -> None:
         self.acted: list[Acted] = []
         self.active: dict[tuple[str, str], Fault] = {}
+        self.targets: frozenset[str] = frozenset()
+        """What the active faults act on: who is asked about anything else, in every scan, need not look further."""
         self.since_ns: dict[tuple[str, str], int] = {}
         self.dice = random.Random(1)  # noqa: S311 - the same frames are lost in every run
         self.now_ns = 0
@@ -90,7 +92,9 @@ class FaultSchedule:
         if self._ends_ns:
             for key in [key for key, end_ns in self._ends_ns.items() if now_ns >= end_ns]:
                 del self._ends_ns[key]
-                self._end(self.active.pop(key), now_ns)
+                ended = self.active.pop(key)
+                self.targets = frozenset(target for target, _ in self.active)
+                self._end(ended, now_ns)
         if not self._waiting:
             return
         torque_nm = self._torque_nm()
@@ -98,6 +102,7 @@ class FaultSchedule:
             self._waiting.remove(fault)
             key = (fault.target, fault.verb)
             self.active[key] = fault
+            self.targets |= {fault.target}
             self.since_ns[key] = now_ns
             if fault.for_ms is not None:
                 self._ends_ns[key] = now_ns + round(fault.for_ms * 1e6)

@@ -15,6 +15,7 @@ from recipes.schema.bench_schema import (
     BrakeDevice,
     CanBus,
     Drive,
+    MasterPart,
     ModbusDevice,
     PaceOfBench,
     Sensors,
@@ -27,6 +28,7 @@ from recipes.schema.calibration_schema import (
     FixtureCurve,
     FixtureParts,
     QuadrantLine,
+    UnitLine,
 )
 from recipes.schema.interlock_schema import Interlocks
 from recipes.schema.metric_schema import MetricWanted
@@ -103,36 +105,42 @@ def _options(model: type[BaseModel]) -> str:
     return table(("option", "what it takes", ""), rows)
 
 
+RECIPE_SECTIONS = {
+    "recipe": Header, "unit_under_test": UnitUnderTest, "unit_under_test.loading_torque_ratio": LoadingTorqueRatio,
+    "measurement": Measurement, "sampling": Sampling, "interlocks": Interlocks, "metrics (each)": MetricWanted,
+    "decision": Decision, "validity": Validity,
+}  # fmt: skip
+RECIPE_STEPS = {
+    "home": Home, "lock": Lock, "calibrate": Calibrate, "torque_cycles": TorqueCycles, "speed_cycles": SpeedCycles,
+    "step_cycles": StepCycles, "fatigue_cycles": FatigueCycles, "unload": Unload, "release": Release,
+}  # fmt: skip
+"""Sections of a recipe and its steps, by their names in the file; a test holds them against the schema."""
+
+BENCH_SECTIONS = {
+    "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
+    "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
+    "pace": PaceOfBench, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit, "calibrations: units: lines (each)": UnitLine,
+    "master_parts (each)": MasterPart,
+}  # fmt: skip
+"""Sections of a bench file, by their names there."""
+
+
 def recipe_options() -> str:
     """The page of every option of a recipe."""
-    sections = {
-        "recipe": Header, "unit_under_test": UnitUnderTest, "unit_under_test.loading_torque_ratio": LoadingTorqueRatio,
-        "measurement": Measurement, "sampling": Sampling, "interlocks": Interlocks, "metrics (each)": MetricWanted,
-        "decision": Decision, "validity": Validity,
-    }  # fmt: skip
-    steps = {
-        "home": Home, "lock": Lock, "calibrate": Calibrate, "torque_cycles": TorqueCycles, "speed_cycles": SpeedCycles,
-        "step_cycles": StepCycles, "fatigue_cycles": FatigueCycles, "unload": Unload, "release": Release,
-    }  # fmt: skip
     text = "# Every option of a recipe\n\n" + NOTE
     text += "\n`loading` is `input` or `output`. `report` is `on_request`, the default, or `always`: then pictures and report are"
     text += " made after every run.\nTimes, ages and speeds without default must be given.\n"
-    for name_of, model in sections.items():
+    for name_of, model in RECIPE_SECTIONS.items():
         text += f"\n## {name_of}\n\n{_options(model)}"
-    for name_of, model in steps.items():
+    for name_of, model in RECIPE_STEPS.items():
         text += f"\n## sequence: {name_of}\n\n{(model.__doc__ or '').strip()}\n\n{_options(model)}"
     return text
 
 
 def bench_options() -> str:
     """The page of every option of a bench file."""
-    sections = {
-        "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
-        "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
-        "pace": PaceOfBench, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit,
-    }  # fmt: skip
     text = "# Every option of a bench file\n\n" + NOTE
-    for name_of, model in sections.items():
+    for name_of, model in BENCH_SECTIONS.items():
         about = " ".join((model.__doc__ or "").split())
         text += f"\n## {name_of}\n\n{about}\n\n{_options(model)}"
     return text

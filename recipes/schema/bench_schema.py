@@ -17,6 +17,7 @@ from recipes.text.section import (
     BitCount,
     Current,
     Host,
+    Interval,
     Lag,
     Name,
     Port,
@@ -196,6 +197,19 @@ def _line_text(setting: tuple[int, str, int]) -> str:
     return f"{baudrate} baud, parity {parity}, {stopbits} stop bit{'s' if stopbits > 1 else ''}"
 
 
+class MasterPart(Section):
+    """A unit whose verdict is known, which shows whether the bench still measures right; good ones and bad ones.
+
+    It is no product: it counts in no statistics of units, and may be measured any number of times.
+    """
+
+    serial: Name
+    expect: Literal["PASS", "FAIL"]
+    """Verdict that a bench in order gives it."""
+    every_s: Interval = 86400.0
+    """How often it is measured at least."""
+
+
 class PaceOfBench(Section):
     """Where a virtual bench that was started by itself waits for the scan; real hardware has no such thing."""
 
@@ -217,6 +231,7 @@ class Bench(Section):
     pace: PaceOfBench | None = None
     """A virtual bench on wires that waits for the scan; a bench without it lives by its own clock."""
     calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
+    master_parts: Annotated[tuple[MasterPart, ...], Field(max_length=20)] = ()
 
     @model_validator(mode="after")
     def _one_setting_per_serial_line(self) -> Bench:
@@ -232,6 +247,20 @@ class Bench(Section):
                 hint = "Devices on one serial line talk alike."
                 raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=name)
         return self
+
+    @model_validator(mode="after")
+    def _each_master_part_once(self) -> Bench:
+        serials = [part.serial for part in self.master_parts]
+        for place, serial in enumerate(serials):
+            if serial in serials[:place]:
+                raise refusal(
+                    f"'{serial}' a second time", "each master part once", "Delete one.", f"master_parts.{place}"
+                )
+        return self
+
+    def master_part(self, serial: str) -> MasterPart | None:
+        """Return the master part with this serial number; None for a product."""
+        return next((part for part in self.master_parts if part.serial == serial), None)
 
     def newest_calibration(self, model: str) -> Calibration | None:
         """Newest stored calibration for a model, None when there is none."""

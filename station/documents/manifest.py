@@ -24,6 +24,10 @@ LARGEST_PERIOD_NS = 1_000_000_000
 LARGEST_PID = 1 << 22
 
 
+MASTER = "master part "
+"""How the notes begin that say what the master parts of a bench read."""
+
+
 def _filled(text: str) -> str:
     if not text.strip():
         raise ValueError(text)
@@ -96,11 +100,15 @@ class BenchSource:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:
-    """The unit under test; on the virtual bench with its name there and the seed of the noise."""
+    """The unit under test; on the virtual bench with its name there and the seed of the noise.
+
+    `master`: of a master part, the verdict that a bench in order gives it.
+    """
 
     model: Name
     virtual: str | None = None
     noise_seed: Large | None = None
+    master: VerdictName | None = left_out()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -182,6 +182,10 @@ class Store:
         """Return what became of a serial number so far: its newest attempts, oldest first."""
         return earlier_attempts(self._named_by(serial, self._names()), serial)
 
+    def named_by(self, serial: str) -> list[RunRecord]:
+        """Return the folders that are named after a serial number, oldest first, without a look into each."""
+        return self._named_by(serial, self._names())
+
     def _named_by(self, serial: str, names: list[str]) -> list[RunRecord]:
         end = f"-{_folder_name(serial)}"
         runs = (RunRecord(self.data / name) for name in names if name.endswith(end))

@@ -10,6 +10,7 @@ from analysis.loop.method import Decision
 from analysis.validity.judge import is_loose
 from definitions.checks import CHECKS
 from definitions.metrics import SIDED
+from station.documents.manifest import MASTER
 from station.documents.result import MetricValue, Result
 from station.reports.content import check_title, checks_line, shown_checks, uncertainty_kind
 from station.reports.metric_sides import on_side
@@ -43,11 +44,12 @@ def note_lines(result: Result) -> list[str]:
     applied = [stage for stage in stages if stage.applied]
     notes = (
         fault_notes(result)
+        + [note for note in notes if note.startswith(MASTER)]
         + one_sided(result)
         + within_uncertainty(result)
         + not_cross_checked(result)
         + loose_limits(result)
-        + [note for note in notes if not note.startswith(FAULTS_NOTE)]
+        + [note for note in notes if not note.startswith((FAULTS_NOTE, MASTER))]
     )
     notes += [stage.text for stage in applied if stage.stage in CORRECTIONS]
     left = len(notes) - MOST_NOTES

@@ -18,7 +18,7 @@ from analysis.validity.judge import check_reasons, judge_checks
 from definitions.image import State
 from station.bench.request import Job
 from station.documents.events import Alarm, EventRow
-from station.documents.manifest import Manifest
+from station.documents.manifest import MASTER, Manifest
 from station.documents.reading import document_in, plain
 from station.documents.result import DecisionRule, Judged, Result
 from station.documents.timing import Timing
@@ -126,6 +126,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         gates=judged.gates,
         notes=(
             *run.notes,
+            *_master_notes(run, state, judged.verdict),
             *_desk_notes(ending),
             *_clock_notes(timing, ending.clock_jumped_s),
             *judged.notes,
@@ -207,6 +208,17 @@ def _early_reasons(state: str, events: Sequence[EventRow | Alarm], ending: Endin
     elif state == INTERRUPTED and not reasons:
         reasons.append("the run is incomplete: its scan process ended during the run")
     return reasons
+
+
+def _master_notes(run: Manifest, state: str, verdict: str) -> list[str]:
+    """Say of a master part whether it read as it should; of a product, nothing."""
+    right = run.unit.master
+    if right is None or state != "complete":
+        return []
+    if verdict == right:
+        return [f"{MASTER}{run.serial}: {right} is right, and that is what it read"]
+    wrong = "this bench may measure wrong. Measure nothing else on it before that is found"
+    return [f"{MASTER}{run.serial}: {right} is right, and it read {verdict}: {wrong}"]
 
 
 def _evaluate(

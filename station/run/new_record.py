@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,9 +10,11 @@ from station.bench.request import Job, Source
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.manifest import BenchSource, RecipeSource, Setup, Unit
 from station.records.data_folder import Store
+from station.records.master_parts import master_parts
 from station.records.program_file import PROGRAM, plain_program
 from station.records.run_record import RunRecord
 from station.version import software
+from station.wall_clock import WALL_CLOCK
 
 
 class Wanted(NamedTuple):
@@ -48,7 +51,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         RecordError: the folder cannot be written.
 
     """
-    scenario, unit = wanted.scenario, wanted.unit
+    scenario, unit, master = wanted.scenario, wanted.unit, job.bench.master_part(wanted.serial)
     recipe = job.recipe
     setup = Setup(
         recipe=RecipeSource(
@@ -63,6 +66,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
             model=recipe.unit_under_test.model,
             virtual=None if unit is None else unit.name,
             noise_seed=None if unit is None else unit.seed,
+            master=None if master is None else master.expect,
         ),
         scenario=None if scenario is None else str(scenario.path),
         operator=wanted.operator,
@@ -75,6 +79,9 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     store = Store(data)
+    if master is None:
+        notes = [*notes, *(one.text for one in master_parts(store, job.bench, WALL_CLOCK.now()))]
+        setup = replace(setup, notes=tuple(notes))
     record = store.create(wanted.serial, setup, files, own=True)
     if store.warnings:
         record.update(notes=[*notes, *store.warnings])

@@ -32,6 +32,7 @@ class MetricRow(NamedTuple):
     operator: str | None
     scenario: str | None
     virtual: bool
+    master: str
     torque_source: str
     position: int | None
     side: str

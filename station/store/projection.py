@@ -177,6 +177,7 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "scenario": manifest.scenario,
         "clock": manifest.clock,
         "virtual": result is not None and bool(virtual_badges(result)),
+        "master": manifest.unit.master or "",
         "torque_source": "" if torque is None else CONVERTED if torque.applied else MEASURED,
         "objection": "" if result is None else objection(result),
         "records": manifest.records,
@@ -198,7 +199,7 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
         row = dict.fromkeys(column.name for column in tables.RUNS.columns)
         row |= {name: sealed.fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
         row |= {"chain": chain, "counter": sealed.counter, "entry_sha256": sealed.sha256, "key": sealed.key}
-        row |= dict.fromkeys(("recipe", "bench", "torque_source", "objection"), "")
+        row |= dict.fromkeys(("recipe", "bench", "master", "torque_source", "objection"), "")
         row |= {"virtual": False, "altered": text, "seen": seen(f"{run.folder}/{MANIFEST}")}
         found[tables.RUNS] = [row | {"seen_files": seen_files(run)}]
     return found

@@ -86,6 +86,7 @@ RUNS = _of_a_chain(
     Column("scenario", Text),
     Column("clock", Text),
     Column("virtual", Boolean, nullable=False),
+    Column("master", Text, nullable=False, server_default=""),
     Column("torque_source", Text, nullable=False),
     Column("objection", Text, nullable=False),
     Column("records", Integer),
@@ -96,6 +97,8 @@ RUNS = _of_a_chain(
     Index("runs_serial", "chain", "serial"),
 )
 """Every run that was concluded. `altered` has a line for each alteration, and is '' for none.
+
+`master`: of a master part, the verdict that it should have; '' for a product.
 
 `seen`, `seen_files`: size, times and inode of the files that were compared.
 """

@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 from recipes import RecipeError
 from station.bench.request import Job, load_job
-from station.documents.manifest import EarlierAttempt
+from station.documents.manifest import MASTER, EarlierAttempt
 from station.errors import StationError
 from station.records.data_folder import Store
+from station.records.master_parts import master_parts
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
 from station.run.disk_space import refuse_full_disk
 from station.wall_clock import WALL_CLOCK
@@ -50,6 +51,11 @@ class Situation:
     before: tuple[EarlierAttempt, ...]
     newest: RunRecord | None
     unconfirmed: str
+
+    @property
+    def is_master_part(self) -> bool:
+        """Whether the unit is a master part of the bench: it may be measured at any time, as often as anybody likes."""
+        return self.job is not None and self.job.bench.master_part(self.wanted.serial) is not None
 
 
 class Condition(NamedTuple):
@@ -94,11 +100,12 @@ def unconfirmed(data: Path, confirmed: frozenset[str]) -> str:
 
 
 def may_be_bad(run: RunRecord) -> bool:
-    """Say whether the unit of a run failed; a run that cannot be read may have failed too."""
+    """Say whether the unit of a run failed; a run that cannot be read may have failed too. A bad master part should."""
     try:
-        return run.manifest().verdict == "FAIL"
+        manifest = run.manifest()
     except StationError:
         return True
+    return manifest.verdict == "FAIL" and manifest.unit.master != "FAIL"
 
 
 def _bench_free(one: Situation) -> str | None:
@@ -127,7 +134,7 @@ def _bad_unit_put_away(one: Situation) -> str | None:
 
 
 def _attempts_left(one: Situation) -> str | None:
-    if one.model is None or _measured(one) < one.model.attempts:
+    if one.model is None or one.is_master_part or _measured(one) < one.model.attempts:
         return None
     measured = f"This unit was measured {_measured(one)} times ({_told(one.before)})"
     return f"{measured}; {one.model.attempts} are allowed. Call the technician."
@@ -135,7 +142,7 @@ def _attempts_left(one: Situation) -> str | None:
 
 def _retest_reason(one: Situation) -> str | None:
     over = one.model is None or _measured(one) >= one.model.attempts
-    if not one.before or over or one.wanted.retest_reason.strip():
+    if not one.before or over or one.is_master_part or one.wanted.retest_reason.strip():
         return None
     return f"This unit was measured before ({_told(one.before)}). Measuring it again needs a reason."
 
@@ -158,6 +165,16 @@ def _bench_recovered(one: Situation) -> str | None:
     if state in ("fault", INTERRUPTED, NOT_CONCLUDED):
         return f"Run {name} ended with '{state}'. A technician brings the bench back with 'lostmotion recover'."
     return None
+
+
+def _master_parts(one: Situation) -> str | None:
+    if one.job is None or one.is_master_part:
+        return None
+    checked = master_parts(Store(one.data), one.job.bench, WALL_CLOCK.now())
+    bad = [part.text.removeprefix(MASTER) for part in checked if not part.in_order]
+    if not bad:
+        return None
+    return f"Master part {'; master part '.join(bad)}. Measure it before any other unit, or call the technician."
 
 
 def _room_on_disk(one: Situation) -> str | None:
@@ -196,6 +213,12 @@ CONDITIONS: tuple[Condition, ...] = (
         may_be_bypassed=True,
     ),
     Condition("bench_recovered", "the bench was brought back after a fault", _bench_recovered),
+    Condition(
+        "master_parts",
+        "each master part of the bench was measured when it was due, and read as it should",
+        _master_parts,
+        may_be_bypassed=True,
+    ),
     Condition("room_on_disk", "there is room on the disk for the record", _room_on_disk),
     Condition("clock_plausible", "the computer's clock is plausible", _clock_plausible, may_be_bypassed=True),
 )

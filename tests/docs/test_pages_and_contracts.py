@@ -3,11 +3,17 @@
 import re
 from collections import Counter
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from typer.main import get_command
 
 from docs import generate
+from docs.option_pages import BENCH_SECTIONS, RECIPE_SECTIONS, RECIPE_STEPS
+from recipes.schema.bench_schema import Bench
+from recipes.schema.calibration_schema import FixturePoint
+from recipes.schema.recipe_schema import Recipe
+from recipes.text.section import Section
 from station.cli import COMMANDS, app
 
 ROOT = Path(__file__).parents[2]
@@ -29,3 +35,25 @@ def test_the_page_of_the_command_line_has_every_command_once_and_in_the_order_of
         row = " ".join(what + rest for what, rest in rows if what.startswith(group))
         missing = [name for name in get_command(app).commands[group].commands if name not in row]
         assert missing == []
+
+
+def sections_in(model: type[Section]) -> dict[type[Section], None]:
+    """Return a section with all that stand in it, wherever."""
+    found: dict[type[Section], None] = {model: None}
+    waiting: list[object] = [field.annotation for field in model.model_fields.values()]
+    while waiting:
+        kind = waiting.pop()
+        waiting += get_args(kind)
+        if isinstance(kind, type) and issubclass(kind, Section) and kind not in found:
+            found |= sections_in(kind)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("model", "shown"), [(Bench, BENCH_SECTIONS), (Recipe, RECIPE_SECTIONS | RECIPE_STEPS)], ids=["bench", "recipe"]
+)
+def test_every_section_of_a_file_is_on_the_page_of_its_options(
+    model: type[Section], shown: dict[str, type[Section]]
+) -> None:
+    told_in_the_text_of_its_section = {FixturePoint}
+    assert set(sections_in(model)) - {model} - told_in_the_text_of_its_section == set(shown.values())

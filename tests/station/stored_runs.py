@@ -45,15 +45,16 @@ def store_run(
     virtual: str | None = None,
     failed: str | None = None,
     key: str | None = None,
+    master: str | None = None,
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
-    key: public key that the bench file names.
+    key: public key that the bench file names. master: verdict that the unit, a master part, should have.
     """
     setup = replace(
         SETUP,
-        unit=Unit(model="RV", virtual=virtual),
+        unit=Unit(model="RV", virtual=virtual, master=master),
         recipe=RecipeSource(name=recipe, revision=revision, sha256=""),
         operator=operator,
         scenario=scenario,

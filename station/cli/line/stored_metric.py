@@ -92,7 +92,7 @@ def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> StoredMetric | s
 
     """
     run = rows[0]
-    reason = _left_out(view, run)
+    reason = _left_out(view, run) or ("of a master part" if run.master and ask.serial is None else "")
     if reason:
         return reason
     metric = _metric(rows, ask)

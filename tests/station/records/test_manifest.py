@@ -33,7 +33,7 @@ def whole(tmp_path: Path) -> dict[str, Any]:
     found["software"] |= software | {"python": "3", "platform": "p", "host": "h", "user": "u"}
     found["recipe"] |= {"file": "r.yaml"}
     found["bench"] |= {"file": "b.yaml", "public_key": "k"}
-    found["unit"] = found["unit"] | {"noise_seed": 1}
+    found["unit"] = found["unit"] | {"noise_seed": 1, "master": "PASS"}
     earlier = {"attempt": 1, "run": "r", "state": "complete", "verdict": "FAIL", "failed": ["Backlash"]}
     more |= {"before": [earlier], "retest_reason": "seating of the unit"}
     return copy.deepcopy(found | more | {"left": LEFT, "operator": "A", "scenario": "s.yaml"})

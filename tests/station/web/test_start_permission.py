@@ -15,6 +15,8 @@ from station_samples import SETUP
 from station_support import write_models
 
 from recipes import RecipeError
+from recipes.schema.bench_schema import MasterPart
+from station.bench.request import Job
 from station.documents.manifest import EarlierAttempt
 from station.records.data_folder import Store
 from station.wall_clock import WALL_CLOCK
@@ -41,7 +43,14 @@ def newest(state: str, started: str = "2026-01-01T00:00:00+00:00") -> SimpleName
 
 
 def on_a_cable(job: object) -> SimpleNamespace:
-    return SimpleNamespace(bench=SimpleNamespace(bench=SimpleNamespace(embedded=False)), program=job.program)
+    header = SimpleNamespace(embedded=False)
+    bench = SimpleNamespace(bench=header, master_parts=(), master_part=lambda _serial: None)
+    return SimpleNamespace(bench=bench, program=job.program)
+
+
+def with_master_parts(job: Job) -> Job:
+    parts = (MasterPart(serial="MASTER-GOOD", expect="PASS"), MasterPart(serial="MASTER-BAD", expect="FAIL"))
+    return dataclasses.replace(job, bench=job.bench.model_copy(update={"master_parts": parts}))
 
 
 def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situation]:
@@ -57,6 +66,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),
         "retest_reason": dataclasses.replace(good, before=(run(1, "FAIL"),)),
         "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), newest=newest("fault")),
+        "master_parts": dataclasses.replace(good, job=with_master_parts(good.job)),
         "room_on_disk": dataclasses.replace(good, data=full),
         "clock_plausible": dataclasses.replace(good, newest=newest("complete", later)),
     }
@@ -88,6 +98,13 @@ def test_a_retest_needs_a_reason_and_has_an_end(good: Situation) -> None:
     assert "2 are allowed" in why
 
 
+def test_master_parts_may_always_be_measured_and_a_bad_one_that_failed_is_no_bad_unit(good: Situation) -> None:
+    often = tuple(run(number, "FAIL") for number in range(1, 9))
+    one = dataclasses.replace(good, job=with_master_parts(good.job), before=often)
+    assert [name for name, _ in refusals(one)] == ["attempts_left", "master_parts"]
+    assert refusals(dataclasses.replace(one, wanted=Wanted("MASTER-BAD"))) == []
+
+
 def test_a_recipe_that_cannot_be_had_is_said(tmp_path: Path) -> None:
     models = tmp_path / "models.yaml"
     models.write_text("models:\n  - {model: A, serial: '.*', recipe: no-such-recipe}\n", encoding="utf-8")
@@ -95,6 +112,18 @@ def test_a_recipe_that_cannot_be_had_is_said(tmp_path: Path) -> None:
     ((name, why),) = refusals(found)
     assert name == "recipe_in_order"
     assert "no-such-recipe" in why
+
+
+@pytest.mark.parametrize(
+    ("expect", "verdict", "bad"), [("FAIL", "FAIL", False), ("PASS", "FAIL", True), ("FAIL", "PASS", False)]
+)
+def test_a_master_part_is_put_away_where_it_should_not_have_failed(
+    tmp_path: Path, expect: str, verdict: str, *, bad: bool
+) -> None:
+    setup = dataclasses.replace(SETUP, unit=dataclasses.replace(SETUP.unit, master=expect))
+    newest = Store(tmp_path).create("MASTER", setup, {})
+    newest.update(state="complete", verdict=verdict)
+    assert permission.unconfirmed(tmp_path, frozenset()) == (newest.id if bad else "")
 
 
 @pytest.mark.parametrize(("verdict", "bad"), [("FAIL", True), ("PASS", False), ("cannot be read", True)])

@@ -1,0 +1,73 @@
+"""The master parts of a bench: when each was last measured, and whether it read as it should.
+
+One run cannot show an error that both torques and the angle have in common, such as both torques 5 % too large and the
+angle with them. A unit whose verdict is known can: a good one must pass, a bad one must fail.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import NamedTuple
+
+from recipes.schema.bench_schema import Bench, MasterPart
+from station.documents.manifest import MASTER, Manifest
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.records.seal import alterations
+
+COMPLETE = "complete"
+
+
+class MasterCheck(NamedTuple):
+    """A master part as a bench last measured it: its serial number, whether it speaks for the bench, and in words."""
+
+    serial: str
+    in_order: bool
+    text: str
+
+
+def master_parts(store: Store, bench: Bench, now: datetime) -> tuple[MasterCheck, ...]:
+    """Return the state of each master part that a bench file names; none where it names none."""
+    return tuple(_checked(store, bench.bench.name, part, now) for part in bench.master_parts)
+
+
+def _checked(store: Store, bench: str, part: MasterPart, now: datetime) -> MasterCheck:
+    newest = _newest(store, bench, part.serial)
+    if newest is None:
+        why = f"was never measured on this bench; due every {_hours(part.every_s)}"
+        return MasterCheck(part.serial, False, f"{MASTER}{part.serial} {why}")  # noqa: FBT003
+    run, manifest = newest
+    age = now - datetime.fromisoformat(manifest.started)
+    ago = f"{_hours(age.total_seconds())} before, run {run.id}"
+    if alterations(run):
+        wrong = f"has an altered record ({ago}): it proves nothing. Measure it again"
+    elif manifest.verdict != part.expect:
+        wrong = f"read {manifest.verdict}, and {part.expect} is right ({ago}): this bench may measure wrong"
+    elif not timedelta(0) <= age <= timedelta(seconds=part.every_s):
+        wrong = f"was last measured {ago}; due every {_hours(part.every_s)}"
+    else:
+        right = f"read {manifest.verdict}, as it should ({ago}): what torques and angle have in common was right then"
+        return MasterCheck(part.serial, True, f"{MASTER}{part.serial} {right}")  # noqa: FBT003
+    return MasterCheck(part.serial, False, f"{MASTER}{part.serial} {wrong}")  # noqa: FBT003
+
+
+def _newest(store: Store, bench: str, serial: str) -> tuple[RunRecord, Manifest] | None:
+    """Return the newest run of a serial number that came to its end on a bench, without injected faults."""
+    for run in reversed(store.named_by(serial)):
+        try:
+            manifest = run.manifest()
+        except StationError:
+            continue
+        whole = manifest.state == COMPLETE and manifest.scenario is None and manifest.recovery_of is None
+        if whole and manifest.serial == serial and manifest.bench.name == bench:
+            return run, manifest
+    return None
+
+
+def _hours(seconds: float) -> str:
+    """Return a time as a person says it: minutes below two hours, hours below two days, then days."""
+    for unit, length, least in (("d", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 0.0)):
+        if abs(seconds) >= least * length:
+            return f"{seconds / length:.3g} {unit}"
+    return f"{seconds:.3g} s"

@@ -1,0 +1,109 @@
+"""Master parts: what each last read on this bench, how long ago, and where it counts."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import pytest
+from station_samples import SETUP
+from stored_runs import metric, store_run
+
+from analysis.evaluation.verdict import Verdict
+from recipes import RecipeError, find_bench, load_bench, parse_bench
+from recipes.schema.bench_schema import Bench, MasterPart
+from station.cli.line.stored_metric import Ask
+from station.cli.line.stored_values import stored_values
+from station.documents.manifest import MASTER
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.master_parts import master_parts
+
+GOOD = MasterPart(serial="MASTER-1", expect="PASS", every_s=86400.0)
+BAD = MasterPart(serial="MASTER-2", expect="FAIL", every_s=8 * 3600.0)
+
+
+def bench_with(*parts: MasterPart) -> Bench:
+    bench = load_bench(find_bench("virtual"))
+    header = bench.bench.model_copy(update={"name": SETUP.bench.name})
+    return bench.model_copy(update={"master_parts": parts, "bench": header})
+
+
+def moment(data: Path) -> datetime:
+    """Return when the newest run was started."""
+    return datetime.fromisoformat(Store(data).newest(1)[-1].manifest().started)
+
+
+def test_a_bench_without_master_parts_has_nothing_to_say(tmp_path: Path) -> None:
+    assert master_parts(Store(tmp_path), bench_with(), datetime.fromisoformat("2026-01-05T08:00:00+00:00")) == ()
+
+
+def test_a_master_part_that_was_never_measured_is_said(tmp_path: Path) -> None:
+    (found,) = master_parts(Store(tmp_path), bench_with(GOOD), datetime.fromisoformat("2026-01-05T08:00:00+00:00"))
+    assert not found.in_order
+    assert found.text.startswith(MASTER)
+    assert "never" in found.text
+
+
+@pytest.mark.parametrize(
+    ("part", "failed", "later_h", "in_order"),
+    [
+        (GOOD, None, 3.0, True),
+        (GOOD, None, 25.0, False),
+        (GOOD, None, -1.0, False),
+        (GOOD, "too wide", 3.0, False),
+        (BAD, "too wide", 3.0, True),
+        (BAD, "too wide", 9.0, False),
+        (BAD, None, 3.0, False),
+    ],
+)
+def test_a_master_part_speaks_for_its_bench_while_it_is_young_and_reads_right(
+    tmp_path: Path, part: MasterPart, failed: str | None, later_h: float, *, in_order: bool
+) -> None:
+    store_run(tmp_path, part.serial, [metric(0.4)], failed=failed)
+    (found,) = master_parts(Store(tmp_path), bench_with(part), moment(tmp_path) + timedelta(hours=later_h))
+    assert found.in_order is in_order, found.text
+    assert ("PASS" if failed is None else "FAIL") in found.text or abs(later_h) in {25.0, 9.0, 1.0}
+
+
+def test_the_newest_run_counts_and_none_with_faults_or_of_another_bench(tmp_path: Path) -> None:
+    store_run(tmp_path, GOOD.serial, [metric(0.4)])
+    store_run(tmp_path, GOOD.serial, [metric(0.4)], day=0.1, failed="a fault was injected", scenario="scenario.yaml")
+    store_run(tmp_path, GOOD.serial, [metric(0.4)], day=0.2, state="stopped")
+    now = moment(tmp_path) + timedelta(hours=1)
+    (found,) = master_parts(Store(tmp_path), bench_with(GOOD), now)
+    assert found.in_order
+    elsewhere = bench_with(GOOD)
+    other = elsewhere.model_copy(update={"bench": elsewhere.bench.model_copy(update={"name": "another"})})
+    assert not master_parts(Store(tmp_path), other, now)[0].in_order
+    newest = store_run(tmp_path, GOOD.serial, [metric(0.4)], day=0.3)
+    (newest.folder / "result.json").write_text("{}", encoding="utf-8")
+    (found,) = master_parts(Store(tmp_path), bench_with(GOOD), moment(tmp_path) + timedelta(hours=1))
+    assert not found.in_order
+    assert "altered" in found.text
+
+
+def test_a_master_part_is_no_unit_of_the_line(tmp_path: Path) -> None:
+    for number in range(3):
+        store_run(tmp_path, f"U{number}", [metric(0.4 + 0.01 * number)])
+    store_run(tmp_path, GOOD.serial, [metric(0.9)], master=Verdict.PASS)
+    found = stored_values(tmp_path, Ask("lost_motion"))
+    assert [one.serial for one in found.values] == ["U0", "U1", "U2"]
+    assert dict(found.left_out) == {"of a master part": 1}
+    alone = stored_values(tmp_path, Ask("lost_motion", serial=GOOD.serial))
+    assert [one.value for one in alone.values] == [0.9]
+    with pytest.raises(StationError, match="no run has a value"):
+        stored_values(tmp_path, Ask("lost_motion", serial="U9"))
+
+
+def test_a_bench_file_names_each_master_part_once() -> None:
+    text = find_bench("virtual").read_text(encoding="utf-8")
+    parts = "master_parts:\n  - {serial: M1, expect: PASS, every: 12 h}\n  - {serial: M2, expect: FAIL}\n"
+    bench = parse_bench((text + parts).encode(), "bench.yaml")
+    assert [(one.serial, one.expect, one.every_s) for one in bench.master_parts] == [
+        ("M1", "PASS", 43200.0), ("M2", "FAIL", 86400.0),
+    ]  # fmt: skip
+    assert bench.master_part("M2") == bench.master_parts[1]
+    assert bench.master_part("SN-1") is None
+    with pytest.raises(RecipeError, match="'M1' a second time"):
+        parse_bench((text + parts.replace("M2", "M1")).encode(), "bench.yaml")

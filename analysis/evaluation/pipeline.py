@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.evaluation.evaluate import evaluate
+from analysis.evaluation.friction_offset import friction_offset_note
 from analysis.evaluation.metric_result import MetricResult
 from analysis.evaluation.verdict import Verdict, worst
 from analysis.loop.branches import Branch
@@ -54,12 +55,14 @@ class Result:
     quadrants: Quadrants | None
     stages: tuple[StageRecord, ...]
     checks: tuple[CheckResult, ...]
+    besides: tuple[str, ...] = ()
+    """What a person should know beside the verdict."""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What each stage did, in words, and why a metric without a limit could not be evaluated."""
+        """What each stage did, in words, what stands beside the verdict, why a metric without a limit has no value."""
         missing = [reason for metric in self.metrics if not metric.limited for reason in metric.reasons]
-        return (*(stage.text for stage in self.stages), *missing)
+        return (*(stage.text for stage in self.stages), *self.besides, *missing)
 
     def to_dict(self) -> dict[str, object]:
         """Return verdict, reasons, metrics, notes, checks and stages as plain data (the JSON contract)."""
@@ -119,7 +122,9 @@ def analyse(
         curves = _curves(found.loops)
     verdict, reasons = _overall(metrics, problems)
     ratio = found.quadrants if isinstance(found.quadrants, Quadrants) else None
-    return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, (*found.stages, stage), checks)
+    friction = friction_offset_note(ratio, method.catalogue_offset_nm)
+    besides = (friction,) if friction else ()
+    return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, (*found.stages, stage), checks, besides)
 
 
 def _curves(loops: Sequence[Loop]) -> Curves:

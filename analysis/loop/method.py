@@ -60,6 +60,7 @@ class Method:
     lags_s: delay of each channel behind what it measures, by channel; None when they are not known.
     alignment: "correct" moves channels by their lags, "two_speeds" estimates the skew of torque and angle from cycles
     of different speed instead and corrects it, "report" moves nothing. drift, fixture: "correct" or "report".
+    catalogue_offset_nm: of the unit's loading line, held against its friction beside the verdict.
     catalogue_stiffness_nm_per_arcmin: of the unit, for the check that looks at the scale of angle and torque; never for
     a metric. None when it is not known.
     check_limits: limits of validity checks that differ from the table's, by check.
@@ -86,6 +87,7 @@ class Method:
     drift: Literal["correct", "report"] = "correct"
     fixture: Literal["correct", "report"] = "correct"
     catalogue_stiffness_nm_per_arcmin: float | None = None
+    catalogue_offset_nm: float | None = None
     check_limits: Mapping[str, float] = field(default_factory=dict)
     locked_stiffness_nm_per_arcmin: float | None = None
     planned_nm_s: tuple[float, float] | None = None

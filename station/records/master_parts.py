@@ -66,8 +66,8 @@ def _newest(store: Store, bench: str, serial: str) -> tuple[RunRecord, Manifest]
 
 
 def _hours(seconds: float) -> str:
-    """Return a time as a person says it: minutes below two hours, hours below two days, then days."""
-    for unit, length, least in (("d", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 0.0)):
+    """Return a time as a person says it: seconds below two minutes, minutes below two hours, hours below two days."""
+    for unit, length, least in (("d", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 2.0)):
         if abs(seconds) >= least * length:
             return f"{seconds / length:.3g} {unit}"
-    return f"{seconds:.3g} s"
+    return f"{seconds:.0f} s"

@@ -73,6 +73,7 @@ def method_fields(recipe: Recipe) -> dict[str, Any]:
         "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
         "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
         "catalogue_stiffness_nm_per_arcmin": unit.stiffness_nm_per_arcmin,
+        "catalogue_offset_nm": unit.loading_torque_ratio.offset_nm if recipe.loading == "input" else None,
         "check_limits": recipe.validity.limits(),
     }
 

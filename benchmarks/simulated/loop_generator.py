@@ -287,6 +287,8 @@ class Bench:
     lag_s: float = 1e-3
     period_s: float = PERIOD_S
     holds: tuple[Hold, ...] = ()
+    noise: float = 1.0
+    """Noise of the torques, of what is declared."""
 
 
 @dataclass(frozen=True)
@@ -452,7 +454,7 @@ def measured(unit: Kind, course: Course, bench: Bench, random: np.random.Generat
         seen = seen * (1.0 + random.normal(0.0, one.gain_fraction / 2.0))
         seen += random.uniform(-1.0, 1.0) * one.zero_fraction * scale
         seen += random.normal(0.0, one.reversibility_fraction / 2.0) * scale * lens
-        return seen + random.normal(0.0, one.noise_fraction * scale, seen.size)
+        return seen + random.normal(0.0, bench.noise * one.noise_fraction * scale, seen.size)
 
     def angle(arcmin: np.ndarray, one: AngleFigures) -> np.ndarray:
         rad = np.interp(course.t_s - bench.lag_s, course.t_s, arcmin * ARCMIN_RAD)

@@ -50,6 +50,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     },
     "Look at runs": {
         "list": cli_runs.list_runs,
+        "runs": cli_runs.runs,
         "show": cli_runs.show,
         "report": cli_runs.report,
         "analyze": cli_runs.analyze,

@@ -69,7 +69,7 @@ RecipeFilter = Annotated[
 ]
 SerialFilter = Annotated[str | None, typer.Option("--serial", metavar="SN", help="Only runs of this serial number.")]
 SideOption = Annotated[
-    str | None, typer.Option("--side", metavar="+|-", help="Side of the metric. Default: the first one of the result.")
+    str | None, typer.Option("--side", metavar="+|-", help="Side of the metric. Default: the worse one.")
 ]
 BranchOption = Annotated[
     str | None, typer.Option("--branch", metavar="NAME", help="Branch, if a run has the metric on several branches.")

@@ -15,7 +15,9 @@ from station.cli.options import (
     DataOption,
     JsonOption,
     PresetOption,
+    RecipeFilter,
     RunArgument,
+    SerialFilter,
     TraceArgument,
 )
 
@@ -30,6 +32,33 @@ def list_runs(
     from station.cli.runs import list_runs as command_list
 
     raise typer.Exit(command_list.list_runs(data, None if everything else limit, as_json=as_json))
+
+
+def runs(
+    serial: SerialFilter = None,
+    recipe: RecipeFilter = None,
+    verdict: Annotated[
+        str | None, typer.Option("--verdict", metavar="V", help="Only PASS, FAIL or 'NOT DECIDABLE'.")
+    ] = None,
+    since: Annotated[
+        str | None,
+        typer.Option("--since", metavar="DATE", help="Only runs from then on, as 2026-01-31 or with a time."),
+    ] = None,
+    as_csv: Annotated[bool, typer.Option("--csv", help="All columns, as CSV on standard output.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write the CSV to a file.")] = None,
+    locale: Annotated[
+        str,
+        typer.Option("--locale", metavar="L", help="Spreadsheet for the CSV: en or de (semicolons, decimal commas)."),
+    ] = "en",
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Show all concluded runs with their metrics, a row for each: on the screen, or as CSV for a spreadsheet."""
+    from station.cli.runs import run_table as command_runs
+    from station.store.run_table import Filters
+
+    filters = Filters(serial, recipe, verdict, since)
+    raise typer.Exit(command_runs.runs(data, filters, out, locale, as_csv=as_csv, as_json=as_json))
 
 
 def show(

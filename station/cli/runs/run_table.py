@@ -1,0 +1,117 @@
+"""`lostmotion runs`: a row for each run with its metrics, on the screen or as CSV for a spreadsheet."""
+
+from __future__ import annotations
+
+import csv
+import io
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from station.cli.out_file import refuse_records, writing
+from station.cli.say import Grid, say
+from station.documents.manifest import VERDICTS
+from station.errors import StationError
+from station.reports.result_text import number
+from station.results.export import LOCALES, CsvStyle
+from station.store.run_table import RUN_COLUMNS, Filters, RunTableRow, columns_of, run_table
+from station.store.view import look_at, without_collector
+
+SHOWN = ("run", "serial", "attempt", "recipe", "verdict")
+"""Columns on the screen; the CSV has all."""
+
+MARK = "\ufeff"
+"""By this a spreadsheet knows the file for UTF-8."""
+
+
+def runs(data: Path, filters: Filters, out: Path | None, locale: str, *, as_csv: bool, as_json: bool) -> int:
+    """Print the runs that are meant, oldest first; return 0.
+
+    out: file for the CSV; None writes it to standard output. locale: one of `LOCALES`.
+
+    Raises:
+        StationError: no such folder, verdict, date or locale, or a file that cannot be written.
+
+    """
+    if not data.is_dir():
+        raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
+    if filters.verdict is not None and filters.verdict not in VERDICTS:
+        raise StationError(f"--verdict: found {filters.verdict!r}; allowed are {', '.join(VERDICTS)}")
+    if locale not in LOCALES:
+        raise StationError(f"--locale: found {locale!r}; allowed are {', '.join(LOCALES)}")
+    if out is not None:
+        refuse_records(out)
+    filters = filters._replace(since=None if filters.since is None else moment_of(filters.since))
+    with look_at(data) as view, without_collector():
+        rows = run_table(view, filters)
+    if out is not None:
+        with writing(out):
+            out.write_text(MARK + csv_of(rows, LOCALES[locale]), encoding="utf-8", newline="")
+        if not as_csv and not as_json:
+            sys.stdout.write(f"{len(rows)} runs written to {out}\n")
+            return 0
+    if as_csv and out is None:
+        sys.stdout.write(csv_of(rows, LOCALES[locale]))
+        return 0
+    return 0 if as_csv else say(_document(rows), _blocks(rows), as_json=as_json)
+
+
+def moment_of(text: str) -> str:
+    """Return a date, or a date and time, as the runs have theirs: in UTC; StationError for what is none."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise StationError(
+            f"--since: found {text!r}; allowed is a date, as in 2026-01-31 or 2026-01-31T08:00"
+        ) from None
+    return moment.astimezone(UTC).isoformat(timespec="milliseconds")
+
+
+def csv_of(rows: list[RunTableRow], style: CsvStyle) -> str:
+    """Return the runs as CSV: what is known of each, then value and expanded uncertainty U of every metric."""
+    columns = columns_of(rows)
+    stream = io.StringIO()
+    writer = csv.writer(stream, delimiter=style.separator, lineterminator="\n")
+    heads = list(RUN_COLUMNS)
+    for column in columns:
+        unit = "" if column.unit in ("", "1") else f" [{column.unit}]"
+        heads += [f"{column.name}{unit}", f"U({column.name}){unit}"]
+    writer.writerow(heads)
+    for row in rows:
+        cells = [_text(row.run[name]) for name in RUN_COLUMNS]
+        for column in columns:
+            found = row.values.get(column)
+            cells += [_figure(part, style) for part in ((None, None) if found is None else found[:2])]
+        writer.writerow(cells)
+    return stream.getvalue()
+
+
+def _text(value: object) -> str:
+    """Return an entry for a spreadsheet: one line, and nothing that it would take for a formula."""
+    text = "" if value is None else str(value).replace("\n", "; ")
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+
+
+def _figure(value: float | None, style: CsvStyle) -> str:
+    return "" if value is None else f"{value:.9g}".replace(".", style.decimal)
+
+
+def _document(rows: list[RunTableRow]) -> dict[str, Any]:
+    return {
+        "runs": [
+            row.run | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
+            for row in rows
+        ]
+    }
+
+
+def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
+    shown = []
+    for row in rows:
+        bad = [(column, value) for column, value in row.values.items() if value.verdict == "FAIL"]
+        why = ", ".join(f"{column.name} {number(value.value, value.uncertainty)}" for column, value in bad)
+        shown.append(
+            [*(_text(row.run[name]) for name in SHOWN), why or str(row.run["altered"] or row.run["objection"])]
+        )
+    return [Grid((*SHOWN, "what speaks against it"), shown, right=(2,)), f"{len(rows)} runs"]

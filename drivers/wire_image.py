@@ -5,6 +5,7 @@ from __future__ import annotations
 from definitions.first_image import first_image
 from definitions.image import AGE_NEVER, REMOTE_IO_FIELDS, DriveState, Image, Link
 from drivers.modbus.device import ModbusDevice
+from drivers.modbus.part_fields import READ_FIELDS
 from drivers.servo_drive.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
 from drivers.servo_drive.data_types import picker
 from drivers.servo_drive.drive import CanDrive
@@ -13,18 +14,6 @@ from drivers.servo_drive.position_count import PositionCount
 # Asked in every scan: a member looked up by its class costs twenty times as much.
 _CAN, _AMPLIFIER, _BRAKE, _REMOTE_IO = int(Link.CAN), int(Link.AMPLIFIER), int(Link.BRAKE), int(Link.REMOTE_IO)
 _UNKNOWN = DriveState.UNKNOWN
-
-SAMPLE = (
-    "torque_in_nm",
-    "torque_out_nm",
-    "angle_in_rad",
-    "angle_out_rad",
-    "sample_counter",
-    "sample_time_us",
-    "sample_status",
-)
-LOCK = ("brake_on", "brake_current_a")
-CONTACTS = tuple(field.name for field in REMOTE_IO_FIELDS)
 
 
 class WireImage:
@@ -48,9 +37,9 @@ class WireImage:
 
     def __init__(self, amplifier: ModbusDevice, brake: ModbusDevice, remote_io: ModbusDevice) -> None:
         self._amplifier, self._brake, self._remote_io = amplifier, brake, remote_io
-        self._sample_of = picker([amplifier.place(name) for name in SAMPLE])
-        self._lock_of = picker([brake.place(name) for name in LOCK])
-        self._contacts_of = picker([remote_io.place(name) for name in CONTACTS])
+        self._sample_of = picker([amplifier.place(name) for name in READ_FIELDS["amplifier"]])
+        self._lock_of = picker([brake.place(name) for name in READ_FIELDS["brake"]])
+        self._contacts_of = picker([remote_io.place(name) for name in READ_FIELDS["remote_io"]])
         # What was taken last of each device, and at first nothing: then the first values are new ones.
         self._sample: list[float] | None = None
         self._lock: list[float] | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar
 
@@ -89,7 +90,13 @@ def wire_config(
 
 def device_profile(file: File, model: type[BaseModel], profile: type[ProfileT]) -> ProfileT:
     """Return the profile in a file as both ends of the wires want it; RecipeError with every problem and its place."""
-    return exact(profile, parse_document(file.content, str(file.path), model).model_dump(mode="json"))
+    return exact(profile, _parsed(file.content, str(file.path), model).model_dump(mode="json"))
+
+
+@lru_cache(maxsize=32)
+def _parsed(content: bytes, path: str, model: type[BaseModel]) -> BaseModel:
+    """Parse a profile once, for its check and for whoever takes it."""
+    return parse_document(content, path, model)
 
 
 def drive_profile(file: File) -> DriveProfile:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import drivers
 from definitions.program import Program
+from drivers.errors import Problem as DriverProblem
+from drivers.modbus.part_fields import PART_FIELDS, part_problems
 from recipes import (
     Bench,
     Problem,
@@ -21,13 +23,12 @@ from recipes import (
     find_bench,
     find_recipe,
     parse_bench,
-    parse_document,
     parse_recipe,
     read_bytes,
     warnings,
 )
 from recipes.compiler.compiler import compile_program
-from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
+from station.bench.assemble import channels, drive_profile, modbus_profile
 from station.durable import refused
 from station.errors import StationError
 from station.records.run_record import RunRecord
@@ -101,9 +102,9 @@ class Job:
         sources = {name: Source.read(path) for name, path in self.profile_paths.items()}
         problems: list[Problem] = []
         for name, source in sources.items():
-            model = DriveProfileFile if name == self.bench.drive.profile else ModbusProfileFile
+            read = drive_profile if name == self.bench.drive.profile else modbus_profile
             try:
-                parse_document(source.content, str(source.path), model)
+                read(source)
             except RecipeError as error:
                 problems += error.problems
         if problems:
@@ -180,11 +181,32 @@ def load_job(recipe_name: str, bench_name: str | None, day: date | None = None) 
         RecipeError: with all problems of both files, or all that speaks against the pair.
 
     """
-    return _loaded(
+    job = _loaded(
         lambda: Source.read(find_recipe(recipe_name)),
         lambda recipe: None if bench_name is None and recipe is None else Source.read(_bench_file(bench_name, recipe)),
         day,
     )
+    _check_parts(job)
+    return job
+
+
+def _told(one: DriverProblem, path: Path, part: str) -> Problem:
+    hint = one.next_step[:1].upper() + one.next_step[1:]
+    return Problem(str(path), 0, 0, part, f"a profile that {one.what}: {one.found}", one.expected, f"{hint}.")
+
+
+def _check_parts(job: Job) -> None:
+    """Refuse device profiles that do not deliver what their parts of the bench need; RecipeError with all of them."""
+    names = {part: getattr(job.bench, part).profile for part in PART_FIELDS}
+    profiles = {part: modbus_profile(job.profile_sources[name]) for part, name in names.items()}
+    problems = [
+        _told(one, job.profile_sources[name].path, part)
+        for part, name in names.items()
+        for one in part_problems(profiles, channels(job.bench))
+        if one.where.startswith(f"{part} ")
+    ]
+    if problems:
+        raise RecipeError(problems)
 
 
 def _loaded(

@@ -262,7 +262,7 @@ def test_profiles_must_fit_their_parts(stand: Stand) -> None:
         WireBench(config)
     text = "\n".join(str(problem) for problem in caught.value.problems)
     assert "amplifier profile virtual-brake: does not deliver angle_in_rad, angle_out_rad, sample_counter" in text
-    assert "brake profile virtual-amplifier: the brake's orders cannot be written: found nothing to write" in text
+    assert "brake profile virtual-amplifier: cannot be given the brake's orders: found nothing to write" in text
     assert "remote_io profile virtual-brake: does not deliver estop_released, guard_closed" in text
 
 

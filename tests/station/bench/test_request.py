@@ -74,3 +74,29 @@ def test_the_scan_refuses_a_program_that_was_not_checked(tmp_path: Path, recipe:
     recorded.unlink()
     with pytest.raises(SpecError, match="cannot be read"):
         read_program(told)
+
+
+@pytest.mark.parametrize(
+    ("part", "good", "bad", "said"),
+    [
+        ("amplifier", "name: sample_counter,", "name: counts,", "does not deliver sample_counter"),
+        ("amplifier", "name: torque_in_nm,", "name: torque_inn_nm,", "does not deliver torque_in_nm"),
+        ("amplifier", "name: sample_time_us,", "name: sample_tim_us,", "did you mean sample_time_us|Did you mean"),
+        ("remote_io", "name: estop_released,", "name: e_stop,", "does not deliver estop_released"),
+        ("remote_io", "name: housing_temp_c,", "name: housing_temp,", "Did you mean housing_temp_c"),
+        ("brake", "name: brake_on, offset: 0,", "name: on, offset: 0,", "cannot be given the brake's orders"),
+    ],
+)
+def test_a_profile_that_lacks_or_misspells_a_field_is_refused_before_a_run(
+    tmp_path: Path, part: str, good: str, bad: str, said: str
+) -> None:
+    """`check` passed it once, and the run that followed left a record behind before it was refused."""
+    job = load_job(str(RECIPE), "virtual")
+    bench = tmp_path / "bench.yaml"
+    bench.write_bytes(job.bench_source.content)
+    name = getattr(job.bench, part).profile
+    text = job.profile_sources[name].content.decode()
+    assert text.count(good) == 1
+    (tmp_path / f"{name}.yaml").write_text(text.replace(good, bad), encoding="utf-8")
+    with pytest.raises(RecipeError, match=said):
+        load_job(str(RECIPE), str(bench))

@@ -16,6 +16,7 @@ from station.errors import StationError
 
 WRITERS = {
     "export": ("export", "RUN"),
+    "runs": ("runs", "--data", "RUN/.."),
     "report": ("report", "RUN"),
     "model": ("model", "RUN", "--kind", "cubic"),
     "play-model": ("play-model", "RUN/result.json", "RUN/result.json"),

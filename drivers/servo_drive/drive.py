@@ -34,7 +34,8 @@ SILENT_AFTER_SCANS = 50
 """Age of the process data from which on a drive that is to be off gets no set-points any more.
 
 Whether it obeyed cannot be seen, and one that misses SYNC never does, for it waits with what it was sent. Without
-set-points its own time-out (0x1400:5, read back before the scan) takes the torque away.
+set-points its own time-out (0x1400:5, read back before the scan) takes the torque away, where its stack watches that
+without SYNC; elsewhere nothing but its power being cut does.
 """
 
 SCAN_VALUES = (

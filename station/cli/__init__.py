@@ -76,6 +76,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     },
     "Bench": {
         "virtual-bench": cli_bench.virtual_bench,
+        "doctor": cli_bench.doctor,
         "timing": cli_bench.timing,
         "blank": cli_bench.blank,
         "torque-ratio": cli_bench.torque_ratio,

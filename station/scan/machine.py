@@ -83,6 +83,51 @@ def throttling(root: Path) -> Finding:
     return Finding("throttling", free or int(runtime) >= 900_000, found, "sysctl kernel.sched_rt_runtime_us=950000")
 
 
+DEEP_SLEEP_US = 50
+"""Time to wake from which on a sleep of the processor is seen in the lateness of a scan."""
+
+SHORTEST_TIMER_MS = 1
+SLOW_CLOCKS = ("acpi_pm", "hpet", "jiffies", "pit")
+
+
+def sleep_states(root: Path) -> Finding:
+    """Whether the processor sleeps so deep between two scans that it wakes late."""
+    deep = {
+        _text(state / "name"): latency
+        for state in root.glob("sys/devices/system/cpu/cpu0/cpuidle/state*")
+        if _text(state / "disable") != "1" and (latency := int(_text(state / "latency") or 0)) > DEEP_SLEEP_US
+    }
+    told = ", ".join(f"{name} ({latency} µs)" for name, latency in sorted(deep.items(), key=lambda one: one[1]))
+    found = f"the processor sleeps deep between scans: {told} to wake" if deep else "the processor wakes quickly"
+    return Finding("sleep states", not deep, found, "boot with processor.max_cstate=1 intel_idle.max_cstate=1")
+
+
+def swap(root: Path) -> Finding:
+    """Whether memory may be paged out: that of the scan is locked, that of what it waits for is not."""
+    rows = _text(root / "proc/swaps").splitlines()[1:]
+    found = f"memory may be paged out to {', '.join(row.split()[0] for row in rows if row)}" if rows else "no swap"
+    return Finding("swap", not rows, found, "swapoff -a, and take the entry out of /etc/fstab")
+
+
+def clock_source(root: Path) -> Finding:
+    """Whether asking for the time is quick: a scan asks a dozen times."""
+    clock = _text(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
+    found = f"clock source: {clock}" if clock else "the clock source is not known"
+    return Finding(
+        "clock source", clock not in SLOW_CLOCKS, found, "boot with tsc=reliable, or look for it in the BIOS"
+    )
+
+
+def serial_latency(root: Path) -> Finding:
+    """Whether a serial adapter on USB keeps what it has received for some time: an RTU device or a CAN adapter."""
+    timers = {path.parent.name: _text(path) for path in root.glob("sys/bus/usb-serial/devices/*/latency_timer")}
+    slow = {name: timer for name, timer in timers.items() if timer.isdigit() and int(timer) > SHORTEST_TIMER_MS}
+    told = ", ".join(f"{name} waits {timer} ms" for name, timer in sorted(slow.items()))
+    found = told or ("serial adapters pass on what they have" if timers else "no serial adapter on USB")
+    names = " ".join(f"/sys/bus/usb-serial/devices/{name}/latency_timer" for name in sorted(slow))
+    return Finding("serial adapter", not slow, found, f"echo 1 | tee {names}" if slow else "")
+
+
 def privilege(root: Path) -> Finding:
     """Whether this process may have a realtime priority and locked memory: by its capabilities, or by its limits.
 
@@ -114,8 +159,13 @@ CHECKS: tuple[Callable[[Path], Finding], ...] = (
     cores,
     virtual_machine,
     throttling,
+    sleep_states,
+    swap,
+    clock_source,
+    serial_latency,
     privilege,
 )
+"""Every look, in the order of what helps most."""
 
 
 def against(granted: Mapping[str, object], root: Path = Path("/")) -> list[dict[str, object]]:

@@ -93,6 +93,16 @@ def timing(
     raise typer.Exit(command(recipe, bench, asked, as_json=as_json))
 
 
+def doctor(as_json: JsonOption = False) -> None:
+    """Say what stands between this computer and a scan that is never late, and how to mend it.
+
+    Exit code: 0 when nothing does, 1 when something does.
+    """
+    from station.cli.bench import doctor as command_doctor
+
+    raise typer.Exit(command_doctor.doctor(as_json=as_json))
+
+
 def blank(
     trace: TraceArgument,
     recipe: Annotated[

@@ -22,6 +22,7 @@ from station.cli.help import GroupedHelp
 from station.cli.line import commands as cli_line
 from station.cli.measure import commands as cli_measure
 from station.cli.runs import commands as cli_runs
+from station.cli.store import commands as cli_store
 from station.cli.store.commands import store_app
 from station.cli.studies import model_commands as cli_models
 from station.cli.studies.commands import study_app
@@ -58,6 +59,8 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "export": cli_runs.export,
         "replay": cli_runs.replay,
         "verify": cli_runs.verify,
+        "backup": cli_store.backup,
+        "restore": cli_store.restore,
         "store": store_app,
     },
     "Station": {"serve": cli_web.serve, "audit": cli_web.audit_app},

@@ -1,8 +1,11 @@
-"""Commands on the store."""
+"""Commands on the store, and on a data folder as a whole."""
 
 # ruff: noqa: PLC0415, FBT002 - imports inside the commands keep --help fast; typer reads these signatures
 
 from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -28,3 +31,28 @@ def state(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
     from station.cli.store import store as command_store
 
     raise typer.Exit(command_store.store_state(data, as_json=as_json))
+
+
+def backup(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File to make, as on another disk.")],
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a data folder into one file: runs, chain, accounts and audit trail, each with its hash.
+
+    Exit code: 0, 1 when the folder itself does not pass 'verify', 2 when no backup was made.
+    """
+    from station.cli.store import backup as command_backup
+
+    raise typer.Exit(command_backup.backup(file, data, as_json=as_json))
+
+
+def restore(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Backup to take.")],
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Make a data folder of a backup, all of it or nothing, and check it as 'verify' does. Exit code as backup."""
+    from station.cli.store import backup as command_backup
+
+    raise typer.Exit(command_backup.restored(file, data, as_json=as_json))

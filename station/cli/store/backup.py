@@ -1,0 +1,65 @@
+"""`lostmotion backup` and `restore`: a data folder as one file, and back, checked as `verify` checks it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from station.records.backup import Kept, back_up, restore
+from station.records.verify import verify_folder
+from station.web.people import audit
+from station.web.people.database import FILE, StationDatabase
+
+EXIT_PROBLEMS = 1
+
+
+def backup(file: Path, data: Path, *, as_json: bool) -> int:
+    """Write a data folder into a file; return 0, or 1 where the folder itself does not pass `verify`.
+
+    Raises:
+        StationError, RecordError: it cannot be made; nothing is left behind then.
+
+    """
+    return _say(file, data, back_up(data, file), as_json=as_json)
+
+
+def restored(file: Path, data: Path, *, as_json: bool) -> int:
+    """Make a data folder of a backup; return 0, or 1 where the folder does not pass `verify`.
+
+    Raises:
+        StationError, RecordError: the file is no whole backup, or the folder is not empty; nothing is left behind then.
+
+    """
+    return _say(file, data, restore(file, data), as_json=as_json)
+
+
+def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
+    found = verify_folder(data)
+    head = _audit_head(data)
+    document: dict[str, Any] = {"file": str(file), "data": str(data), **asdict(kept)}
+    document |= {"runs": found.runs, "chain_entries": found.walk.entries, "audit": head, "passed": not found.problems}
+    if as_json:
+        sys.stdout.write(json.dumps(document, ensure_ascii=False) + "\n")
+    else:
+        lines = [
+            f"{file}: {kept.files} files, {kept.bytes / 1e6:.1f} MB, made {kept.made}",
+            f"{data}: {found.runs} runs, {found.walk.entries} entries of the chain",
+            *([] if head is None else [f"audit trail: {head['lines']} lines, head {head['sha256']}"]),
+            "every file is as its hash says; 'verify' " + ("passed" if not found.problems else "finds problems:"),
+            *(f"  {problem.text}" for problem in found.problems[:20]),
+        ]
+        sys.stdout.writelines(f"{line}\n" for line in lines)
+    return EXIT_PROBLEMS if found.problems else 0
+
+
+def _audit_head(data: Path) -> dict[str, Any] | None:
+    if not (data / FILE).is_file():
+        return None
+    database = StationDatabase(data)
+    with database.reading() as connection:
+        head = audit.head_of(connection)
+    database.close()
+    return {"lines": head.lines, "sha256": head.sha256}

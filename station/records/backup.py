@@ -1,0 +1,204 @@
+"""A data folder as one file, and back: every run, the chain, and the station's own database, each with its hash.
+
+The store is left out, for it is made again from the runs, and so is the private key of the computer: it stays where it
+is. A file is a tar archive with `backup.json` as its last member, which lists all others; one without it was cut short.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import sqlite3
+import tarfile
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from station.durable import refused, sync_folder
+from station.errors import RecordError, StationError
+from station.records.chain.chain_file import CHAIN
+from station.records.data_folder import Store
+from station.records.run_record import NOT_CONCLUDED, RECORDING
+from station.wall_clock import now_text
+
+LIST = "backup.json"
+FORMAT = 1
+DATABASES = ("station.sqlite3",)
+"""Databases that cannot be made again: copied as they are between two changes."""
+
+LEFT_OUT = ("store.sqlite3",)
+MADE_AGAIN = (".lock", "-wal", "-shm")
+"""Files of the folder that are made again: the store, locks, and what SQLite keeps beside its databases."""
+
+COPY_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What a backup holds: number of files, their bytes, and when it was made."""
+
+    files: int
+    bytes: int
+    made: str
+
+
+def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None) -> Kept:
+    """Write a data folder into a file that is not there yet; `told` hears the number of files so far.
+
+    Raises:
+        StationError: there is no such folder, a run is on, or the file is there already.
+        RecordError: something cannot be read or written; then no file is left behind.
+
+    """
+    if not data.is_dir():
+        raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
+    if file.exists():
+        raise StationError(f"{file}: is there already. Choose another name: a backup is never written over")
+    if file.resolve().is_relative_to(data.resolve()):
+        raise StationError(f"{file}: lies in the folder that it is to hold. Choose a place on another disk")
+    on = [run.id for run in Store(data).newest(5) if run.state() in (RECORDING, NOT_CONCLUDED)]
+    if on:
+        raise StationError(f"run {on[-1]} is on, or not concluded. Wait for its end, or 'lostmotion conclude --all'")
+    part = file.with_name(f".{file.name}.part")
+    try:
+        with part.open("xb") as stream:
+            kept = _written(data, stream, told)
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.replace(file)
+        sync_folder(file.parent)
+    except OSError as error:
+        raise refused(file, error) from error
+    finally:
+        part.unlink(missing_ok=True)
+    return kept
+
+
+def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
+    made, rows = now_text(), []
+    # First of all: what is added behind it meanwhile is of runs that are not in the list below.
+    chain = (data / CHAIN).read_bytes() if (data / CHAIN).is_file() else None
+    paths = list(_files(data))
+    with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
+        if chain is not None:
+            rows.append(_add(archive, CHAIN, chain))
+        for path in paths:
+            name = path.relative_to(data).as_posix()
+            if name != CHAIN:
+                rows.append(_add(archive, name, _database(path) if name in DATABASES else path.read_bytes()))
+                told(len(rows))
+        content = json.dumps({"format": FORMAT, "made": made, "files": rows}, ensure_ascii=False).encode()
+        _put(archive, LIST, content)
+    return Kept(len(rows), sum(row["bytes"] for row in rows), made)
+
+
+def _files(data: Path) -> Iterator[Path]:
+    for folder, folders, names in os.walk(data):
+        folders.sort()
+        for name in sorted(names):
+            path = Path(folder) / name
+            at_top = Path(folder) == data
+            if at_top and (name in LEFT_OUT or name.endswith(MADE_AGAIN)):
+                continue
+            if path.is_symlink() or not path.is_file():
+                raise RecordError(f"{path}: is no file. A data folder holds files and folders alone; take it out")
+            yield path
+
+
+def _database(path: Path) -> bytes:
+    """Return a database as it is between two changes, whoever has it open."""
+    with (
+        closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as there,
+        closing(sqlite3.connect(":memory:")) as copy,
+    ):
+        there.backup(copy)
+        return bytes(copy.serialize())
+
+
+def _add(archive: tarfile.TarFile, name: str, content: bytes) -> dict[str, Any]:
+    _put(archive, name, content)
+    return {"path": name, "bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+
+
+def _put(archive: tarfile.TarFile, name: str, content: bytes) -> None:
+    entry = tarfile.TarInfo(name)
+    entry.size, entry.mode = len(content), 0o600
+    archive.addfile(entry, io.BytesIO(content))
+
+
+def restore(file: Path, data: Path) -> Kept:
+    """Make a data folder of a backup, all of it or nothing; the folder must not be there, or be empty.
+
+    Raises:
+        StationError: the folder holds something.
+        RecordError: the file is no backup, was cut short or changed, or the folder cannot be written.
+
+    """
+    if data.exists() and (not data.is_dir() or any(data.iterdir())):
+        raise StationError(f"--data {data}: is not empty. Restore into a new folder: nothing is written over")
+    data.parent.mkdir(parents=True, exist_ok=True)
+    part = Path(tempfile.mkdtemp(prefix=f".{data.name}.", dir=data.parent))
+    try:
+        kept = _read(file, part)
+        if data.exists():
+            data.rmdir()
+        part.chmod(0o755)
+        part.replace(data)
+        sync_folder(data.parent)
+    except OSError as error:
+        raise refused(data, error) from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return kept
+
+
+def _read(file: Path, into: Path) -> Kept:
+    found: dict[str, tuple[int, str]] = {}
+    listed: dict[str, Any] | None = None
+    try:
+        with tarfile.open(file, mode="r:") as archive:
+            for entry in archive:
+                content = archive.extractfile(entry)
+                if content is None or listed is not None:
+                    raise RecordError(f"{file}: {entry.name}: found no file, or one behind {LIST}; it is no backup")
+                if entry.name == LIST:
+                    listed = json.loads(content.read())
+                    continue
+                found[entry.name] = _extracted(file, entry.name, content, into)
+    except (tarfile.TarError, EOFError, ValueError) as error:
+        raise RecordError(f"{file}: cannot be read as a backup: {error}") from error
+    except OSError as error:
+        raise refused(file, error, "read") from error
+    if listed is None:
+        raise RecordError(f"{file}: has no {LIST} at its end: it was cut short. Take another backup")
+    if listed.get("format") != FORMAT:
+        raise RecordError(f"{file}: found format {listed.get('format')}; this program reads {FORMAT}. Use a newer one")
+    wanted = {row["path"]: (row["bytes"], row["sha256"]) for row in listed["files"]}
+    wrong = sorted(name for name in {*wanted, *found} if wanted.get(name) != found.get(name))
+    if wrong:
+        raise RecordError(f"{file}: {wrong[0]} is not as it was backed up ({len(wrong)} files). Take another backup")
+    return Kept(len(found), sum(size for size, _ in found.values()), str(listed["made"]))
+
+
+def _extracted(file: Path, name: str, content: Any, into: Path) -> tuple[int, str]:
+    pure = PurePosixPath(name)
+    if pure.is_absolute() or ".." in pure.parts or not pure.parts:
+        raise RecordError(f"{file}: {name!r} would lie outside the folder; it is no backup of ours")
+    path = into.joinpath(*pure.parts)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    size, digest = 0, hashlib.sha256()
+    with path.open("xb") as out:
+        while block := content.read(COPY_BYTES):
+            out.write(block)
+            digest.update(block)
+            size += len(block)
+        out.flush()
+        os.fsync(out.fileno())
+    path.chmod(0o600 if name in DATABASES else 0o644)
+    return size, digest.hexdigest()

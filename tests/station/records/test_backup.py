@@ -1,0 +1,163 @@
+"""A backup brings back every byte, or nothing at all."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tarfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from lostmotion_command import here
+from station_samples import SETUP
+from stored_runs import metric, store_run
+
+from station.errors import StationError
+from station.records.backup import LIST, back_up, restore
+from station.records.data_folder import Store
+from station.records.verify import verify_folder
+from station.web.people import audit
+from station.web.people.database import FILE, StationDatabase
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    folder = tmp_path / "runs"
+    for number in range(3):
+        store_run(folder, f"U{number}", [metric(0.4)], failed="too wide" if number == 1 else None)
+    database = StationDatabase(folder)
+    with database.writing() as connection:
+        for number in range(5):
+            audit.write(connection, "admin", "enter", audit.DONE, {"number": number})
+    database.close()
+    return folder
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and path.name != ".lock" and ".sqlite3" not in path.name
+    }
+
+
+def head_of(folder: Path) -> audit.Head:
+    database = StationDatabase(folder)
+    with database.reading() as connection:
+        assert audit.problems_of(connection) == []
+        head = audit.head_of(connection)
+    database.close()
+    return head
+
+
+def test_what_was_wiped_comes_back_as_it_was(data: Path, tmp_path: Path) -> None:
+    before, head, file = content(data), head_of(data), tmp_path / "backup.tar"
+    made = here("backup", str(file), "--data", str(data), "--json")
+    assert made.exit_code == 0, made.err
+    shutil.rmtree(data)
+    back = here("restore", str(file), "--data", str(data), "--json")
+    assert back.exit_code == 0, back.err
+    assert content(data) == before
+    assert head_of(data) == head
+    assert verify_folder(data).problems == []
+    told, again = json.loads(made.out), json.loads(back.out)
+    assert told["audit"] == again["audit"] == {"lines": 5, "sha256": head.sha256}
+    assert [told[name] for name in ("runs", "chain_entries", "files")] == [
+        again[name] for name in ("runs", "chain_entries", "files")
+    ]
+    assert [run["verdict"] for run in json.loads(here("list", "--data", str(data), "--json").out)] == [
+        "PASS", "FAIL", "PASS",
+    ]  # fmt: skip
+
+
+def test_a_server_that_is_on_does_not_keep_its_accounts_out_of_it(data: Path, tmp_path: Path) -> None:
+    database = StationDatabase(data, serving=True)
+    with database.writing() as connection:
+        audit.write(connection, "admin", "enter", audit.DONE, {})
+    back_up(data, tmp_path / "b.tar")
+    database.close()
+    restore(tmp_path / "b.tar", tmp_path / "again")
+    assert head_of(tmp_path / "again").lines == 6
+    assert (tmp_path / "again" / FILE).stat().st_mode & 0o077 == 0
+
+
+def cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+
+
+def flipped(file: Path) -> None:
+    whole = bytearray(file.read_bytes())
+    at = whole.index(b"centreline")
+    whole[at] ^= 1
+    file.write_bytes(whole)
+
+
+def without_list(file: Path) -> None:
+    rewritten(file, lambda name: name != LIST)
+
+
+def without_one(file: Path) -> None:
+    rewritten(file, lambda name: not name.endswith("result.json"))
+
+
+def rewritten(file: Path, keep: Callable[[str], bool]) -> None:
+    other = file.with_name("other.tar")
+    with tarfile.open(file) as there, tarfile.open(other, "w") as out:
+        for entry in there:
+            if keep(entry.name):
+                out.addfile(entry, there.extractfile(entry))
+    other.replace(file)
+
+
+def escaping(file: Path) -> None:
+    other = file.with_name("other.tar")
+    with tarfile.open(other, "w") as out:
+        out.addfile(tarfile.TarInfo("../outside"))
+    other.replace(file)
+
+
+def no_tar(file: Path) -> None:
+    file.write_text("no archive", encoding="utf-8")
+
+
+@pytest.mark.parametrize("damage", [cut, flipped, without_list, without_one, escaping, no_tar])
+def test_a_backup_that_is_not_whole_leaves_nothing_behind(
+    data: Path, tmp_path: Path, damage: Callable[[Path], None]
+) -> None:
+    file, target = tmp_path / "backup.tar", tmp_path / "place" / "again"
+    back_up(data, file)
+    damage(file)
+    with pytest.raises(StationError):
+        restore(file, target)
+    assert list((tmp_path / "place").iterdir()) == []
+    assert not (tmp_path / "outside").exists()
+
+
+def test_nothing_is_written_over(data: Path, tmp_path: Path) -> None:
+    file = tmp_path / "backup.tar"
+    back_up(data, file)
+    with pytest.raises(StationError, match="there already"):
+        back_up(data, file)
+    with pytest.raises(StationError, match="not empty"):
+        restore(file, data)
+    with pytest.raises(StationError, match="lies in the folder"):
+        back_up(data, data / "backup.tar")
+
+
+def test_there_is_no_backup_while_a_run_is_on(data: Path, tmp_path: Path) -> None:
+    on = Store(data).create("U9", SETUP, {}, own=True)
+    with pytest.raises(StationError, match=rf"run {on.id} is on"):
+        back_up(data, tmp_path / "backup.tar")
+    assert not (tmp_path / "backup.tar").exists()
+    on.lock.close()
+
+
+def test_a_disk_that_is_full_leaves_no_half_backup(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tarfile.TarFile, "addfile", full)
+    with pytest.raises(StationError, match="No space left"):
+        back_up(data, tmp_path / "backup.tar")
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]

@@ -10,6 +10,9 @@ from typing import Any, Protocol
 from station.documents.manifest import Software
 from station.documents.result import DecisionRule, Limits, MetricValue
 
+VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
+"""How a verdict is written in a terminal."""
+
 NO_UNCERTAINTY = "no uncertainty: one cycle"
 
 REASON = re.compile(r"(?P<invalid>measurement invalid: )?(?P<id>\w+)(?P<side>, side [+-])?: ")

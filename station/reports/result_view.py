@@ -20,10 +20,17 @@ from station.records.run_record import RunRecord
 from station.reports.headline import badges, ending_text, headline, remaining_reasons, virtual_unit
 from station.reports.metric_sides import judging_rows, side_rows
 from station.reports.result_notes import check_lines, note_lines, summary_lines
-from station.reports.result_text import limits_text, metric_name, number, spread_text, uncertainty_text, unit_text
+from station.reports.result_text import (
+    VERDICT_STYLES,
+    limits_text,
+    metric_name,
+    number,
+    spread_text,
+    uncertainty_text,
+    unit_text,
+)
 from station.reports.timing_tables import timing_details, timing_proof
 
-VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
 HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bold black on yellow"}
 BADGE_STYLE = "bold white on magenta"
 

@@ -13,7 +13,11 @@ from rich.table import Table
 from rich.text import Text
 
 from station.documents.reading import left_out
-from station.reports.result_view import VERDICT_STYLES
+from station.errors import RecordError
+from station.records.chain.chain_file import Chain
+from station.records.run_record import RunRecord
+from station.records.seal import alterations
+from station.reports.result_text import VERDICT_STYLES
 
 STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
 GAP = 2
@@ -97,3 +101,29 @@ def _table(cells: list[dict[str, Text]], columns: tuple[str, ...]) -> Table:
     for one in cells:
         table.add_row(*(one[name] for name in columns))
     return table
+
+
+def row(run: RunRecord, chain: Chain | None = None) -> RunRow:
+    """Return one run as a row of the list; a manifest that cannot be read is a row as well.
+
+    An altered run has no verdict. Its samples are compared by their size alone: `show` and `analyze` read them.
+    chain: that of its data folder, for who looks at many runs.
+    """
+    try:
+        manifest = run.manifest()
+        altered = alterations(run, samples=False, chain=chain)
+        return RunRow(
+            run=run.id,
+            serial=manifest.serial,
+            attempt=manifest.attempt,
+            recipe=manifest.recipe.name,
+            revision=manifest.recipe.revision,
+            started=manifest.started,
+            state="altered" if altered else run.state(),
+            scanning=run.scanning() or None,
+            verdict=None if altered else manifest.verdict,
+            records=run.records(),
+            altered=altered or None,
+        )
+    except RecordError as error:
+        return RunRow(run=run.id, state="damaged", records=run.records(), error=str(error))

@@ -8,11 +8,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from station.cli.runs.show import row
 from station.documents.reading import plain
 from station.errors import StationError
 from station.records.run_record import NOT_CONCLUDED, RunRecord
-from station.run.run_list import RunRow, print_runs
+from station.run.run_list import RunRow, print_runs, row
 from station.store.view import StoredRun, View, look_at, run_rows, without_collector
 
 NEWEST = 50

@@ -19,14 +19,13 @@ from station.documents.manifest import Manifest, attempt_text
 from station.documents.reading import plain
 from station.documents.result import Result
 from station.errors import RecordError
-from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RESULT, RunRecord
 from station.records.run_ring import records_waiting
 from station.records.samples.samples import check_samples
 from station.records.seal import EXIT_ALTERED, alterations, is_sealed, vouched_for
 from station.reports.result_view import result_console, show_result
-from station.run.run_list import RunRow
 
 SHAPELESS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, ConsoleError)
 """What an altered result raises that cannot be shown; of one that nobody altered these are errors of the program."""
@@ -141,29 +140,3 @@ def _without_result(run: RunRecord, manifest: Manifest, state: str) -> Result:
         records=on_disk,
         waiting=waiting or None,
     )
-
-
-def row(run: RunRecord, chain: Chain | None = None) -> RunRow:
-    """Return one run as a row of the list; a manifest that cannot be read is a row as well.
-
-    An altered run has no verdict. Its samples are compared by their size alone: `show` and `analyze` read them.
-    chain: that of its data folder, for who looks at many runs.
-    """
-    try:
-        manifest = run.manifest()
-        altered = alterations(run, samples=False, chain=chain)
-        return RunRow(
-            run=run.id,
-            serial=manifest.serial,
-            attempt=manifest.attempt,
-            recipe=manifest.recipe.name,
-            revision=manifest.recipe.revision,
-            started=manifest.started,
-            state="altered" if altered else run.state(),
-            scanning=run.scanning() or None,
-            verdict=None if altered else manifest.verdict,
-            records=run.records(),
-            altered=altered or None,
-        )
-    except RecordError as error:
-        return RunRow(run=run.id, state="damaged", records=run.records(), error=str(error))

@@ -21,11 +21,11 @@ import station.store.migrations.versions
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import stored_values
 from station.cli.runs.list_runs import NEWEST, list_rows
-from station.cli.runs.show import row
 from station.errors import StationError
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
+from station.run.run_list import row
 from station.store import tables
 from station.store.engine import HEAD, VERSIONS, Database, StoreError, upgrade
 from station.store.outbox import catch_up, rebuild

@@ -13,13 +13,13 @@ from chain_folders import another_computer, folder
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
-from station.cli.runs.show import row
 from station.records.chain.chain_file import CHAIN
 from station.records.chain.keys import FOLDER_KEYS
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import seal
 from station.records.verify import verify_folder
+from station.run.run_list import row
 
 
 def old_folder(data: Path) -> list[RunRecord]:

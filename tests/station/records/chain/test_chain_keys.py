@@ -14,13 +14,13 @@ from lostmotion_command import here
 from run_copies import alone
 from stored_runs import metric, store_run
 
-from station.cli.runs.show import row
 from station.errors import RecordError
 from station.own_place import PLACE
 from station.records.chain.keys import FOLDER_KEYS, KEYS, PRIVATE, own_key, trust
 from station.records.data_folder import Store
 from station.records.seal import alterations
 from station.records.verify import verify_folder
+from station.run.run_list import row
 
 
 @pytest.mark.parametrize("moved", [True, False])

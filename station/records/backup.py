@@ -24,7 +24,7 @@ from station.durable import refused, sync_folder
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
-from station.records.run_record import NOT_CONCLUDED, RECORDING
+from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord
 from station.wall_clock import now_text
 
 LIST = "backup.json"
@@ -62,7 +62,7 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
         raise StationError(f"{file}: is there already. Choose another name: a backup is never written over")
     if file.resolve().is_relative_to(data.resolve()):
         raise StationError(f"{file}: lies in the folder that it is to hold. Choose a place on another disk")
-    on = [run.id for run in Store(data).newest(5) if run.state() in (RECORDING, NOT_CONCLUDED)]
+    on = [run.id for run in Store(data).newest(5) if _is_on(run)]
     if on:
         raise StationError(f"run {on[-1]} is on, or not concluded. Wait for its end, or 'lostmotion conclude --all'")
     part = file.with_name(f".{file.name}.part")
@@ -78,6 +78,14 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     finally:
         part.unlink(missing_ok=True)
     return kept
+
+
+def _is_on(run: RunRecord) -> bool:
+    """Say whether a run is not concluded; one that cannot be read is kept as it is: `verify` names it."""
+    try:
+        return run.state() in (RECORDING, NOT_CONCLUDED)
+    except StationError:
+        return False
 
 
 def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:

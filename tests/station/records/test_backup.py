@@ -153,6 +153,16 @@ def test_there_is_no_backup_while_a_run_is_on(data: Path, tmp_path: Path) -> Non
     on.lock.close()
 
 
+def test_a_damaged_run_keeps_no_other_out_of_the_backup(data: Path, tmp_path: Path) -> None:
+    newest = Store(data).newest(1)[-1]
+    (newest.folder / "run.json").write_text("{", encoding="utf-8")
+    made = here("backup", str(tmp_path / "b.tar"), "--data", str(data))
+    assert made.exit_code == 1
+    assert newest.id in made.out
+    assert here("restore", str(tmp_path / "b.tar"), "--data", str(tmp_path / "again")).exit_code == 1
+    assert content(tmp_path / "again") == content(data)
+
+
 def test_a_disk_that_is_full_leaves_no_half_backup(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")

@@ -45,6 +45,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     "Measure": {
         "check": cli_measure.check,
         "run": cli_measure.run,
+        "line": cli_measure.line,
         "resume": cli_measure.resume,
         "conclude": cli_measure.conclude,
         "recover": cli_measure.recover,

@@ -182,13 +182,11 @@ def _start_run(call: Call, given: Start) -> dict[str, Any]:
         raise NotNowError(why)
     model = now.model
     assert model is not None  # noqa: S101 - a condition of the start
-    options = [model.recipe, "--operator", call.person.name, "--no-report", *station.run_options]
+    options = [*model.run_options(), "--operator", call.person.name, "--no-report", *station.run_options]
     used = {name for name, _ in refusals(now)}
     for note in (str(one) for one in bypasses if one.condition in used):
         options += ["--note", note]
     options += ["--retest-reason", given.retest_reason] if given.retest_reason.strip() else []
-    options += ["--bench", model.bench] if model.bench else []
-    options += ["--unit", model.unit] if model.unit else []
     station.running.start(options, serial)
     return {"serial": serial, "model": model.model, "recipe": model.recipe}
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -105,6 +106,26 @@ def run(
         fast=pace is Pace.fast,
     )
     raise typer.Exit(command_run.run(options))
+
+
+def line(
+    data: DataOption = DEFAULT_DATA,
+    models: Annotated[
+        Path | None,
+        typer.Option("--models", metavar="FILE", help="Table of models. Default: models.yaml in the data folder."),
+    ] = None,
+    operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Name of the operator.")] = None,
+    fast: Annotated[
+        bool, typer.Option("--fast", help="On a virtual bench: run as fast as possible, for trying things out.")
+    ] = False,
+) -> None:
+    """Scan, run, scan: measure unit after unit by the serial numbers that a scanner or a person types.
+
+    The conditions of a start are those of 'serve'. Ends with its input, or by Ctrl-C between two runs.
+    """
+    from station.cli.measure import line as command_line
+
+    raise typer.Exit(command_line.line(data, models, operator, ("--pace", "fast") if fast else ()))
 
 
 def resume(

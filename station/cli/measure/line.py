@@ -1,0 +1,187 @@
+"""`lostmotion line`: scan, run, scan: the loop of an operator at a bench without a screen of its own.
+
+The conditions of a start are those of the station, asked anew for every scan. A bad unit has to be confirmed as put
+away before the next one; whoever starts the loop anew confirms it again.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from station.errors import StationError
+from station.reports.result_text import VERDICT_STYLES
+from station.web.models import Model, Models, load_models
+from station.web.permission import Wanted, refusals, situation_of, unconfirmed
+from station.web.scanner import ScanError, serial_of
+
+NOK = "NOK"
+"""What is scanned from the box for bad units, or typed, once a bad unit is in it."""
+
+ENDINGS = {0: "PASS", 1: "FAIL", 3: "NOT DECIDABLE"}
+"""Words for the exit codes of `lostmotion run` that say what the unit is."""
+
+DO = {
+    "PASS": "Scan the next unit.",
+    "FAIL": f"Put the unit into the NOK box and scan its code, or type {NOK}.",
+    "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and say why.",
+}
+ELSE = "The bench needs the technician."
+READ_BYTES = 4096
+
+Run = Callable[[Sequence[str]], int]
+Say = Callable[[str], None]
+
+
+class Line:
+    """The loop: takes what was scanned, one text at a time."""
+
+    def __init__(self, data: Path, models: Models, operator: str | None, run: Run, say: Say) -> None:
+        """Begin; `run` measures a unit by options of `lostmotion run` and returns its exit code."""
+        self._data, self._models, self._operator = data, models, operator
+        self._run, self._say = run, say
+        self._confirmed: frozenset[str] = frozenset()
+        self._needs_reason = ""
+        self.has_run = False
+        """Whether the newest scan has led to a run: what came meanwhile is refused, and not kept for later."""
+
+    def begin(self) -> None:
+        """Say what is to be done first."""
+        bad = unconfirmed(self._data, self._confirmed)
+        self._say(f"The unit of run {bad} is bad. {DO['FAIL']}" if bad else DO["PASS"])
+
+    def take(self, scanned: str) -> None:
+        """Do what a scan asks for, or say why not."""
+        self.has_run = False
+        if self._needs_reason:
+            serial, self._needs_reason = self._needs_reason, ""
+            if not scanned.strip():
+                self._say(f"{serial} is not measured again. {DO['PASS']}")
+                return
+            self._measure(Wanted(serial, scanned.strip()))
+            return
+        if not scanned.strip():
+            return
+        bad = unconfirmed(self._data, self._confirmed)
+        if scanned.strip().upper() == NOK:
+            self._confirmed |= {bad} if bad else frozenset()
+            self._say(f"The unit of run {bad} is put away. {DO['PASS']}" if bad else f"No unit is bad. {DO['PASS']}")
+            return
+        try:
+            serial = serial_of(scanned)
+        except ScanError as error:
+            self._say(f"REFUSED  {error}")
+            return
+        self._measure(Wanted(serial))
+
+    def refuse(self, scanned: Sequence[str]) -> None:
+        """Say that what was scanned during a run was not taken."""
+        for text in scanned:
+            self._say(f"REFUSED  {text.strip()[:60]!r} was scanned while a run was on. Scan it again")
+
+    def _measure(self, wanted: Wanted) -> None:
+        now = situation_of(self._data, self._models, wanted, busy=False, confirmed=self._confirmed)
+        why = refusals(now)
+        if [name for name, _ in why] == ["retest_reason"]:
+            self._needs_reason = wanted.serial
+            self._say(f"{why[0][1]} Scan or type it; an empty line leaves the unit alone.")
+            return
+        if why or now.model is None:
+            for _, text in why:
+                self._say(f"REFUSED  {text}")
+            return
+        self.has_run = True
+        verdict = ENDINGS.get(self._run(self._options(now.model, wanted)), "")
+        if verdict:
+            self._say(f"{verdict}  {wanted.serial}  {DO[verdict]}")
+        else:
+            self._say(f"NO RESULT  {wanted.serial}  {ELSE}")
+
+    def _options(self, model: Model, wanted: Wanted) -> list[str]:
+        options = [*model.run_options(), "--serial", wanted.serial, "--data", str(self._data)]
+        options += ["--operator", self._operator] if self._operator else []
+        return options + (["--retest-reason", wanted.retest_reason] if wanted.retest_reason else [])
+
+
+class Scans:
+    """Lines of a scanner on standard input; what ends them is a carriage return, a line feed or both."""
+
+    def __init__(self, handle: int) -> None:
+        self._handle = handle
+        self._kept = b""
+
+    def next(self) -> str | None:
+        """Wait for a line and return it without its end; None when there will be no more."""
+        while not any(end in self._kept for end in (b"\r", b"\n")):
+            read = os.read(self._handle, READ_BYTES)
+            if not read:
+                return None
+            self._kept += read
+        return self._cut()
+
+    def dropped(self) -> list[str]:
+        """Return what has come meanwhile, without waiting, and forget it."""
+        while select.select([self._handle], [], [], 0.0)[0]:
+            read = os.read(self._handle, READ_BYTES)
+            if not read:
+                break
+            self._kept += read
+        kept, self._kept = self._kept, b""
+        return [text for text in kept.decode(errors="replace").replace("\r", "\n").split("\n") if text.strip()]
+
+    def _cut(self) -> str:
+        at = min(place for place in (self._kept.find(b"\r"), self._kept.find(b"\n")) if place >= 0)
+        line, self._kept = self._kept[:at], self._kept[at + 1 :]
+        if self._kept[:1] == b"\n":
+            self._kept = self._kept[1:]
+        return line.decode(errors="replace")
+
+
+def line(data: Path, models: Path | None, operator: str | None, extra: Sequence[str] = ()) -> int:
+    """Take scans from standard input until it ends; return 0.
+
+    Raises:
+        StationError, RecipeError: the folder cannot be made, or the table of models is wrong.
+
+    """
+    try:
+        data.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StationError(f"--data {data}: cannot be made: {error.strerror}. Choose another") from error
+    scans = Scans(sys.stdin.fileno())
+    loop = Line(data, load_models(data, models), operator, lambda options: _ran([*options, *extra]), _told)
+    loop.begin()
+    while True:
+        try:
+            scanned = scans.next()
+        except KeyboardInterrupt:
+            return 0
+        if scanned is None:
+            return 0
+        loop.take(scanned)
+        if loop.has_run:
+            loop.refuse(scans.dropped())
+
+
+def _ran(options: Sequence[str]) -> int:
+    """Run as a process of its own, which alone is asked to stop by Ctrl-C."""
+    # a handler, and not SIG_IGN, which the process would inherit
+    before = signal.signal(signal.SIGINT, lambda *_: None)
+    try:
+        return subprocess.call([sys.executable, "-m", "station", "run", *options], stdin=subprocess.DEVNULL)  # noqa: S603
+    except OSError as error:
+        raise StationError(f"the run cannot be started: {error.strerror}") from error
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _told(text: str) -> None:
+    word = next((word for word in VERDICT_STYLES if text.startswith(word)), "")
+    shown = f"\x1b[1;7m {word} \x1b[0m{text[len(word) :]}" if word and sys.stdout.isatty() else text
+    sys.stdout.write(f"{shown}\n")
+    sys.stdout.flush()

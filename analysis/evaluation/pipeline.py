@@ -15,14 +15,15 @@ from analysis.loop.branches import Branch
 from analysis.loop.closure import closed_loops
 from analysis.loop.fits import MeanCurve
 from analysis.loop.interruptions import mended
-from analysis.loop.loop import Loop
-from analysis.loop.measured import loops_by_output, measure
+from analysis.loop.measured import Measured, loops_by_output, measure
 from analysis.loop.method import Decision, Method, MetricWanted
+from analysis.loop.samples import part_ends_nm
 from analysis.loop.stages import StageRecord
 from analysis.metrics.wanted import definition
 from analysis.torque_ratio.quadrants import Quadrants
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import Trace
+from analysis.trace.units import FloatArray
 from analysis.uncertainty.figures import TORQUES, SensorFigures
 from analysis.uncertainty.measurement import measurement_of
 from analysis.validity.evidence import RunFacts, evidence_of
@@ -41,6 +42,8 @@ class Curves:
     backward: tuple[Branch, ...]
     mean: Branch
     fit: MeanCurve | None
+    parts_nm: tuple[tuple[FloatArray, FloatArray], ...]
+    """Torques [N·m] between the ramps and holds of each rising and each falling branch, in order; none of one ramp."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ def analyse(
             )
             for one in wanted
         )  # fmt: skip
-        curves = _curves(found.loops)
+        curves = _curves(found)
     verdict, reasons = _overall(metrics, problems)
     ratio = found.quadrants if isinstance(found.quadrants, Quadrants) else None
     friction = friction_offset_note(ratio, method.catalogue_offset_nm)
@@ -127,8 +130,8 @@ def analyse(
     return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, (*found.stages, stage), checks, besides)
 
 
-def _curves(loops: Sequence[Loop]) -> Curves:
-    first = loops[0]
+def _curves(found: Measured) -> Curves:
+    first = found.loops[0]
     low = max(float(first.forward.torque_nm[0]), float(first.backward.torque_nm[0]))
     high = min(float(first.forward.torque_nm[-1]), float(first.backward.torque_nm[-1]))
     torque = np.linspace(low, high, CURVE_POINTS)
@@ -137,7 +140,9 @@ def _curves(loops: Sequence[Loop]) -> Curves:
         fit: MeanCurve | None = first.fit.mean
     except AnalysisError:
         fit = None
-    return Curves(tuple(loop.forward for loop in loops), tuple(loop.backward for loop in loops), mean, fit)
+    forward, backward = zip(*((loop.forward, loop.backward) for loop in found.loops), strict=True)
+    parts = tuple((part_ends_nm(rising), part_ends_nm(falling)) for rising, falling in found.pairs)
+    return Curves(forward, backward, mean, fit, parts)
 
 
 def _overall(metrics: Sequence[MetricResult], problems: Sequence[str]) -> tuple[Verdict, list[str]]:

@@ -76,6 +76,17 @@ class BranchSamples:
         )
 
 
+def part_ends_nm(samples: BranchSamples) -> FloatArray:
+    """Return the torques [N·m] between the ramps and holds of a branch in steps, in order; none of a single ramp.
+
+    They rise or fall with the branch, whatever the noise of a hold.
+    """
+    ends = np.cumsum([piece.stop - piece.start for piece in samples.run.pieces[:-1]], dtype=np.int64) - samples.masked
+    direction = samples.run.direction
+    inner: FloatArray = samples.torque_nm[ends[ends > 0] - 1]
+    return direction * np.maximum.accumulate(direction * inner)
+
+
 @dataclass(frozen=True)
 class EvaluatedSamples:
     """Runs of a trace, the torque ratio if it was needed, rising and falling samples of each cycle, and the records."""

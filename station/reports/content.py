@@ -11,6 +11,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from analysis.evaluation.pipeline import Result as Found
 from analysis.loop.method import Method
 from analysis.trace.segment_names import segment_name
@@ -211,9 +213,14 @@ def loop_csv(analysis: Found) -> bytes:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(("torque_out_nm", "windup_arcmin", "segment"))
     curves = analysis.curves
-    for cycle, (rising, falling) in enumerate(zip(curves.forward, curves.backward, strict=True), start=1):
-        for branch, direction in ((falling, -1), (rising, 1)):
+    for cycle, (rising, falling, parts) in enumerate(
+        zip(curves.forward, curves.backward, curves.parts_nm, strict=True), start=1
+    ):
+        for branch, direction, ends in ((falling, -1, parts[1]), (rising, 1, parts[0])):
             name = segment_name(SegmentInfo("measure", direction, cycle))
-            pairs = list(zip(branch.torque_nm.tolist(), branch.angle_arcmin.tolist(), strict=True))
-            writer.writerows((f"{x:.4f}", f"{y:.6f}", name) for x, y in pairs[::direction])
+            # Steps are numbered, as in an export: a reader takes their holds for interrupted ramps otherwise.
+            numbers = np.searchsorted(direction * ends, direction * branch.torque_nm) + 1
+            names = [f"{name} {number}" if ends.size else name for number in numbers.tolist()]
+            rows = list(zip(branch.torque_nm.tolist(), branch.angle_arcmin.tolist(), names, strict=True))
+            writer.writerows((f"{x:.4f}", f"{y:.6f}", one) for x, y, one in rows[::direction])
     return stream.getvalue().encode()

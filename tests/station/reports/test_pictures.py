@@ -101,7 +101,7 @@ def test_every_stiffness_metric_has_its_place_in_the_picture() -> None:
 def test_the_picture_of_stiffness_shows_metrics_where_they_hold() -> None:
     torque = np.linspace(-450.0, 450.0, 901)
     branches = Branch(torque, torque / 100.0 - 0.2), Branch(torque, torque / 100.0 + 0.2)
-    curves = Curves((branches[0],), (branches[1],), Branch(torque, torque / 100.0), None)
+    curves = Curves((branches[0],), (branches[1],), Branch(torque, torque / 100.0), None, ((torque[:0], torque[:0]),))
     result = Result((), Verdict.PASS, (), Decision(), curves, None, (), ())
     sides = {side: {"value": 100.0, "uncertainty": 0.5} for side in ("+", "-")}
     shown = [

@@ -91,7 +91,7 @@ class Drive(Section):
     quick_stop_option: OptionCode
     fault_reaction_option: OptionCode
     reversed: bool = False
-    """The motor's positive direction turns the loaded shaft backwards; `lostmotion bench direction` finds out."""
+    """The motor's positive direction turns the loaded shaft backwards."""
     angle_agreement_rad: SmallAngle = 360 * RAD_PER_ARCSEC
     coupling_stiffness_nm_per_arcmin: Stiffness | None = None
 

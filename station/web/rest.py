@@ -9,7 +9,7 @@ import json
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from fastapi import Cookie, Depends, FastAPI, Header, Query, Request, Response
+from fastapi import Depends, FastAPI, Header, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
@@ -34,6 +34,7 @@ from station.web.actions import (
 from station.web.bypasses import bypasses_now
 from station.web.people import audit
 from station.web.people.accounts import (
+    COOKIE,
     LONGEST_NAME,
     LONGEST_PASSWORD,
     EntryRefusedError,
@@ -42,13 +43,12 @@ from station.web.people.accounts import (
     is_name,
     session_of,
 )
+from station.web.rest_runs import CookieToken, add_runs
 
-COOKIE = "lostmotion_session"
 AUDIT_ROLES = frozenset({"admin", "quality"})
 MOST_LINES = 500
 UNREADABLE = 400
 
-CookieToken = Annotated[str | None, Cookie(alias=COOKIE)]
 CsrfToken = Annotated[str | None, Header(alias="X-CSRF-Token")]
 RequestKey = Annotated[str | None, Header(alias="Idempotency-Key")]
 
@@ -101,6 +101,11 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
     app.add_exception_handler(StationError, _not_ready)
     _add_entry(app, station, secure=secure)
     _add_readings(app, station)
+
+    def refuse(token: str | None) -> Response | None:
+        return _not_entered() if _session(station, token) is None else None
+
+    add_runs(app, station, refuse, _answers)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)
         needed = any(one.is_required() for one in row.needs.model_fields.values())

@@ -15,6 +15,7 @@ from station.web.actions import Station
 from station.web.guard import Guard
 from station.web.models import load_models
 from station.web.pages.operator import add_pages
+from station.web.pages.results import add_results
 from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
 from station.web.rest import rest_of
@@ -74,6 +75,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     """Return the whole application: pages and REST, behind the guard."""
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
+    add_results(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
     return Guard(app, hosts_of(served, port))
 

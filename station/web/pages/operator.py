@@ -6,7 +6,6 @@ import asyncio
 import secrets
 import time
 from html import escape
-from pathlib import Path
 from typing import Any
 
 from fastapi import Request, Response
@@ -20,14 +19,13 @@ from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
 from station.web.actions import OK, Answer, Station, perform, unconfirmed_run
 from station.web.bypasses import Bypass, bypasses_now
+from station.web.pages.frame import HERE, bar, session_of_request
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
-from station.web.rest import COOKIE
 from station.web.running import ENDED, Now
 from station.web.running import RUNNING as IS_RUNNING
 from station.web.running import STARTING as IS_STARTING
 
-HERE = Path(__file__).parent
 LOOK_EVERY_S = 0.1
 SESSION_EVERY_S = 2.0
 SAME_SCAN_S = 2.0
@@ -46,16 +44,11 @@ def add_pages(station: Station) -> None:
 
     @ui.page("/", title="lostmotion")
     async def operator(request: Request) -> Response | None:
-        session = await asyncio.to_thread(_session, station, request.cookies.get(COOKIE))
+        session = await asyncio.to_thread(session_of_request, station, request)
         if session is None or session.person.must_change:
             return RedirectResponse("/enter")
         _Page(station, session).build()
         return None
-
-
-def _session(station: Station, token: str | None) -> Session | None:
-    with station.database.reading() as connection:
-        return session_of(connection, token)
 
 
 def _seen(station: Station, token: str) -> tuple[Session | None, tuple[Bypass, ...]]:
@@ -76,12 +69,8 @@ class _Page:
 
     def build(self) -> None:
         """Lay the page out."""
-        ui.add_css((HERE / "style.css").read_text(encoding="utf-8"))
         ui.add_body_html(f"<script>{(HERE / 'scan.js').read_text(encoding='utf-8')}</script>")
-        with ui.element("header").classes("lm-bar"):
-            ui.label("lostmotion")
-            self._clock = ui.label()
-            ui.label(f"{self._session.person.name} ({self._session.person.role})")
+        self._clock = bar(self._session, "bench")
         with ui.element("main").classes("lm-main"):
             with ui.element("section").classes("lm-left"):
                 self._tile = ui.html(sanitize=False).classes("lm-tile").props('role="status" aria-live="polite"')

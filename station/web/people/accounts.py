@@ -21,6 +21,9 @@ from station.errors import StationError
 from station.wall_clock import WALL_CLOCK
 from station.web.people.database import PEOPLE, SESSIONS, StationDatabase
 
+COOKIE = "lostmotion_session"
+"""Name of the cookie that a session is known by."""
+
 ROLES = ("operator", "technician", "quality", "engineer", "admin")
 FIRST_ACCOUNT = "admin"
 

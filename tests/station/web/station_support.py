@@ -16,9 +16,9 @@ from starlette.testclient import TestClient
 from station.web.actions import Station
 from station.web.guard import Guard
 from station.web.models import load_models
-from station.web.people.accounts import ROLES, Person, open_session
+from station.web.people.accounts import COOKIE, ROLES, Person, open_session
 from station.web.people.database import PEOPLE, StationDatabase
-from station.web.rest import COOKIE, rest_of
+from station.web.rest import rest_of
 from station.web.running import Running
 
 PASSWORD = "good enough 1"  # noqa: S105 - of accounts that live for a test

@@ -114,6 +114,22 @@ def test_a_scan_that_was_refused_is_asked_anew_at_once(station: Served, page: pl
     shown(page, "PASS")
 
 
+def test_what_was_measured_is_found_with_its_report(station: Served, page: playwright.Page) -> None:
+    page.click("nav >> text=Results")
+    page.wait_for_selector(".ag-row >> text=SN-4")
+    page.get_by_label("Serial number begins with").fill("BAD")
+    page.wait_for_function("() => !document.querySelector('.ag-center-cols-container')?.innerText.includes('SN-4')")
+    row = page.locator(".ag-row", has_text="BAD-1").first
+    assert "FAIL" in row.inner_text()
+    assert row.locator(".lm-bad").count() == 1, "colour only for what is abnormal"
+    row.get_by_text("page", exact=True).click()
+    page.wait_for_url("**/report.html")
+    assert "BAD-1" in page.inner_text("main")
+    page.goto(f"{station.url}/")
+    page.wait_for_selector(".lm-word")
+    shown(page, "PASS")
+
+
 def test_nobody_sees_the_bench_after_the_end_of_a_session(station: Served, page: playwright.Page) -> None:
     with closing(sqlite3.connect(Path(station.data) / "station.sqlite3")) as database, database:
         database.execute("UPDATE sessions SET ends_s = 0")

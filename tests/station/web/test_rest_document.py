@@ -12,8 +12,8 @@ from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from station.web.actions import ACTIONS, Station
 from station.web.guard import Guard
-from station.web.people.accounts import Person, open_session
-from station.web.rest import COOKIE, rest_of
+from station.web.people.accounts import COOKIE, Person, open_session
+from station.web.rest import rest_of
 
 EXAMPLES = 6
 """Of each operation and mode. A scan may be any text, and yet no serial number: that is no broken promise."""

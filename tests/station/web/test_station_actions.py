@@ -16,8 +16,7 @@ from recipes import RecipeError
 from station.errors import StationError
 from station.web.actions import ACTIONS, Station
 from station.web.people import audit
-from station.web.people.accounts import ROLES
-from station.web.rest import COOKIE
+from station.web.people.accounts import COOKIE, ROLES
 from station.web.server import Served, hosts_of, open_station
 
 VALUES = {

@@ -1,0 +1,141 @@
+"""Runs that are looked for: the page of results and its REST; no verdict on a record that is not as it was left."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+from station_support import Client, client_of, station_in
+
+from benchmarks.many_runs import make_runs
+from station.store.run_search import RunRow, Wanted, search
+from station.web.actions import Station
+from station.web.pages.results import row_of, verdict_text
+from station.web.rest_runs import begin_of
+
+COUNT = 60
+"""Three of these units failed, and were measured twice."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    data = tmp_path_factory.mktemp("results") / "runs"
+    make_runs(data, COUNT)
+    return data
+
+
+def test_pages_are_of_the_newest_first_and_hold_each_run_once(folder: Path) -> None:
+    pages = [search(folder, Wanted(), first=first, count=25) for first in (0, 25, 50)]
+    assert [len(one.rows) for one in pages] == [25, 25, 10]
+    assert {one.total for one in pages} == {COUNT}
+    runs = [row.run for page in pages for row in page.rows]
+    assert runs == sorted({one.name for one in folder.iterdir() if (one / "run.json").is_file()}, reverse=True)
+    assert search(folder, Wanted(), first=COUNT, count=25).rows == ()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "total"),
+    [
+        (Wanted(verdict="FAIL"), 3),
+        (Wanted(verdict="PASS"), COUNT - 3),
+        (Wanted(serial="U00001"), 10),
+        (Wanted(serial="U000018"), 2),
+        (Wanted(serial="%"), 0),
+        (Wanted(serial="U_0001"), 0),
+        (Wanted(recipe="none"), 0),
+        (Wanted(since="2024-01-01T02:00:00.000+00:00"), COUNT - 30),
+        (Wanted(until="2024-01-01T02:00:00.000+00:00"), 30),
+        (Wanted(since="2024-01-01T01:00:00.000+00:00", until="2024-01-01T02:00:00.000+00:00"), 15),
+    ],
+)
+def test_a_filter_leaves_what_it_says(folder: Path, wanted: Wanted, total: int) -> None:
+    assert search(folder, wanted).total == total
+
+
+def test_a_record_that_is_not_as_it_was_left_has_no_verdict(folder: Path, tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    shutil.copytree(folder, data)
+    newest = search(data, Wanted(), count=3).rows
+    changed, gone = data / newest[0].run / "run.json", data / newest[1].run
+    changed.write_bytes(changed.read_bytes() + b" ")
+    shutil.rmtree(gone)
+    rows = {row.run: row for row in search(data, Wanted(), count=3).rows}
+    assert [rows[row.run].verdict for row in newest[:2]] == [None, None]
+    assert all(rows[row.run].doubt for row in newest[:2])
+    assert "NO VERDICT" in verdict_text(rows[newest[0].run])
+
+
+def test_a_row_shows_texts_as_texts() -> None:
+    row = RunRow("R 1/../x", "<script>alert(1)</script>", 2, "<b>r</b>", 3, "2026-01-02T03:04:05.000+00:00",
+                 "<img src=x onerror=alert(1)>", "complete", "FAIL",
+                 virtual=True, scenario="f.yaml", doubt="")  # fmt: skip
+    shown = row_of(row)
+    assert shown["serial"] == row.serial, "the table's own cells are text"
+    assert "<script>" not in shown["report"]
+    assert "/api/runs/R%201%2F..%2Fx/report.html" in shown["report"]
+    assert "FAIL" in shown["verdict"]
+    stopped = row._replace(state="stopped", verdict=None)
+    assert "STOPPED" in verdict_text(stopped)
+
+
+def test_a_day_begins_and_ends_where_the_computer_is() -> None:
+    begin, end = begin_of(date(2026, 3, 1)), begin_of(date(2026, 3, 1), after=True)
+    assert begin is not None
+    assert end is not None
+    assert begin < end
+    assert (begin_of(None), begin_of(date.max, after=True)) == (None, None)
+    assert begin_of(date.min) is not None
+
+
+@pytest.fixture(scope="module")
+def station(quick_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
+    data = tmp_path_factory.mktemp("reports") / "runs"
+    shutil.copytree(quick_run.data, data)
+    found = station_in(data)
+    yield found
+    found.database.close()
+
+
+@pytest.fixture
+def client(station: Station) -> Client:
+    return client_of(station, "operator")
+
+
+def test_runs_and_reports_are_for_who_is_logged_in(station: Station, client: Client) -> None:
+    run = client.http.get("/api/runs").json()["runs"][0]["run"]
+    for address in ("/api/runs", f"/api/runs/{run}/report.html", f"/api/runs/{run}/report.pdf"):
+        assert client_of(station).http.get(address).status_code == 401
+        assert client.http.get(address).status_code == 200
+    found = client.http.get("/api/runs", params={"verdict": "PASS", "since": "2020-01-01", "count": 5}).json()
+    assert found["total"] == len(found["runs"]) == 1
+    assert client.http.get("/api/runs", params={"verdict": "GOOD"}).status_code == 422
+
+
+def test_a_report_is_a_page_that_runs_nothing(client: Client) -> None:
+    run = client.http.get("/api/runs").json()["runs"][0]["run"]
+    page = client.http.get(f"/api/runs/{run}/report.html")
+    assert page.headers["content-security-policy"].startswith("default-src 'none'")
+    assert "PASS" in page.text
+    assert "<script" not in page.text
+    pdf = client.http.get(f"/api/runs/{run}/report.pdf")
+    assert pdf.content.startswith(b"%PDF-")
+    assert client.http.get("/api/runs/none/report.html").status_code == 404
+    assert client.http.get("/api/runs/..%2F..%2Fetc/report.html").status_code == 404
+    assert client.http.get(f"/api/runs/{run}/report.exe").status_code in (404, 422)
+
+
+def test_no_report_of_a_record_that_is_not_as_it_was_left(station: Station, client: Client) -> None:
+    run = client.http.get("/api/runs").json()["runs"][0]["run"]
+    result = station.data / run / "result.json"
+    before = result.read_bytes()
+    result.write_bytes(before.replace(b'"PASS"', b'"FAIL"', 1))
+    try:
+        answer = client.http.get(f"/api/runs/{run}/report.html")
+        assert answer.status_code == 409
+        assert "not as it was left" in answer.text
+    finally:
+        result.write_bytes(before)

@@ -13,6 +13,7 @@ from definitions.number_formats import SIZES, IntegerType, RegisterType
 
 Table = Literal["input", "holding"]
 Order = Literal["big", "little"]
+IdentityType = Literal["u16", "u32", "text"]
 
 
 @dataclass(frozen=True)
@@ -141,23 +142,41 @@ class ModbusProfileHeader:
 
 @dataclass(frozen=True)
 class IdentityRegister:
-    """A register whose value proves that this is the device, and that a reply belongs to its request."""
+    """Registers whose value proves that this is the device, and that a reply belongs to its request.
+
+    `value` of a number, `text` of a text: two characters a register, filled up with zeros.
+    """
 
     table: Table
     address: int
-    type: Literal["u16"]
-    value: int
+    type: IdentityType
+    value: int | None = None
+    text: str | None = None
+
+    @property
+    def count(self) -> int:
+        """How many registers the identity fills."""
+        return (len(self.text or "") + 1) // 2 if self.type == "text" else SIZES[self.type] // 2
+
+    @property
+    def shown(self) -> str:
+        """The identity as a person reads it."""
+        return repr(self.text) if self.type == "text" else f"0x{self.value:0{4 * self.count}X}"
 
 
 @dataclass(frozen=True)
 class ReadField:
-    """A value in the block that is read: register number × scale, or one bit (0 = least significant)."""
+    """A value in the block that is read: register number × scale + zero, or one bit (0 = least significant).
+
+    The scale is negative where the device counts the other way round.
+    """
 
     name: str
     offset: int
     type: RegisterType
     scale: float | None
     bit: int | None
+    zero: float | None = None
 
 
 @dataclass(frozen=True)
@@ -191,11 +210,14 @@ class WriteBlock:
 
 @dataclass(frozen=True)
 class ModbusProfile:
-    """Profile of a Modbus device; `byte_order` inside a register, `word_order` of the registers of a 32-bit value."""
+    """Profile of a Modbus device; `byte_order` inside a register, `word_order` of the registers of a 32-bit value.
+
+    A device without an identity is taken for what the bench file says that it is.
+    """
 
     profile: ModbusProfileHeader
     byte_order: Order
     word_order: Order
-    identity: IdentityRegister
+    identity: IdentityRegister | None
     read: ReadBlock
     write: WriteBlock | None

@@ -15,7 +15,7 @@ from drivers.can.other_controller import refuse_other_controller
 from drivers.config import ModbusConfig, WireBenchConfig
 from drivers.errors import DriverError, ModbusError, Problem
 from drivers.modbus.device import ModbusDevice
-from drivers.modbus.frames import Outcome
+from drivers.modbus.frames import Outcome, Reply
 from drivers.modbus.line import ModbusLine
 from drivers.modbus.part_fields import PART_FIELDS, check_parts
 from drivers.pace import Pace
@@ -250,13 +250,21 @@ def _identify(device: ModbusDevice, log: list[str]) -> list[Problem]:
     config = device.config
     identity = config.profile.identity
     reply = device.verify()
+    check = "check power, address, unit id, baud rate"
+    if identity is None:
+        if reply.outcome is not Outcome.DATA:
+            return [Problem("does not answer", config.where, _ended(reply), "its registers", check)]
+        log.append(f"{config.where} answers; it has no identity: not checked")
+        return []
     where = f"{config.where} {identity.table} register {identity.address}"
-    expected = f"0x{identity.value:04X}"
     if reply.outcome is not Outcome.DATA:
-        found = f"{reply.outcome.name.lower()} {reply.exception_code or ''}".strip()
-        return [Problem("identity cannot be read", where, found, expected, "check power, address, unit id, baud rate")]
-    found = f"0x{int.from_bytes(reply.data, 'big'):04X}"
+        return [Problem("identity cannot be read", where, _ended(reply), identity.shown, check)]
     if not device.trusted:
-        return [Problem("another device answers", where, found, expected, "check address, unit id and profile")]
-    log.append(f"{where} identity = {found}: checked")
+        found = f"0x{reply.data.hex().upper()}"
+        return [Problem("another device answers", where, found, identity.shown, "check address, unit id and profile")]
+    log.append(f"{where} identity = {identity.shown}: checked")
     return []
+
+
+def _ended(reply: Reply) -> str:
+    return f"{reply.outcome.name.lower()} {reply.exception_code or ''}".strip()

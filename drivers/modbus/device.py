@@ -2,8 +2,8 @@
 
 A device is read every n scans. An order is written when it changes, again until the device acknowledged it, and again
 from time to time even when unchanged, so that neither a lost write nor a device that restarted keeps an old value.
-Before the first value and after every resynchronisation of the line the identity register is read; a read block that
-contains the identity register is checked at every reply.
+Before the first value and after every resynchronisation of the line the identity is read; a read block that contains
+the identity is checked at every reply. A device that has none is believed from the first reply that fits its request.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping
-from operator import mul
+from operator import add, mul
 
 from definitions.image import AGE_NEVER
 from definitions.number_formats import LETTERS, SIZES
 from drivers.config import ModbusConfig
 from drivers.modbus.frames import Outcome, Reply, Request
 from drivers.modbus.line import ModbusLine
-from drivers.profile import ModbusProfile
+from drivers.profile import IdentityRegister, ModbusProfile
 from drivers.servo_drive.data_types import picker, to_integer
 
 EXCEPTIONS_IN_A_ROW = 3
@@ -46,6 +46,8 @@ class RegisterReader:
         fields = profile.read.fields
         self._picked = picker([slots.index((field.offset, field.type)) for field in fields])
         self._scales = tuple(1 if field.scale is None or field.bit is not None else field.scale for field in fields)
+        zeros = [field.zero or 0.0 for field in fields]
+        self._zeros = tuple(zeros) if any(zeros) else None
         self._bits = tuple((place, field.bit) for place, field in enumerate(fields) if field.bit is not None)
 
     def values(self, registers: bytes) -> list[float] | None:
@@ -53,9 +55,23 @@ class RegisterReader:
         order = self._order
         slots = self._slots.unpack(registers if order is None else bytes([registers[at] for at in order]))
         values = list(map(mul, self._picked(slots), self._scales))
+        if self._zeros is not None:
+            values = list(map(add, values, self._zeros))
         for place, bit in self._bits:
-            values[place] = values[place] >> bit & 1
+            values[place] = int(values[place]) >> bit & 1
         return values if all(map(math.isfinite, values)) else None
+
+
+def identity_registers(identity: IdentityRegister, byte_order: str, word_order: str) -> bytes:
+    """Return the registers of an identity as the device sends them."""
+    if identity.type == "text":
+        data = (identity.text or "").encode("ascii").ljust(2 * identity.count, b"\0")
+        words = [data[at : at + 2] for at in range(0, len(data), 2)]
+    else:
+        data = (identity.value or 0).to_bytes(2 * identity.count, "big")
+        words = [data[at : at + 2] for at in range(0, len(data), 2)]
+        words = words[::-1] if word_order == "little" else words
+    return b"".join(word[::-1] if byte_order == "little" else word for word in words)
 
 
 class RegisterWriter:
@@ -104,13 +120,19 @@ class ModbusDevice:
         counters = [self.place(name) for name in COUNTERS if name in self.reader.names]
         self._counter_place = counters[0] if counters else NO_FIELD
         identity = profile.identity
-        self._identity_request = line.frames.read_request(config.unit_id, identity.table, identity.address, 1)
         block = profile.read
         self._read_request = line.frames.read_request(config.unit_id, block.table, block.address, block.count)
-        inside = identity.table == block.table and 0 <= identity.address - block.address < block.count
-        at = 2 * (identity.address - block.address) if inside else 0
-        self._identity_place = slice(at, at + 2) if inside else None
-        self._identity = identity.value.to_bytes(2, profile.byte_order)
+        self._identity_request: Request | None = None
+        self._identity_place: slice | None = None
+        self._identity = b""
+        if identity is not None:
+            self._identity_request = line.frames.read_request(
+                config.unit_id, identity.table, identity.address, identity.count
+            )
+            first = identity.address - block.address
+            if identity.table == block.table and 0 <= first <= block.count - identity.count:
+                self._identity_place = slice(2 * first, 2 * (first + identity.count))
+            self._identity = identity_registers(identity, profile.byte_order, profile.word_order)
         self._trusted_epoch = NO_FIELD
         self._pending: Request | None = None
         self._pending_is_write = False
@@ -129,8 +151,8 @@ class ModbusDevice:
 
     @property
     def trusted(self) -> bool:
-        """True while the device's identity is proven for the line as it is now."""
-        return self._trusted_epoch == self.line.epoch
+        """True while the device's identity is proven for the line as it is now; always, when it has none."""
+        return self._identity_request is None or self._trusted_epoch == self.line.epoch
 
     @property
     def lost(self) -> bool:
@@ -244,8 +266,11 @@ class ModbusDevice:
         return True
 
     def verify(self) -> Reply:
-        """Blocking, before the scan: read the identity register and trust the line when it fits."""
-        reply = self.line.exchange(self._identity_request, self.config.connect_timeout_s)
+        """Blocking, before the scan: read the identity and trust the line when it fits.
+
+        A device without an identity is asked for its values: it must answer.
+        """
+        reply = self.line.exchange(self._identity_request or self._read_request, self.config.connect_timeout_s)
         if reply.outcome is Outcome.DATA and reply.data == self._identity:
             self._trusted_epoch = self.line.epoch
         return reply

@@ -17,6 +17,11 @@ from definitions.number_formats import IGNORED, RANGES, SIZES, IntegerType, Regi
 PDO_BYTES = 8
 MODBUS_READ_REGISTERS = 125
 MODBUS_WRITE_REGISTERS = 123
+IDENTITY_REGISTERS = 32
+"""Longest identity that is a text, in registers."""
+
+COUNTED = frozenset({"sample_counter", "life_counter"})
+"""Fields that are taken as they are counted."""
 
 RECEIVE_OBJECTS = MappingProxyType(
     {"controlword": "u16", "mode": "i8", "target_torque": "i16", "target_velocity": "i32"}
@@ -217,27 +222,48 @@ Address = Annotated[int, Field(ge=0, le=0xFFFF)]
 
 
 class IdentityRegister(_Model):
-    """A register whose value proves that this is the device, and that a reply belongs to its request."""
+    """Registers whose value proves that this is the device, and that a reply belongs to its request.
+
+    `value` of a number, `text` of a text: ASCII, two characters a register, filled up with zeros.
+    """
 
     table: Literal["input", "holding"]
     address: Address
-    type: Literal["u16"]
-    value: int = Field(ge=0, le=0xFFFF)
+    type: Literal["u16", "u32", "text"]
+    value: int | None = Field(default=None, ge=0)
+    text: str | None = Field(default=None, min_length=1, max_length=2 * IDENTITY_REGISTERS, pattern=r"^[ -~]*$")
+
+    @model_validator(mode="after")
+    def _value_of_the_type(self) -> Self:
+        key, other = ("text", "value") if self.type == "text" else ("value", "text")
+        if getattr(self, key) is None or getattr(self, other) is not None:
+            raise ValueError(f"an identity of type {self.type} has the key {key}, and no {other}")
+        if self.type != "text" and self.value is not None and self.value > RANGES[self.type][1]:
+            raise ValueError(f"the identity {self.value} is beyond {self.type}: at most {RANGES[self.type][1]}")
+        return self
 
 
 class ReadField(_Model):
-    """A value in the block that is read: register number × scale, or one bit (0 = least significant)."""
+    """A value in the block that is read: register number × scale + zero, or one bit (0 = least significant).
+
+    The scale is negative where the device counts the other way round.
+    """
 
     name: str
     offset: int = Field(ge=0)
     type: RegisterType
-    scale: float | None = Field(default=None, gt=0)
+    scale: float | None = Field(default=None, allow_inf_nan=False)
     bit: int | None = Field(default=None, ge=0, le=15)
+    zero: float | None = Field(default=None, allow_inf_nan=False)
 
     @model_validator(mode="after")
     def _bit_of_a_register(self) -> Self:
-        if self.bit is not None and (self.type != "u16" or self.scale is not None):
-            raise ValueError(f"{self.name}: a bit is taken from a u16 without scale")
+        if self.bit is not None and (self.type != "u16" or self.scale is not None or self.zero is not None):
+            raise ValueError(f"{self.name}: a bit is taken from a u16 without scale and zero")
+        if self.scale == 0:
+            raise ValueError(f"{self.name}: the scale is 0; allowed is any other number, negative to turn the sign")
+        if self.name in COUNTED and (self.scale is not None or self.zero is not None):
+            raise ValueError(f"{self.name}: a counter has neither scale nor zero")
         return self
 
 
@@ -288,12 +314,15 @@ class WriteBlock(_Model):
 
 
 class ModbusProfileFile(_Model):
-    """Profile of a Modbus device; `byte_order` inside a register, `word_order` of the registers of a 32-bit value."""
+    """Profile of a Modbus device; `byte_order` inside a register, `word_order` of the registers of a 32-bit value.
+
+    A device without an identity is taken for what the bench file says that it is.
+    """
 
     profile: ModbusProfileHeader
     byte_order: Literal["big", "little"] = "big"
     word_order: Literal["big", "little"] = "big"
-    identity: IdentityRegister
+    identity: IdentityRegister | None = None
     read: ReadBlock
     write: WriteBlock | None = None
 

@@ -121,6 +121,17 @@ class Job:
             raise RecipeError(problems)
         return sources
 
+    @cached_property
+    def not_proven(self) -> tuple[str, ...]:
+        """What the devices of this bench cannot prove, a sentence each: it stands in every result."""
+        bench = self.bench
+        parts = {"Amplifier": bench.amplifier, "Brake": bench.brake, "Remote I/O": bench.remote_io}
+        return tuple(
+            f"{part}: no identity in profile {device.profile}. Only its address says which device answers."
+            for part, device in parts.items()
+            if modbus_profile(self.profile_sources[device.profile]).identity is None
+        )
+
 
 def find_profile(name: str, bench_path: Path) -> Path:
     """Return a profile's file: from `profiles/` beside the bench file, from beside it, or the shipped one."""

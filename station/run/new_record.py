@@ -53,6 +53,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
     """
     scenario, unit, master = wanted.scenario, wanted.unit, job.bench.master_part(wanted.serial)
     recipe = job.recipe
+    notes = [*notes, *job.not_proven]
     setup = Setup(
         recipe=RecipeSource(
             name=recipe.recipe.name,

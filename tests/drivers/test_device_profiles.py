@@ -64,7 +64,10 @@ MODBUS_MISTAKES = [
     (_set("read", "fields", 1, "type", "i16"), "a bit is taken from a u16 without scale"),
     (_set("read", "fields", 1, "name", "identity"), "a field name is used twice"),
     (_set("read", "table", "coil"), "Input should be 'input' or 'holding'"),
-    (_set("identity", "value", 65536), "less than or equal to 65535"),
+    (_set("identity", "value", 65536), "beyond u16: at most 65535"),
+    (_set("identity", "text", "AB"), "has the key value, and no text"),
+    (_set("read", "fields", 3, "scale", 0.0), "the scale is 0"),
+    (_set("read", "fields", 5, "scale", -1.0), "a counter has neither scale nor zero"),
     (_set("write", {"table": "input", "address": 0, "fields": []}), "Input should be 'holding'"),
     (
         _set("write", {"table": "holding", "address": 0, "fields": [{"name": "a", "offset": 1, "type": "u16"}]}),

@@ -28,13 +28,13 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterResponse,
 )
 
-from drivers.profile import ModbusProfile, WriteField
+from drivers.profile import ModbusProfile
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import ModbusPort
 from virtual_bench.faults.modbus_faults import ModbusFaults
 from virtual_bench.wires.hang_up import hang_up
 
-WORDS: dict[str, int] = {"u16": 1, "i16": 1, "u32": 2, "i32": 2}
+WORDS: dict[str, int] = {"u16": 1, "i16": 1, "u32": 2, "i32": 2, "f32": 2}
 RANGES: dict[str, tuple[int, int]] = {
     "u16": (0, 0xFFFF),
     "i16": (-0x8000, 0x7FFF),
@@ -54,12 +54,12 @@ class Device:
     ) -> None:
         self.registers = port.registers
         block = port.registers.write
-        self._fields = block.fields if block else ()
+        fields = block.fields if block else ()
         self._write_address = block.address if block else 0
         self.unit_id = port.unit_id
         self._read = read
         self._write = write
-        self._holding = [0] * sum(WORDS[row.type] for row in self._fields)
+        self._holding = [0] * sum(WORDS[row.type] for row in fields)
 
     def answer(self, request: ModbusPDU) -> ModbusPDU:
         """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3."""
@@ -87,7 +87,7 @@ class Device:
         first = request.address - self.registers.read.address
         if first < 0 or request.count < 1 or first + request.count > self.registers.read.count:
             return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
-        words = encode(self.registers, {**self._read(), "identity": self.registers.identity.value})
+        words = encode(self.registers, self._read())
         return response(registers=words[first : first + request.count])
 
     def _answer_holding(self, request: ModbusPDU) -> ModbusPDU:
@@ -105,7 +105,7 @@ class Device:
             return ExceptionResponse(WriteMultipleRegistersRequest.function_code, ExcCodes.ILLEGAL_ADDRESS)
         self._holding[first : first + len(words)] = words
         if self._write is not None:
-            self._write(decode(self._fields, self._holding))
+            self._write(decode(self.registers, self._holding))
         return None
 
 
@@ -253,28 +253,62 @@ class Connection(asyncio.Protocol):
 
 
 def encode(registers: ModbusProfile, values: Mapping[str, float]) -> list[int]:
-    """Return the words of the read block; numbers beyond their type stop at its end, as a device's do."""
+    """Return the words of the read block; numbers beyond their type stop at its end, as a device's do.
+
+    The identity stands where the profile says, whether a field shows it or not.
+    """
     block = bytearray(2 * registers.read.count)
     for row in registers.read.fields:
+        if row.name == "identity":
+            continue
         value = values[row.name]
         if row.bit is not None:
             word = struct.unpack_from(">H", block, 2 * row.offset)[0] | (int(value) & 1) << row.bit
             struct.pack_into(">H", block, 2 * row.offset, word)
             continue
+        value = (value - (row.zero or 0.0)) / (row.scale or 1.0)
+        if row.type == "f32":
+            put(block, row.offset, struct.pack(">f", value), registers.word_order)
+            continue
         low, high = RANGES[row.type]
         # not a number becomes the lowest count, as measuring amplifiers show it
-        count = low if value != value else min(max(round(value / (row.scale or 1.0)), low), high)  # noqa: PLR0124
-        block[2 * row.offset : 2 * (row.offset + WORDS[row.type])] = (count & 0xFFFFFFFF).to_bytes(4, "big")[
-            -2 * WORDS[row.type] :
-        ]
-    return list(struct.unpack(f">{registers.read.count}H", block))
+        count = low if value != value else min(max(round(value), low), high)  # noqa: PLR0124
+        number = (count & 0xFFFFFFFF).to_bytes(4, "big")[-2 * WORDS[row.type] :]
+        put(block, row.offset, number, registers.word_order)
+    _put_identity(block, registers)
+    words = list(struct.unpack(f">{registers.read.count}H", block))
+    return [word >> 8 | word << 8 & 0xFF00 for word in words] if registers.byte_order == "little" else words
 
 
-def decode(rows: tuple[WriteField, ...], words: list[int]) -> dict[str, float]:
+def put(block: bytearray, offset: int, number: bytes, word_order: str) -> None:
+    """Lay a number, most significant byte first, into registers of the block in the device's order of words."""
+    if word_order == "little":
+        number = b"".join(number[at : at + 2] for at in range(len(number) - 2, -1, -2))
+    block[2 * offset : 2 * offset + len(number)] = number
+
+
+def _put_identity(block: bytearray, registers: ModbusProfile) -> None:
+    identity = registers.identity
+    if identity is None or identity.table != registers.read.table:
+        return
+    first = identity.address - registers.read.address
+    if not 0 <= first <= registers.read.count - identity.count:
+        return
+    if identity.text is not None:
+        put(block, first, identity.text.encode("ascii").ljust(2 * identity.count, b"\0"), "big")
+    elif identity.value is not None:
+        put(block, first, identity.value.to_bytes(2 * identity.count, "big"), registers.word_order)
+
+
+def decode(registers: ModbusProfile, words: Sequence[int]) -> dict[str, float]:
     """Return the values in a block of written words."""
+    rows = registers.write.fields if registers.write else ()
+    if registers.byte_order == "little":
+        words = [word >> 8 | word << 8 & 0xFF00 for word in words]
     values = {}
     for row in rows:
-        raw = b"".join(word.to_bytes(2, "big") for word in words[row.offset : row.offset + WORDS[row.type]])
+        taken = words[row.offset : row.offset + WORDS[row.type]]
+        raw = b"".join(word.to_bytes(2, "big") for word in (taken[::-1] if registers.word_order == "little" else taken))
         count = int.from_bytes(raw, "big", signed=row.type.startswith("i"))
         values[row.name] = count * (row.scale or 1.0)
     return values

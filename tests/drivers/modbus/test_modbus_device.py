@@ -302,3 +302,21 @@ def test_no_registers_raise(registers: list[int], scan: int) -> None:
     device = ModbusDevice(config, ModbusLine(config, TIMEOUT, 9), 1, REASSERT)
     device._take(device._read_request, struct.pack(">14H", *registers), scan)
     assert (device.age_scans(scan) == 0) == (registers[0] == 0x4C41)
+
+
+def test_a_device_without_identity_is_read_at_once_and_after_every_timeout() -> None:
+    config = modbus_config("virtual-brake", 2)
+    one = Brake(replace(config, profile=replace(config.profile, identity=None)))
+    try:
+        assert one.device.trusted
+        seen = [one.scan(n) for n in range(8)]
+        assert seen[0] == "read"
+        assert "identity" not in seen
+        assert one.device.age_scans(8) < POLL + 1
+        for n in range(8, 16):
+            one.scan(n, lambda: str(one.asked() and "-"))
+        assert one.line.timeouts
+        assert one.device.age_scans(16) > POLL, "values age, whoever the device is"
+        assert "identity" not in [one.scan(n) for n in range(16, 24)]
+    finally:
+        one.close()

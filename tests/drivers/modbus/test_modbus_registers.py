@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,8 +11,11 @@ from drivers_support import modbus_profile, raw_profile
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.modbus.device import RegisterReader, RegisterWriter
-from drivers.profile import ModbusProfile
+from definitions.plain_data import exact
+from drivers.modbus.device import RegisterReader, RegisterWriter, identity_registers
+from drivers.profile import IdentityRegister, ModbusProfile
+from recipes.schema.profile_schema import IdentityRegister as IdentityFile
+from virtual_bench.devices.modbus_servers import encode
 
 
 def profile(fields: list[dict[str, Any]], count: int, **options: str) -> ModbusProfile:
@@ -85,3 +89,50 @@ def test_an_order_that_does_not_fit_is_counted() -> None:
     assert writer.registers({"brake_on": 1, "brake_current_a": 70.0}) == [1, 0xFFFF]
     assert writer.registers({"brake_on": 1, "brake_current_a": -1.0}) == [1, 0]
     assert writer.clamped == 2
+
+
+@pytest.mark.parametrize(("byte_order", "word_order"), ORDERS_OF_BYTES)
+@given(
+    st.fixed_dictionaries(
+        {
+            "torque_out_nm": st.floats(-500, 500, width=32),
+            "angle_in_rad": st.floats(-100, 100, width=32),
+            "sample_counter": st.integers(0, 2**32 - 1),
+        }
+    )
+)
+def test_the_virtual_device_and_the_driver_agree_on_every_order(
+    byte_order: str, word_order: str, values: dict[str, float]
+) -> None:
+    fields = [
+        {"name": "torque_out_nm", "offset": 0, "type": "f32", "scale": -1000.0, "zero": 12.5},
+        {"name": "sample_counter", "offset": 2, "type": "u32"},
+        {"name": "angle_in_rad", "offset": 4, "type": "i32", "scale": -1e-6, "zero": 0.25},
+    ]
+    model = profile(fields, 6, byte_order=byte_order, word_order=word_order)
+    torque, counter, angle = RegisterReader(model).values(sent(*encode(model, values))) or []
+    assert torque == pytest.approx(values["torque_out_nm"], abs=1e-4)
+    assert counter == values["sample_counter"]
+    assert angle == pytest.approx(values["angle_in_rad"], abs=1e-6)
+
+
+IDENTITIES = [
+    ({"type": "u16", "value": 0x4C41}, "big", "big", "4c41"),
+    ({"type": "u16", "value": 0x4C41}, "little", "big", "414c"),
+    ({"type": "u32", "value": 0x12345678}, "big", "big", "12345678"),
+    ({"type": "u32", "value": 0x12345678}, "big", "little", "56781234"),
+    ({"type": "text", "text": "TQ7"}, "big", "little", "54513700"),
+    ({"type": "text", "text": "TQ7"}, "little", "big", "51540037"),
+]
+
+
+@pytest.mark.parametrize(("identity", "byte_order", "word_order", "registers"), IDENTITIES)
+def test_an_identity_of_any_type(identity: dict[str, Any], byte_order: str, word_order: str, registers: str) -> None:
+    fields = [{"name": "torque_out_nm", "offset": 2, "type": "f32"}]
+    model = profile(fields, 4, byte_order=byte_order, word_order=word_order)
+    raw = {"table": "input", "address": 0, **identity}
+    model = replace(model, identity=exact(IdentityRegister, IdentityFile.model_validate(raw).model_dump()))
+    assert model.identity is not None
+    sent_identity = identity_registers(model.identity, byte_order, word_order)
+    assert sent_identity.hex() == registers
+    assert sent(*encode(model, {"torque_out_nm": 0.0})).startswith(sent_identity)

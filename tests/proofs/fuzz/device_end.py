@@ -28,9 +28,11 @@ def crc16(data: bytes) -> bytes:
 def registers_of(profile: ModbusProfile, values: dict[str, float]) -> list[int]:
     """Registers of the read block that say these values; fields that are missing are 0."""
     words = [0] * profile.read.count
-    inside = profile.identity.address - profile.read.address
-    if profile.identity.table == profile.read.table and 0 <= inside < profile.read.count:
-        words[inside] = profile.identity.value
+    identity = profile.identity
+    if identity is not None and identity.value is not None and identity.table == profile.read.table:
+        inside = identity.address - profile.read.address
+        if 0 <= inside < profile.read.count:
+            words[inside] = identity.value
     for field in profile.read.fields:
         value = values.get(field.name)
         if value is None:
@@ -92,8 +94,9 @@ class DeviceEnd:
             self._take(body[5:])
             pdu = bytes((function,)) + body[:4]
         else:
-            if address == profile.identity.address and count == 1:
-                words = [profile.identity.value]
+            identity = profile.identity
+            if identity is not None and identity.value is not None and (address, count) == (identity.address, 1):
+                words = [identity.value]
             else:
                 words = registers_of(profile, values)
             pdu = bytes((function, 2 * len(words))) + struct.pack(f">{len(words)}H", *words)

@@ -35,6 +35,12 @@ GRADED = {
 """Backlash that a grade is read off, by the variant of the metric; the first one unless another is chosen."""
 
 
+FIT_POINTS, LSQ_POINTS = 400, 200
+"""Equally spaced torques, ends among them, at which each segment of a fit and the least squares stiffness are fitted:
+neither dwell nor speed weighs one torque more. They belong to the definition: an end weighs as much as a point between,
+and with five times as many points a spring constant is 0.02 % lower."""
+
+
 class Fit(NamedTuple):
     """Row of `FITS`: name in a result, what it does, where it comes from."""
 
@@ -46,8 +52,8 @@ class Fit(NamedTuple):
 FITS: dict[str, Fit] = {
     "six_segment": Fit(
         "six-segment fit",
-        "linear to the break torque (±90 N·m for 412 N·m unless the recipe gives one), quadratic beyond; the middle is "
-        "shifted by the mean gap at its seams",
+        "linear to the break torque (±90 N·m for 412 N·m unless the recipe gives one), quadratic beyond, each segment "
+        "by least squares at 400 equally spaced torques; the middle is shifted by the mean gap at its seams",
         "backlash and stiffness measurement",
     ),
     "six_segment_20pct": Fit(
@@ -57,7 +63,8 @@ FITS: dict[str, Fit] = {
     ),
     "three_region": Fit(
         "three-region fit",
-        "each side quadratic to 20 %, linear to 80 %, quadratic beyond; the regions are not shifted to meet",
+        "each side quadratic to 20 %, linear to 80 %, quadratic beyond, each by least squares at 400 equally "
+        "spaced torques; the regions are not shifted to meet",
         "inverse loading",
     ),
 }
@@ -223,7 +230,8 @@ _ROWS = (
     ),
     Metric(
         "stiffness_lsq", "K_lsq", "Stiffness (least squares, 20–80 % T_r)", STIFFNESS,
-        "least squares of wind-up over torque, loading branch, 20–80 % of the reference torque",
+        "least squares of wind-up over 200 equally spaced torques of the loading branch, 20–80 % of the "
+        "reference torque",
         "static testing; stiffness characterization 4.4", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="least squares", reach=0.8,
     ),

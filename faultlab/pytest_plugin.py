@@ -28,7 +28,7 @@ OPTIONS = ("recipe", "bench", "unit", "seed")
 @pytest.fixture
 def lostmotion_bench(request: pytest.FixtureRequest) -> BenchUnderTest:
     """Return a virtual bench with a run that has not begun yet; see the module's text."""
-    from faultlab.bench_under_test import BenchUnderTest  # noqa: PLC0415 - brings numba; pytest loads this for all
+    from faultlab.bench_under_test import BenchUnderTest  # noqa: PLC0415 - brings the virtual bench; pytest loads this for all
     from recipes import RecipeError  # noqa: PLC0415 - the same
     from station.errors import StationError  # noqa: PLC0415 - the same
     from virtual_bench.errors import VirtualBenchError  # noqa: PLC0415 - the same

@@ -19,9 +19,7 @@ import numpy as np
 from analysis.loop.branches import Branch, interpolate
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
-
-FIT_POINTS = 400
-"""Torques, equally spaced, at which each segment is fitted: neither dwell nor speed weighs one torque more."""
+from definitions.metrics import FIT_POINTS
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from analysis.loop.curves import DEFAULT_FIT, fitted_curve
 from analysis.loop.loop import Curve, Loop
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
-from definitions.metrics import GRADES
+from definitions.metrics import GRADES, LSQ_POINTS
 from definitions.units import ARCSEC_PER_ARCMIN
 
 LSQ_BAND = (0.2, 0.8)
@@ -32,9 +32,6 @@ SECANT_BAND = (0.5, 1.0)
 
 OPEN = 0.02
 """Share of a branch's torque by which the two may end apart: a turn that creeps opens it by less, a mask by more."""
-
-LSQ_POINTS = 200
-"""Torques, equally spaced, of the least squares stiffness."""
 
 
 @dataclass(frozen=True)

@@ -125,8 +125,13 @@ def _secant(unit: Kind, side: int, peak_nm: float, *, loading: bool) -> float:
     return 0.5 * unit.rated_nm / abs(turned)
 
 
+FIT_POINTS, LSQ_POINTS = 400, 200
+"""Equally spaced torques, ends among them, at which a segment and the least squares stiffness are fitted. They belong
+to the definition: an end weighs as much as a point between, which moves a spring constant by 0.02 %."""
+
+
 def _least_squares(unit: Kind, side: int, peak_nm: float) -> float:
-    torque = side * np.linspace(0.2, 0.8, 4001) * unit.rated_nm
+    torque = side * np.linspace(0.2, 0.8, LSQ_POINTS) * unit.rated_nm
     return 1.0 / float(np.polyfit(torque, unit.angle(torque, side, peak_nm), 1)[0])
 
 
@@ -189,7 +194,7 @@ def _fitted_mean(unit: Kind, peak_nm: float) -> tuple[np.ndarray, np.ndarray, np
     for direction, (low, high) in ends.items():
         borders = (low, -BREAK * reference, BREAK * reference, high)
         for part, degree in enumerate((2, 1, 2)):
-            torque = np.linspace(borders[part], borders[part + 1], 2001)
+            torque = np.linspace(borders[part], borders[part + 1], FIT_POINTS)
             parts[part].append(np.polyfit(torque / reference, unit.angle(torque, direction, peak_nm), degree))
     negative, middle, positive = (np.mean(part, axis=0) for part in parts)
     gaps = [np.polyval(outer, at) - np.polyval(middle, at) for outer, at in ((negative, -BREAK), (positive, BREAK))]

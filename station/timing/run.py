@@ -128,7 +128,7 @@ def _virtual_bench(
     life_line: children.LifeLine,
     cleanup: ExitStack,
 ) -> tuple[int, dict[str, Any]]:
-    from station.bench.assemble_virtual import choose_unit  # noqa: PLC0415 - brings numba
+    from station.bench.assemble_virtual import choose_unit  # noqa: PLC0415 - brings the virtual bench
 
     unit = choose_unit(None, job.recipe).plain()
     bench = str(job.bench_source.path)

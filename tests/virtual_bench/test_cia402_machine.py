@@ -11,7 +11,7 @@ from virtual_bench.drive import cia402_tables as tables
 from virtual_bench.drive.cia402_machine import Cia402Machine
 from virtual_bench.drive.cia402_tables import Mode, PowerCommand, PowerState
 from virtual_bench.physics.motor_stop import MotorView
-from virtual_bench.physics.plant_kernel import DriveLoop
+from virtual_bench.physics.plant_numbers import DriveLoop
 
 MS = 1_000_000
 COUNTS = 1048576.0

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from virtual_bench.config import BenchConfig
 from virtual_bench.physics.elastic import elastic_windup_arcmin
 from virtual_bench.physics.plant import Plant
-from virtual_bench.physics.plant_kernel import ARCMIN_RAD, CH, STEP_NS, DriveLoop, FloatArray, P, S
+from virtual_bench.physics.plant_numbers import ARCMIN_RAD, CH, STEP_NS, DriveLoop, FloatArray, P, S
 from virtual_bench.physics.plant_parameters import elastic_table
 from virtual_bench.physics.plant_sensors import CHANNELS
 from virtual_bench.physics.units import UNITS

@@ -12,13 +12,13 @@ from numba import njit
 from virtual_bench.config import BenchConfig
 from virtual_bench.physics import plant_kernel
 from virtual_bench.physics.plant import Plant
-from virtual_bench.physics.plant_kernel import DriveLoop, S, advance_kernel
+from virtual_bench.physics.plant_numbers import DriveLoop, S
 
 
 def kernel_with_step(seconds: float) -> object:
     """Return the same inner step compiled for another step size."""
     names = {**vars(plant_kernel), "DT": seconds}
-    body = plant_kernel._advance
+    body = plant_kernel.advance.py_func
     return njit(types.FunctionType(body.__code__, names))
 
 
@@ -26,7 +26,7 @@ def kernel_with_step(seconds: float) -> object:
 def test_half_the_step_gives_the_same_torque(bench_config: BenchConfig, unit: str) -> None:
     peak = 4.5 if unit == "P1" else 0.7
     results = []
-    for kernel, parts in ((advance_kernel, 1), (kernel_with_step(plant_kernel.DT / 2.0), 2)):
+    for kernel, parts in ((plant_kernel.advance, 1), (kernel_with_step(plant_kernel.DT / 2.0), 2)):
         plant = Plant(replace(bench_config, unit=unit))
         plant.set_drive_limits(6.0, 30.0, 10.0)
         plant.set_brake_current(9.0)

@@ -10,7 +10,7 @@ from virtual_bench.drive import cia402_tables as tables
 from virtual_bench.drive.cia402_tables import Mode, Stop
 from virtual_bench.drive.settings import DriveObjects
 from virtual_bench.physics.motor_stop import MOTOR_OFF, NO_TORQUE, STANDSTILL, MotorStop, MotorView, demand_of
-from virtual_bench.physics.plant_kernel import DriveLoop
+from virtual_bench.physics.plant_numbers import DriveLoop
 
 HOMING_STANDSTILL_FRACTION = 0.02  # of a turn per second: faster than this the reference is refused
 

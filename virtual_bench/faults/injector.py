@@ -16,7 +16,7 @@ from virtual_bench.faults.scenario import Fault, Scenario
 from virtual_bench.faults.schedule import LOST, Acted, FaultSchedule
 from virtual_bench.faults.sensor_faults import SensorFaults
 from virtual_bench.physics.plant import Plant
-from virtual_bench.physics.plant_kernel import C, P, S
+from virtual_bench.physics.plant_numbers import C, P, S
 
 __all__ = ["LOST", "Acted", "FaultInjector", "Wires"]
 

@@ -7,7 +7,7 @@ from math import exp
 from virtual_bench.faults.scenario import Fault
 from virtual_bench.faults.schedule import FaultSchedule
 from virtual_bench.physics.plant import Plant, Sample
-from virtual_bench.physics.plant_kernel import CH
+from virtual_bench.physics.plant_numbers import CH
 from virtual_bench.physics.plant_sensors import CHANNELS
 
 NOT_A_NUMBER = float("nan")

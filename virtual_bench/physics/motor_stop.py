@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-from virtual_bench.physics.plant_kernel import DriveLoop
+from virtual_bench.physics.plant_numbers import DriveLoop
 
 STOPPED_TORQUE_PERMILLE = 10  # of rated torque: below this a torque ramp is done
 STOPPED_SPEED_FRACTION = 1e-3  # of a turn per second, likewise for a speed ramp

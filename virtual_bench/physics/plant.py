@@ -15,17 +15,19 @@ import numpy as np
 
 from virtual_bench.config import BenchConfig
 from virtual_bench.physics.find_unit import find_unit
+from virtual_bench.physics.machine_code import look
 from virtual_bench.physics.motor_stop import MotorView
-from virtual_bench.physics.plant_kernel import (
+from virtual_bench.physics.plant_numbers import (
     NOISE_ROWS,
     SAMPLE_NS,
+    SEEN_COUNTS,
+    SEEN_VALUES,
     STEP_NS,
     C,
     DriveLoop,
     FloatArray,
+    Parts,
     S,
-    look_kernel,
-    measure_kernel,
     parts_of,
 )
 from virtual_bench.physics.plant_parameters import elastic_table, parameters
@@ -33,7 +35,7 @@ from virtual_bench.physics.plant_sensors import CHANNELS, sensor_table
 
 # Plain ints: an enum member as an index costs three times as much, and these are read in every scan.
 LIMITED = int(S.LIMITED)
-PARTS = ("state", "control", "params", "channels", "table")  # of the numbers of a plant
+MADE = (*Parts._fields, "_look", "_addresses")  # of a plant's numbers: a copy makes its own
 NOT_READY = 4  # bit of `Sample.status`
 SAMPLE_US = SAMPLE_NS // 1000
 NOISE_BLOCK_NS = NOISE_ROWS * SAMPLE_NS
@@ -72,10 +74,12 @@ class Plant:
         params, channels, table = parameters(self.unit, config), sensor_table(config), elastic_table(self.unit)
         zeroes = np.zeros(len(S) + len(C))  # of state and control
         self._numbers: FloatArray = np.concatenate([zeroes, params, channels.ravel(), table])
-        self._share_out()
         self._noise_seed = [config.noise_seed, 0 if self.unit.seed is None else self.unit.seed + 1]
         self._noise_block = -1
         self._noise: FloatArray = np.zeros((NOISE_ROWS, len(CHANNELS)))
+        self._counts = np.zeros(SEEN_COUNTS, dtype=np.int64)
+        self._values: FloatArray = np.zeros(SEEN_VALUES)
+        self._share_out()
         self._pending_ns = 0
         self.motor = MotorView()  # `limited` is for the drive to say: see `take_limited`
         self.shown = Shown()
@@ -85,11 +89,16 @@ class Plant:
         self.overlay: Callable[[Sample], Sample] | None = None  # what faults make of a sample
 
     def _share_out(self) -> None:
-        """Name the parts of the numbers, for whoever changes one; `channels` has a row for each of CHANNELS."""
+        """Name the parts of the numbers, for whoever changes one, and where the compiled step finds them."""
         self.state, self.control, self.params, self.channels, self.table = parts_of(self._numbers)
+        self._look = look()
+        self._addresses = (
+            (self._numbers.ctypes.data, self._numbers.size, self._noise.ctypes.data),
+            (self._counts.ctypes.data, self._values.ctypes.data),
+        )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name not in PARTS}
+        return {name: value for name, value in vars(self).items() if name not in MADE}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         vars(self).update(kept)
@@ -103,22 +112,25 @@ class Plant:
             block = now_ns // NOISE_BLOCK_NS
             if block != self._noise_block:
                 self._draw_noise(block)
-            motor, shown = self.motor, self.shown
-            (
-                motor.torque_permille,
-                motor.position_counts,
-                motor.velocity_counts_s,
-                self._limited,
-                shown.torque_in_nm,
-                shown.torque_out_nm,
-                shown.angle_in_rad,
-                shown.angle_out_rad,
-                shown.saturated,
-            ) = look_kernel(self._numbers, self._noise, steps)
+            self._see(steps)
+
+    def _see(self, steps: int) -> None:
+        """Advance by inner steps, or by none, and take what the kernel then sees."""
+        plant, seen = self._addresses
+        self._look(*plant, steps, *seen)
+        motor, shown = self.motor, self.shown
+        motor.torque_permille, motor.position_counts, motor.velocity_counts_s, shown.saturated = self._counts.tolist()
+        (
+            self._limited,
+            shown.torque_in_nm,
+            shown.torque_out_nm,
+            shown.angle_in_rad,
+            shown.angle_out_rad,
+        ) = self._values.tolist()
 
     def _draw_noise(self, block: int) -> None:
         generator = np.random.Generator(np.random.PCG64([block, *self._noise_seed]))
-        self._noise = generator.standard_normal((NOISE_ROWS, len(CHANNELS)))
+        generator.standard_normal(out=self._noise)
         self._noise_block = block
 
     def set_drive(self, loop: DriveLoop, torque_nm: float, velocity_rad_s: float) -> None:
@@ -176,12 +188,10 @@ class Plant:
 
     def measure_again(self) -> None:
         """Let the channels look anew at the newest sample: something about them has changed since `advance`."""
-        counter, shown = self.counter, self.shown
-        if counter // NOISE_ROWS != self._noise_block:
-            self._draw_noise(counter // NOISE_ROWS)
-        shown.torque_in_nm, shown.torque_out_nm, shown.angle_in_rad, shown.angle_out_rad, shown.saturated = (
-            measure_kernel(self.state, self.channels, self._noise, counter % NOISE_ROWS)
-        )
+        block = self.counter // NOISE_ROWS
+        if block != self._noise_block:
+            self._draw_noise(block)
+        self._see(0)
 
     def sample(self) -> Sample:
         """Return the newest sample of the amplifier: all channels latched at one instant, at most 0.1 ms ago."""
@@ -200,7 +210,7 @@ class Plant:
 
 
 def warm_up(config: BenchConfig) -> None:
-    """Compile the kernels, or load them from numba's cache; takes about a second the first time."""
+    """Have the kernel compiled, which takes some seconds the first time, and whatever else the first steps need."""
     plant = Plant(config)
     plant.advance(SAMPLE_NS)
     plant.sample()

@@ -1,185 +1,49 @@
-"""The inner step of the plant and its sensors, compiled by numba, and the names of the numbers they work on.
+"""The inner step of the plant and its sensors, as numba compiles it; `virtual_bench.physics.machine_code` has it run.
 
 Lumped and quasi-static to a few hundred hertz. Semi-implicit: forces from the old positions, speeds, new positions,
 then the reducer's torque. Dahl and LuGre friction use their closed forms on the monotone branch of one step, so a long
 step is safe; the fixture in series with the reducer is solved by one Newton step whose remainder the next step takes.
 
-Parameters, controls and state are one float64 array each; `P`, `C` and `S` name their elements. `CH` names the columns
-of the table of sensors. Suffixes give the unit;
-`driven` is the shaft that the servo turns, `locked` the one that the brake holds. Torques and angles inside the reducer
-are written at the output, in N·m and arcmin, whichever side is driven. The names stand in this file because numba's
-cache is renewed only when the file of the compiled function changes.
+Torques and angles inside the reducer are written at the output, in N·m and arcmin, whichever side is driven. Nothing
+here may raise or allocate: what is compiled needs no Python beside it.
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
-from math import exp, floor, pi
+from math import exp, floor
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from numba import njit
+from numba import carray, cfunc, njit, types  # type: ignore[attr-defined]
 
-FloatArray = npt.NDArray[np.float64]
-
-ARCMIN_RAD = pi / 10800.0
-"""One arc minute in rad."""
-
-STEP_NS = 25_000
-"""Inner step. The stiffest mode (a reversal, where Dahl and LuGre bristles act together) is near 3000 rad/s."""
-
-SAMPLE_NS = 100_000
-"""Sampling period of the measuring amplifier: all channels are latched together."""
-
-STEPS_PER_SAMPLE = SAMPLE_NS // STEP_NS
-
-NOISE_ROWS = 4096
-"""Samples whose noise is drawn together; sample number n has row n modulo this of its block."""
-
-
-class P(IntEnum):
-    """Constants of one bench with one unit in it."""
-
-    DRIVEN_RATIO = 0  # turns of the driven shaft per turn of the output
-    LOCKED_RATIO = 1  # turns of the locked shaft per turn of the output
-    DRIVEN_INERTIA_KGM2 = 2
-    UNIT_INERTIA_KGM2 = 3  # the part of it behind the driven shaft's torque sensor
-    LOCKED_INERTIA_KGM2 = 4
-    LOCKED_DRAG_NMS_RAD = 5
-    LOCKED_FRICTION_NM = 6  # what holds the locked shaft when the brake has no current
-    FIXTURE_NM_ARCMIN = 7  # of the lock, seen from the output
-    DAHL_STIFFNESS_NM_ARCMIN = 8
-    DAHL_FORCE_NM = 9
-    BRISTLE_STIFFNESS_NM_RAD = 10
-    BRISTLE_DAMPING_NMS_RAD = 11
-    VISCOUS_NMS_RAD = 12
-    FRICTION_LOADING_NM = 13
-    FRICTION_UNLOADING_NM = 14
-    FRICTION_LOADING_PER_NM = 15  # per N·m of torque that arrives at the driven shaft
-    FRICTION_UNLOADING_PER_NM = 16
-    FRICTION_BEHIND_SENSOR = 17  # 1: the driven shaft's sensor feels the friction
-    DRIFT_ARCMIN = 18
-    DRIFT_TIME_S = 19
-    BRAKE_NM_PER_A = 20
-    BRAKE_TIME_S = 21
-    BRAKE_HYSTERESIS = 22
-    BRAKE_HOLDS = 23  # what is left of the brake's torque: 1 healthy
-    GEAR_RATIO = 24  # motor turns per turn of the driven shaft
-    TORQUE_LOOP_RAD_S = 25
-    VELOCITY_P_NMS_RAD = 26
-    VELOCITY_I_NM_RAD = 27
-    VELOCITY_II_NM_RADS = 28
-    LAG_TORQUE_DRIVEN_S = 29
-    LAG_TORQUE_LOCKED_S = 30
-    LAG_ANGLE_DRIVEN_S = 31
-    LAG_ANGLE_LOCKED_S = 32
-    TABLE_START_ARCMIN = 33
-    TABLE_STEP_ARCMIN = 34
-    TORQUE_UNIT_NM = 35  # motor torque of one count of the drive
-    COUNTS_PER_RAD = 36  # motor
-    COUNTS_S_PER_RAD_S = 37  # motor
-
-
-class C(IntEnum):
-    """What the drive and the brake supply tell the plant."""
-
-    MODE = 0  # DriveLoop
-    TORQUE_NM = 1  # motor
-    VELOCITY_RAD_S = 2  # motor
-    TORQUE_LIMIT_NM = 3  # motor
-    SPEED_LIMIT_RAD_S = 4  # motor
-    TORQUE_SLOPE_NM_S = 5  # motor
-    BRAKE_CURRENT_A = 6
-
-
-class DriveLoop(IntEnum):
-    """Which of the drive's loops is closed."""
-
-    OFF = 0
-    TORQUE = 1
-    VELOCITY = 2
-
-
-class S(IntEnum):
-    """What changes from step to step."""
-
-    STEP = 0
-    DRIVEN_RAD = 1
-    DRIVEN_RAD_S = 2
-    LOCKED_RAD = 3  # the lock's body, before the fixture's compliance
-    LOCKED_RAD_S = 4
-    WINDUP_ARCMIN = 5
-    DAHL_NM = 6
-    BRISTLE_RAD = 7
-    TORQUE_NM = 8  # in the reducer, at the output
-    MOTOR_NM = 9
-    MOTOR_REFERENCE_NM = 10
-    SPEED_ERROR_RAD = 11
-    SPEED_ERROR_RADS = 12
-    LAST_MODE = 13
-    LIMITED = 14  # latched until somebody reads and clears it
-    BRAKE_NM = 15
-    BRAKE_LAST_A = 16
-    BRAKE_RISING = 17
-    LAG_TORQUE_DRIVEN_NM = 18
-    LAG_TORQUE_LOCKED_NM = 19
-    LAG_ANGLE_DRIVEN_RAD = 20
-    LAG_ANGLE_LOCKED_RAD = 21
-    SAMPLE_COUNTER = 22
-    SAMPLE_TORQUE_DRIVEN_NM = 23
-    SAMPLE_TORQUE_LOCKED_NM = 24
-    SAMPLE_ANGLE_DRIVEN_RAD = 25
-    SAMPLE_ANGLE_LOCKED_RAD = 26
-    DRIFT_ARCMIN = 27
-
-
-class CH(IntEnum):
-    """Columns of the sensor table, one row per channel."""
-
-    SOURCE = 0  # element of the state: of the latched sample
-    GAIN = 1
-    ZERO = 2
-    NOISE = 3  # rms
-    QUANTUM = 4
-    LIMIT = 5  # saturates here; 0 never
-    FAULT_OFFSET = 6
-    STUCK = 7
-    STUCK_AT = 8
-
-
-CHANNEL_COUNT = 4
-STATE_END = len(S)
-CONTROL_END = STATE_END + len(C)
-PARAMS_END = CONTROL_END + len(P)
-CHANNELS_END = PARAMS_END + CHANNEL_COUNT * len(CH)
-CHANNELS_SHAPE = (CHANNEL_COUNT, len(CH))
-
-
-@njit(cache=True)
-def parts_of(numbers: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return state, control, parameters, channels (a row each) and elastic table: parts of one array, not copies."""
-    return (
-        numbers[:STATE_END],
-        numbers[STATE_END:CONTROL_END],
-        numbers[CONTROL_END:PARAMS_END],
-        numbers[PARAMS_END:CHANNELS_END].reshape(CHANNELS_SHAPE),
-        numbers[CHANNELS_END:],
-    )
-
+from virtual_bench.physics.plant_numbers import (
+    ARCMIN_RAD,
+    CH,
+    CHANNEL_COUNT,
+    CHANNELS_END,
+    CONTROL_END,
+    NOISE_ROWS,
+    PARAMS_END,
+    SEEN_COUNTS,
+    SEEN_VALUES,
+    STATE_END,
+    STEP_NS,
+    STEPS_PER_SAMPLE,
+    C,
+    DriveLoop,
+    FloatArray,
+    P,
+    S,
+)
 
 DT = STEP_NS * 1e-9
+COLUMNS = len(CH)
 OFF = int(DriveLoop.OFF)
 VELOCITY = int(DriveLoop.VELOCITY)
 
 
-Measured = tuple[float, float, float, float, int]
-"""Torques [N·m] and angles [rad] of the channels in their order, and the bits of saturated torques."""
-
-Seen = tuple[int, int, int, float, float, float, float, float, int]
-"""Motor torque, position and speed in counts of the drive, not 0 when a limit has acted, and what is `Measured`."""
-
-
-def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: FloatArray, steps: int) -> None:  # noqa: C901, PLR0912, PLR0915
+@njit(error_model="numpy")
+def advance(state: FloatArray, params: FloatArray, control: FloatArray, table: FloatArray, steps: int) -> None:  # noqa: C901, PLR0912, PLR0915
     """Advance the plant by `steps` inner steps, in place.
 
     `table` is the elastic torque over the wind-up [N·m].
@@ -379,29 +243,30 @@ def _advance(state: FloatArray, params: FloatArray, control: FloatArray, table: 
     state[S.LAG_ANGLE_LOCKED_RAD] = lag_al
 
 
-advance_kernel = njit(cache=True)(_advance)
-
-
-def _measure(state: FloatArray, channels: FloatArray, noise: FloatArray, row: int) -> Measured:
+@njit(error_model="numpy")
+def measure(
+    state: FloatArray, channels: FloatArray, noise: FloatArray, row: int
+) -> tuple[float, float, float, float, int]:
     """Return what the four channels show of the latched sample, and which torques are saturated.
 
     A row of `channels` gives an element of the sample its gain, zero, noise, saturation and quantum.
     """
     torque_in = torque_out = angle_in = angle_out = 0.0
     saturated = 0
-    for channel in range(4):
-        value = state[int(channels[channel, CH.SOURCE])] * channels[channel, CH.GAIN]
-        value += channels[channel, CH.ZERO] + channels[channel, CH.NOISE] * noise[row, channel]
-        value += channels[channel, CH.FAULT_OFFSET]
-        limit = channels[channel, CH.LIMIT]
+    for channel in range(CHANNEL_COUNT):
+        first = channel * COLUMNS
+        value = state[int(channels[first + CH.SOURCE])] * channels[first + CH.GAIN]
+        value += channels[first + CH.ZERO] + channels[first + CH.NOISE] * noise[row, channel]
+        value += channels[first + CH.FAULT_OFFSET]
+        limit = channels[first + CH.LIMIT]
         if limit > 0.0 and abs(value) >= limit:
             value = limit if value > 0.0 else -limit
             saturated += 1 + channel
-        quantum = channels[channel, CH.QUANTUM]
+        quantum = channels[first + CH.QUANTUM]
         if quantum > 0.0:
             value = floor(value / quantum + 0.5) * quantum
-        if channels[channel, CH.STUCK] != 0.0:
-            value = channels[channel, CH.STUCK_AT]
+        if channels[first + CH.STUCK] != 0.0:
+            value = channels[first + CH.STUCK_AT]
         if channel == 0:
             torque_in = value
         elif channel == 1:
@@ -413,32 +278,34 @@ def _measure(state: FloatArray, channels: FloatArray, noise: FloatArray, row: in
     return torque_in, torque_out, angle_in, angle_out, saturated
 
 
-measure_kernel = njit(cache=True)(_measure)
+NUMBERS, COUNTS = types.CPointer(types.float64), types.CPointer(types.int64)  # type: ignore[no-untyped-call]
 
 
-def _look(numbers: FloatArray, noise: FloatArray, steps: int) -> Seen:
-    """Advance the plant, and return all that a scan looks at.
+@cfunc(types.void(NUMBERS, types.int64, NUMBERS, types.int64, COUNTS, NUMBERS), error_model="numpy")
+def look(numbers_at: Any, size: int, noise_at: Any, steps: int, counts_at: Any, values_at: Any) -> None:  # noqa: PLR0917 - C knows no names
+    """Advance the plant by `steps`, and write down all that a scan looks at; of 0 steps it only looks.
 
-    One call with all `numbers` in one array, as `parts_of` shares it out: a call costs as much as five steps, and so do
-    the arrays that it is given.
+    numbers_at: the plant's `size` numbers. noise_at: `NOISE_ROWS` rows of a standard normal number for each channel.
+    counts_at, values_at: where `SEEN_COUNTS` and `SEEN_VALUES` go. All in one call without an array: a call costs as
+    much as five steps.
     """
-    state, control, params, channels, table = parts_of(numbers)
-    advance_kernel(state, params, control, table, steps)
+    numbers = carray(numbers_at, (size,))
+    noise = carray(noise_at, (NOISE_ROWS, CHANNEL_COUNT))
+    counts = carray(counts_at, (SEEN_COUNTS,))
+    values = carray(values_at, (SEEN_VALUES,))
+    state = numbers[:STATE_END]
+    params = numbers[CONTROL_END:PARAMS_END]
+    if steps > 0:
+        advance(state, params, numbers[STATE_END:CONTROL_END], numbers[CHANNELS_END:], steps)
     gear = params[P.GEAR_RATIO]
-    torque_in, torque_out, angle_in, angle_out, saturated = measure_kernel(
-        state, channels, noise, int(state[S.SAMPLE_COUNTER]) % NOISE_ROWS
-    )
-    return (
-        int(np.rint(state[S.MOTOR_NM] / params[P.TORQUE_UNIT_NM])),
-        int(np.rint(state[S.DRIVEN_RAD] * gear * params[P.COUNTS_PER_RAD])),
-        int(np.rint(state[S.DRIVEN_RAD_S] * gear * params[P.COUNTS_S_PER_RAD_S])),
-        state[S.LIMITED],
-        torque_in,
-        torque_out,
-        angle_in,
-        angle_out,
-        saturated,
-    )
-
-
-look_kernel = njit(cache=True)(_look)
+    row = int(state[S.SAMPLE_COUNTER]) % NOISE_ROWS
+    torque_in, torque_out, angle_in, angle_out, saturated = measure(state, numbers[PARAMS_END:CHANNELS_END], noise, row)
+    counts[0] = int(np.rint(state[S.MOTOR_NM] / params[P.TORQUE_UNIT_NM]))
+    counts[1] = int(np.rint(state[S.DRIVEN_RAD] * gear * params[P.COUNTS_PER_RAD]))
+    counts[2] = int(np.rint(state[S.DRIVEN_RAD_S] * gear * params[P.COUNTS_S_PER_RAD_S]))
+    counts[3] = saturated
+    values[0] = state[S.LIMITED]
+    values[1] = torque_in
+    values[2] = torque_out
+    values[3] = angle_in
+    values[4] = angle_out

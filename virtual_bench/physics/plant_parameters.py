@@ -9,7 +9,7 @@ import numpy as np
 
 from virtual_bench.config import BenchConfig
 from virtual_bench.physics.elastic import elastic_windup_arcmin
-from virtual_bench.physics.plant_kernel import ARCMIN_RAD, FloatArray, P
+from virtual_bench.physics.plant_numbers import ARCMIN_RAD, FloatArray, P
 from virtual_bench.physics.units import Unit
 
 TABLE_HALF_ARCMIN = 30.0

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 
 from virtual_bench.config import AngleSensor, BenchConfig, TorqueSensor
-from virtual_bench.physics.plant_kernel import FloatArray, S
+from virtual_bench.physics.plant_numbers import FloatArray, S
 
 CHANNELS = ("torque_in", "torque_out", "angle_in", "angle_out")
 """Rows of the table of sensors."""

@@ -282,7 +282,7 @@ def _unit(options: Options, job: Job) -> VirtualUnit | None:
                 "Leave them out, or add --virtual-time",
             )
         return None
-    from station.bench.assemble_virtual import choose_unit  # noqa: PLC0415 - brings numba, which a real bench does not need
+    from station.bench.assemble_virtual import choose_unit  # noqa: PLC0415 - brings the virtual bench, which a real one does not need
 
     return choose_unit(options.unit, job.recipe, options.seed)
 
@@ -291,7 +291,7 @@ def _faults_and_clock(options: Options, job: Job) -> tuple[Source | None, Pacing
     """Return the scenario, if any, and the clock of the run; RecipeError for faults that this clock cannot have."""
     if options.scenario is None:
         return None, _pacing(options, job)
-    from station.bench.assemble_virtual import check_clock, parse_scenario  # noqa: PLC0415 - brings numba
+    from station.bench.assemble_virtual import check_clock, parse_scenario  # noqa: PLC0415 - brings the virtual bench
 
     source = Source.read(options.scenario)
     scenario = parse_scenario(source.content, str(source.path))
@@ -321,7 +321,7 @@ def _conclude(
 ) -> Conclusion:
     scenario = record.folder / "scenario.yaml" if record.has("scenario.yaml") else None
     if pacing.clock == VIRTUAL and unit is not None:
-        from station.run.virtual_run import run_in_virtual_time  # noqa: PLC0415 - brings numba
+        from station.run.virtual_run import run_in_virtual_time  # noqa: PLC0415 - brings the virtual bench
 
         ending = run_in_virtual_time(job, record, unit, scenario, progress.show)
     else:
@@ -341,7 +341,7 @@ def _conclude(
 
 
 def _companion(scenario: Path) -> Companion:
-    from station.bench.assemble_virtual import load_scenario  # noqa: PLC0415 - brings numba
+    from station.bench.assemble_virtual import load_scenario  # noqa: PLC0415 - brings the virtual bench
     from station.run.faults.companion import Companion  # noqa: PLC0415 - for runs with faults only
 
     return Companion(load_scenario(scenario), judged=False)

@@ -1,4 +1,4 @@
-"""Compiles the virtual bench's physics into numba's cache."""
+"""Compiles the virtual bench's physics for whoever cannot wait for it."""
 
 from __future__ import annotations
 

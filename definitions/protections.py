@@ -81,6 +81,12 @@ BY_NAME = {row.name: row for row in DRIVE_PROTECTIONS}
 NOT_TRIED = "not tried on hardware"
 """What is said of a profile that was written from a drive's documents alone."""
 
+UNPROVEN = (
+    "not measured: that this drive ends its torque when the program dies. Its settings were read back; some drives hold"
+    " them and do not act on them. Kill a run at low torque once, and watch the drive."
+)
+"""What every result says of a bench on real wires, where nobody knows what the drive does."""
+
 MISSING = "protection missing: "
 """How the note of a result begins that names a protection which the bench's drive does not have."""
 

@@ -14,6 +14,7 @@ from definitions.checks import CHECKS, Check
 from definitions.faults import FAULTS
 from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, DriveCommand, Field, State
 from definitions.program import ROLES
+from definitions.protections import DRIVE_PROTECTIONS
 from definitions.states import STATES
 from docs.markdown import NOTE, table
 from docs.metric_page import metrics
@@ -180,6 +181,38 @@ def checks() -> str:
     )  # fmt: skip
 
 
+def safety() -> str:
+    """The page of what protects: each protection, what proves it, what happens without it."""
+    watched = [
+        (
+            fault.text,
+            f"`{fault.id}`, in {len(fault.live_in)} states",
+            fault.reaction.name.lower().replace("_", " "),
+            fault.cause,
+        )
+        for fault in FAULTS
+        if fault.live_in
+    ]
+    return (
+        "# What protects, what proves it, what happens without it\n\n" + NOTE +
+        "\n**This software is not a safety function.** Emergency stop, guard switch and safe torque off are wired in hardware. The software"
+        " watches them and reacts, nothing more. Without that wiring nothing on this page protects a person.\n"
+        "\n## Of the drive\n\nWhat the drive enforces or tells by itself, also when this program is dead. A profile names the way in which its"
+        " drive has each, or `none`; what a drive lacks stands in the verified list of a run, in its result and on its report. *Read back* proves that"
+        " the object holds the value, not that the drive acts on it.\n\n"
+        + table(
+            ("protection", "objects", "in a profile", "what proves it", "what happens without it"),
+            (
+                (row.meaning, row.objects, ", ".join(f"`{way}`" for way, _ in row.ways), row.proof, row.without)
+                for row in DRIVE_PROTECTIONS
+            ),
+        )
+        + "\n## Of the controller\n\nInterlocks, looked at in every scan. What happens when each cause is brought about on purpose: [fault"
+        " matrix](fault-matrix.md). Without the program none of them acts; then the drive's own protections are what is left.\n\n"
+        + table(("what is noticed", "interlock", "reaction", "what it stands for"), watched)
+    )  # fmt: skip
+
+
 PAGES: dict[str, Callable[[], str]] = {
     "states.md": states,
     "faults.md": faults,
@@ -188,6 +221,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "recipe-options.md": recipe_options,
     "fault-vocabulary.md": fault_vocabulary,
     "bench-options.md": bench_options,
+    "safety.md": safety,
     "checks.md": checks,
 } | {f"schema/{file}": partial(schema_of, file) for file in FILES}
 

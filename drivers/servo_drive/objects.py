@@ -316,3 +316,8 @@ def _interpolation_power(period_ns: int) -> int:
         if period_ns % 10 ** (9 + power) == 0 and 1 <= period_ns // 10 ** (9 + power) <= 0xFF:
             return power
     return 0
+
+
+def number_text(row: SetupRow, value: int) -> str:
+    """Write ids and bit fields in hexadecimal, quantities in decimal."""
+    return f"0x{value:08X}" if row.type == "u32" and (row.index < 0x2000 or row.index == 0x6502) else str(value)

@@ -13,6 +13,7 @@ from definitions.protections import missing_text
 from drivers.can.bus import CanLink
 from drivers.config import DriveConfig
 from drivers.errors import DriveSetupError, Problem
+from drivers.servo_drive.comparison import SILENCES_IN_A_ROW, rows_of
 from drivers.servo_drive.mapping import mapping_groups
 from drivers.servo_drive.objects import (
     SetupRow,
@@ -20,6 +21,7 @@ from drivers.servo_drive.objects import (
     homing_rows,
     identity_rows,
     missing_protections,
+    number_text,
     polarity_rows,
     protection_rows,
     protections_switched_off,
@@ -36,9 +38,6 @@ from drivers.servo_drive.sdo import (
     SdoFailure,
     SdoNode,
 )
-
-SILENCES_IN_A_ROW = 2
-"""Transfers without an answer after which the node is taken for gone instead of being asked for every other object."""
 
 _NODE_NEXT = "check power, node id, bit rate, cable and termination"
 _WRITTEN = (Treatment.WRITE, Treatment.STEP, Treatment.WRITE_IF_THERE)
@@ -112,11 +111,10 @@ class _Setup:
     def _refuse_contradictions(self) -> None:
         """Refuse a profile that starts the drive up with an object which the set-up writes or checks too."""
         config = self.config
-        taken = [*identity_rows(config), *rating_rows(config), *synchronisation_rows(config, self.period_ns)]
-        taken += [*protection_rows(config), *polarity_rows(), *homing_rows(config)]
-        taken += [row for group in mapping_groups(config) for row in group]
+        startup = startup_rows(config)
+        taken = [row for row in rows_of(config, self.period_ns) if row not in startup]
         meanings = {(row.index, row.subindex): row.meaning for row in taken}
-        for row in startup_rows(config):
+        for row in startup:
             meaning = meanings.get((row.index, row.subindex))
             if meaning is not None:
                 what, expected = f"{row.meaning} is written at start-up", f"an object that is not {meaning}"
@@ -184,11 +182,11 @@ class _Setup:
                 left = (row.index, row.subindex) in self.left
                 checked = row.treatment in {Treatment.CHECK, Treatment.CHECK_BITS}
                 how = "checked" if checked else "held already, not written" if left else "written, read back"
-                self.log.append(f"{self._where(row)} {row.meaning} = {_number(row, found)}: {how}")
+                self.log.append(f"{self._where(row)} {row.meaning} = {number_text(row, found)}: {how}")
             else:
                 what = f"{row.meaning} is not what it must be"
                 self.problems.append(
-                    Problem(what, self._where(row), _number(row, found), _number(row, row.value), row.next_step)
+                    Problem(what, self._where(row), number_text(row, found), number_text(row, row.value), row.next_step)
                 )
 
     def _holds(self, group: list[SetupRow]) -> bool:
@@ -250,7 +248,7 @@ class _Setup:
                     self._failed("cannot be written", row, failure)
 
     def _failed(self, what: str, row: SetupRow, failure: SdoFailure) -> None:
-        self._find(f"{row.meaning} {what}", self._where(row), failure.cause, _number(row, row.value), failure)
+        self._find(f"{row.meaning} {what}", self._where(row), failure.cause, number_text(row, row.value), failure)
         if failure.abort_code == 0:
             self.silences += 1
             if self.silences >= SILENCES_IN_A_ROW:
@@ -276,8 +274,3 @@ class _Setup:
 
     def _where(self, row: SetupRow) -> str:
         return f"node {self.config.node_id} {row.index:04X}:{row.subindex:02X}"
-
-
-def _number(row: SetupRow, value: int) -> str:
-    """Write ids and bit fields in hexadecimal, quantities in decimal."""
-    return f"0x{value:08X}" if row.type == "u32" and (row.index < 0x2000 or row.index == 0x6502) else str(value)

@@ -79,7 +79,7 @@ def wire_config(
     return WireBenchConfig(
         period_ns=period_ns,
         can=can_config(bench, ports),
-        drive=_drive(bench, drive_profile(profiles[bench.drive.profile])),
+        drive=drive_config(bench, drive_profile(profiles[bench.drive.profile])),
         amplifier=_modbus(bench.amplifier, profiles, ports, "amplifier"),
         brake=_modbus(bench.brake, profiles, ports, "brake"),
         remote_io=_modbus(bench.remote_io, profiles, ports, "remote_io"),
@@ -126,7 +126,8 @@ def can_config(bench: Bench, ports: Ports | None = None) -> CanConfig:
     return CanConfig(can.interface, can.channel, can.host, can.port, can.bitrate, serial_port)
 
 
-def _drive(bench: Bench, profile: DriveProfile) -> DriveConfig:
+def drive_config(bench: Bench, profile: DriveProfile) -> DriveConfig:
+    """Return the drive of a bench file with its profile."""
     drive = bench.drive
     return DriveConfig(
         node_id=drive.node_id,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import drivers
 from definitions.program import Program
-from definitions.protections import NOT_TRIED, missing_text
+from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
 from drivers.servo_drive.objects import missing_protections
@@ -88,11 +88,16 @@ class Job:
 
     @cached_property
     def drive_notes(self) -> tuple[str, ...]:
-        """What every result on this bench says of its drive: protections that it lacks, a profile that nobody tried."""
+        """What every result on this bench says of its drive: what it lacks, what nobody tried, what nobody measured.
+
+        What the drive of a virtual bench does is known from itself.
+        """
         profile = drive_profile(self.profile_sources[self.bench.drive.profile])
         untried = f"drive profile '{profile.profile.name}': {NOT_TRIED}. Compare every value with the drive's manual."
-        missing = tuple(missing_text(one) for one in missing_protections(profile))
-        return missing if profile.tried_on_hardware else (untried, *missing)
+        said = [] if profile.tried_on_hardware else [untried]
+        said += [missing_text(one) for one in missing_protections(profile)]
+        is_virtual = self.bench.bench.embedded or self.bench.pace is not None
+        return tuple(said if is_virtual else [*said, UNPROVEN])
 
     @property
     def profile_names(self) -> tuple[str, ...]:

@@ -39,7 +39,8 @@ BENCH_LOG = "virtual-bench.jsonl"
 
 LOOK_EVERY_S = 0.02
 SHOW_EVERY_S = 0.1
-ARM_TIMEOUT_S = 60.0
+ARM_TIMEOUT_S = 90.0
+"""Longer than the set-up of a drive may take (`DriveConfig.setup_timeout_s`)."""
 
 Told = TypeVar("Told")
 Show = Callable[[bytes], None]

@@ -102,6 +102,12 @@ class TableDrive:
         data = self.node.get_data(index, subindex)
         return int(struct.unpack("<" + LETTERS[variable.data_type], data)[0])
 
+    def count_transfers(self) -> list[int]:
+        """Return a list that grows by one with every SDO request."""
+        asked: list[int] = []
+        self._network.subscribe(0x600 + NODE_ID, lambda *frame: asked.append(frame[0]))
+        return asked
+
     def fail(self) -> None:
         self.state = "fault"
 

@@ -11,12 +11,7 @@ import typer
 
 from station.cli.options import JsonOption
 
-profile_app = typer.Typer(help="Draft device profiles.", no_args_is_help=True)
-
-
-@profile_app.callback()
-def _profile() -> None:
-    """Draft device profiles."""
+profile_app = typer.Typer(help="Draft drive profiles, and compare a drive with its profile.", no_args_is_help=True)
 
 
 @profile_app.command("from-eds")
@@ -36,3 +31,17 @@ def profile_from_eds(
     from station.cli.bench import profile as command_profile
 
     raise typer.Exit(command_profile.from_eds(place, out, as_json=as_json))
+
+
+@profile_app.command("compare")
+def profile_compare(
+    bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file whose drive is compared.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Read every object of the drive that a run checks or writes, and compare it with the profile. Nothing is written.
+
+    Exit code: 0; 1 when a run would refuse this drive; 2 bad input; 4 bench fault.
+    """
+    from station.cli.bench import compare as command_compare
+
+    raise typer.Exit(command_compare.compare(bench, as_json=as_json))

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 import recipes.text.yaml_source
-from recipes import RecipeError, load_recipe
-from station.bench.request import load_job
+from definitions.protections import BY_NAME, NOT_TRIED, UNPROVEN, missing_text
+from recipes import RecipeError, find_bench, load_recipe
+from station.bench.request import DRIVER_PROFILES, load_job
 from station.durable import as_json
 from station.records.program_file import plain_program, program_differences
 from station.run.process_specs import compiled
@@ -100,3 +101,22 @@ def test_a_profile_that_lacks_or_misspells_a_field_is_refused_before_a_run(
     (tmp_path / f"{name}.yaml").write_text(text.replace(good, bad), encoding="utf-8")
     with pytest.raises(RecipeError, match=said):
         load_job(str(RECIPE), str(bench))
+
+
+def test_a_result_says_what_the_drive_lacks_and_what_nobody_has_tried_or_measured(tmp_path: Path) -> None:
+    profile = raw_text("virtual-drive").replace("name: virtual-drive", "name: lacking")
+    profile += "tried_on_hardware: false\nprotections: {torque_slope: none}\n"
+    (tmp_path / "lacking.yaml").write_text(profile, encoding="utf-8")
+    bench = find_bench("virtual").read_text(encoding="utf-8").replace("profile: virtual-drive", "profile: lacking")
+    path = tmp_path / "bench.yaml"
+    path.write_text(bench, encoding="utf-8")
+    notes = load_job("rv-40e-121-quick", str(path)).drive_notes
+    assert NOT_TRIED in notes[0]
+    assert notes[1:] == (missing_text(BY_NAME["torque_slope"]),)
+    path.write_text(bench.replace("embedded: true", "embedded: false"), encoding="utf-8")
+    assert load_job("rv-40e-121-quick", str(path)).drive_notes == (*notes, UNPROVEN)
+    assert load_job("rv-40e-121-quick", None).drive_notes == ()
+
+
+def raw_text(profile: str) -> str:
+    return (DRIVER_PROFILES / f"{profile}.yaml").read_text(encoding="utf-8")

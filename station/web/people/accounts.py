@@ -21,7 +21,10 @@ from station.errors import StationError
 from station.wall_clock import WALL_CLOCK
 from station.web.people.database import PEOPLE, SESSIONS, StationDatabase
 
-ROLES = ("operator", "technician", "quality", "engineer", "admin")
+MES = "mes"
+"""Role of the account by which the MES of the plant makes its requests."""
+
+ROLES = ("operator", "technician", "quality", "engineer", "admin", MES)
 FIRST_ACCOUNT = "admin"
 
 LEAST_PASSWORD, LONGEST_PASSWORD = 8, 200

@@ -8,6 +8,7 @@ from controller.held_lock import HeldLock
 from controller.preparation import ENABLE_PATH
 from controller.ramp import SpeedRamp, TorqueRamp
 from controller.states import TRIGGER_INTO
+from controller.sweep import TorqueSweep
 from controller.unloading import Unloading
 from definitions.image import DriveCommand, DriveMode, DriveState, Image, State
 from definitions.program import Segment
@@ -44,6 +45,7 @@ class Loading:
         self._line = LoadingLine()
         self._unloading = Unloading(context, self._torque)
         self._held_lock = HeldLock(context)
+        self._sweep: TorqueSweep | None = None
         self._waited = 0
         self._target_nm = 0.0
         self._regulating: tuple[int, bool] = (DriveMode.NONE, False)
@@ -64,6 +66,7 @@ class Loading:
             context.control_from_input = context.program.control.controlled_from_input
         else:
             context.control_from_input = not context.program.has_torque_out
+        self._sweep = TorqueSweep(segment.sweep, context.program.period_s) if segment.sweep else None
         self._target_nm = self._controlled_target(segment)
         self._bound_torque(segment)
         if context.measured.drive_enabled_expected and (
@@ -90,7 +93,7 @@ class Loading:
         state = segment.state
         if state == _CALIBRATE and segment.role == "calibrate":
             self._line.add(segment, context.measured.torque_in_nm, context.measured.torque_out_nm)
-        if self._unloading.follow(image) if state == _UNLOAD else self._run(segment):
+        if self._unloading.follow(image) if state == _UNLOAD else self._run(segment, elapsed):
             return self._advance()
         if self._waited > segment.limit_scans and not segment.dwell_scans:
             return Outcome(fault=TIMEOUT_FAULT[segment.state])
@@ -177,9 +180,11 @@ class Loading:
             return Outcome(fault="drive_mode_refused")
         return RUNNING
 
-    def _run(self, segment: Segment) -> bool:
+    def _run(self, segment: Segment, elapsed: int) -> bool:
         context = self._context
         controlled_nm = context.measured.controlled_nm
+        if self._sweep is not None:
+            return self._swing(self._sweep, controlled_nm, elapsed)
         if context.drive_mode == _VELOCITY_MODE:
             if segment.dwell_scans:
                 context.drive_velocity_rad_s = 0.0
@@ -193,6 +198,18 @@ class Loading:
         context.drive_torque_nm = self._torque.drive_nm
         context.reference_nm = self._torque.reference_nm
         return self._waited >= segment.dwell_scans if segment.dwell_scans else done
+
+    def _swing(self, sweep: TorqueSweep, controlled_nm: float, elapsed: int) -> bool:
+        """One scan of a sweep about the target; a hold stops its time."""
+        context, ramp = self._context, self._torque
+        if context.hold:
+            ramp.track(ramp.reference_nm, 0.0, controlled_nm)
+        else:
+            sweep.advance(elapsed)
+            ramp.track(self._target_nm + sweep.torque_nm, sweep.rate_nm_s, controlled_nm)
+        context.drive_torque_nm = ramp.drive_nm
+        context.reference_nm = ramp.reference_nm
+        return sweep.done
 
     def _advance(self) -> Outcome:
         context = self._context

@@ -75,6 +75,19 @@ class TorqueRamp:
         if abs(advance_nm) >= abs(remaining_nm) and advance_nm * remaining_nm > 0.0:
             advance_nm = remaining_nm
         self.reference_nm += advance_nm
+        self._drive(error_nm)
+        there = abs(target_nm - controlled_nm) <= control.tolerance_nm
+        return there and abs(target_nm - self.reference_nm) <= 1e-9
+
+    def track(self, reference_nm: float, rate_nm_s: float, controlled_nm: float) -> None:
+        """Advance one period along a reference that somebody else moves, continuous in value and rate."""
+        error_nm = self.reference_nm - controlled_nm
+        self.reference_nm, self._rate = reference_nm, rate_nm_s
+        self._drive(error_nm)
+
+    def _drive(self, error_nm: float) -> None:
+        """Move the drive's torque by the reference's rate and its distance to the torque, within slew and bounds."""
+        control, period_s = self._control, self._period_s
         drive_rate = (self._rate + control.gain_per_s * error_nm) / self.slope
         # a comparison first: within the limits, as it nearly always is, nothing has to be cut
         slew_nm_s = control.slew_nm_s
@@ -87,8 +100,6 @@ class TorqueRamp:
             low_nm, high_nm = min(self.low_nm, self.drive_nm + step_nm), max(self.high_nm, self.drive_nm - step_nm)
             drive_nm = min(high_nm, max(low_nm, drive_nm))
         self.drive_nm = drive_nm
-        there = abs(target_nm - controlled_nm) <= control.tolerance_nm
-        return there and abs(target_nm - self.reference_nm) <= 1e-9
 
     def relax(self) -> bool:
         """Take the drive's torque towards zero at the largest slew, whatever the unit does; True once it is zero."""

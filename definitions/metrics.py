@@ -53,7 +53,7 @@ FITS: dict[str, Fit] = {
     "six_segment": Fit(
         "six-segment fit",
         "linear to the break torque (±90 N·m for 412 N·m unless the recipe gives one), quadratic beyond, each segment "
-        f"by least squares at {FIT_POINTS} equally spaced torques; the middle is shifted by the mean gap at its seams",
+        "by least squares at 400 equally spaced torques; the middle is shifted by the mean gap at its seams",
         "backlash and stiffness measurement",
     ),
     "six_segment_20pct": Fit(
@@ -63,7 +63,7 @@ FITS: dict[str, Fit] = {
     ),
     "three_region": Fit(
         "three-region fit",
-        f"each side quadratic to 20 %, linear to 80 %, quadratic beyond, each by least squares at {FIT_POINTS} equally "
+        "each side quadratic to 20 %, linear to 80 %, quadratic beyond, each by least squares at 400 equally "
         "spaced torques; the regions are not shifted to meet",
         "inverse loading",
     ),
@@ -230,7 +230,7 @@ _ROWS = (
     ),
     Metric(
         "stiffness_lsq", "K_lsq", "Stiffness (least squares, 20–80 % T_r)", STIFFNESS,
-        f"least squares of wind-up over {LSQ_POINTS} equally spaced torques of the loading branch, 20–80 % of the "
+        "least squares of wind-up over 200 equally spaced torques of the loading branch, 20–80 % of the "
         "reference torque",
         "static testing; stiffness characterization 4.4", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="least squares", reach=0.8,

@@ -8,6 +8,9 @@ from typing import Literal
 IntegerType = Literal["u8", "i8", "u16", "i16", "u32", "i32"]
 RegisterType = Literal["u16", "i16", "u32", "i32", "f32"]
 
+IGNORED = "ignored"
+"""Name in profile files of a mapped object whose number nobody looks at."""
+
 LETTERS: Mapping[str, str] = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
 """`struct` letter of each type; byte order is the user's."""
 

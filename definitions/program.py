@@ -15,11 +15,31 @@ from definitions.image import State
 
 
 @dataclass(frozen=True, slots=True)
+class Sweep:
+    """A sine about the segment's torque: amplitude [N·m] and how its frequency goes up and down in each period.
+
+    A period is a whole number of cycles; the torque's amplitude is the whole one from the second cycle on.
+    """
+
+    amplitude_nm: float
+    from_hz: float
+    to_hz: float
+    period_scans: int
+    periods: int
+
+    @property
+    def scans(self) -> int:
+        """Scans that the whole sweep takes."""
+        return self.periods * self.period_scans
+
+
+@dataclass(frozen=True, slots=True)
 class Segment:
     """One piece of the load profile.
 
     A ramp goes from `start_nm` to `target_nm` (controlled torque) at `rate_nm_s`, or, when `speed_rad_s` is not 0, at
     that constant speed of the loaded shaft. A segment with rate and speed 0 is a dwell of `dwell_scans` at `target_nm`.
+    One with a `sweep` swings about `target_nm`.
     `role` is one of `ROLES`, `direction` +1 rising, -1 falling, 0 dwell; `cycle` counts from 1 inside a block.
     """
 
@@ -37,6 +57,12 @@ class Segment:
     dwell_scans: int
     limit_scans: int
     planned_scans: int
+    sweep: Sweep | None = None
+
+    @property
+    def peak_nm(self) -> float:
+        """Largest commanded torque, without sign."""
+        return abs(self.target_nm) + (self.sweep.amplitude_nm if self.sweep else 0.0)
 
 
 ROLES: dict[str, str] = {
@@ -48,6 +74,7 @@ ROLES: dict[str, str] = {
     "measure": "branch that is evaluated",
     "fatigue": "load cycle that conditions the unit; not evaluated",
     "dwell": "rest at a turning point",
+    "sweep": "sine about a mean torque, whose frequency goes up and down; not evaluated as a loop",
     "unload": "torque to zero",
 }
 
@@ -181,12 +208,14 @@ class Program:
     @property
     def peak_torque_nm(self) -> float:
         """Largest commanded torque at the output [N·m], without sign."""
-        return max(abs(segment.target_nm) for segment in self.segments)
+        return max(segment.peak_nm for segment in self.segments)
 
     def load_profile(self) -> list[tuple[float, float]]:
         """Corner points (time in s from the first ramp, output torque in N·m) of the commanded load."""
         time_s, points = 0.0, [(0.0, 0.0)]
         for segment in self.segments:
             time_s += segment.planned_scans * self.period_s
+            if segment.sweep is not None:  # its reach, for a picture
+                points += [(time_s, segment.target_nm + sign * segment.sweep.amplitude_nm) for sign in (1.0, -1.0)]
             points.append((time_s, segment.target_nm))
         return points

@@ -52,6 +52,7 @@ ARCMINUTES = Kind("an angle", "arcmin", "arcmin", "1 arcmin")
 ARCSECONDS = Kind("an angle", "arcsec", "arcsec", "30 arcsec")
 SPEED = Kind("a speed", "rad/s", "rpm", "0.05 rpm")
 ACCELERATION = Kind("an acceleration", "rad/s^2", "rad/s²", "2 rad/s²")
+FREQUENCY = Kind("a frequency", "Hz", "Hz", "2 Hz")
 DURATION = Kind("a time", "s", "s", "200 ms")
 PERIOD = Kind("a time", "s", "ms", "1 ms")
 CURRENT = Kind("a current", "A", "A", "10 A")
@@ -67,6 +68,7 @@ KINDS = (
     STIFFNESS,
     LOSS,
     TORQUE_CONSTANT,
+    FREQUENCY,
     ANGLE,
     TRAVEL,
     ARCMINUTES,

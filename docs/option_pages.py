@@ -50,6 +50,7 @@ from recipes.schema.sequence_schema import (
     SpeedCycles,
     StepCycles,
     TorqueCycles,
+    TorqueSweep,
     Unload,
 )
 from recipes.text.quantity import show
@@ -112,7 +113,8 @@ RECIPE_SECTIONS = {
 }  # fmt: skip
 RECIPE_STEPS = {
     "home": Home, "lock": Lock, "calibrate": Calibrate, "torque_cycles": TorqueCycles, "speed_cycles": SpeedCycles,
-    "step_cycles": StepCycles, "fatigue_cycles": FatigueCycles, "unload": Unload, "release": Release,
+    "step_cycles": StepCycles, "fatigue_cycles": FatigueCycles, "torque_sweep": TorqueSweep, "unload": Unload,
+    "release": Release,
 }  # fmt: skip
 """Sections of a recipe and its steps, by their names in the file; a test holds them against the schema."""
 

@@ -62,6 +62,8 @@ class DriveConfig:
     abort_connection_option: int
     quick_stop_option: int
     fault_reaction_option: int
+    reversed: bool = False
+    """The motor turns the loaded shaft against the drive's own positive direction."""
     boot_timeout_s: float = 3.0
     """Longest wait for the drive's boot-up message and its first operational heartbeat."""
     listen_before_reset_s: float = 0.15

@@ -27,20 +27,51 @@ class DriveProfileHeader:
 
 @dataclass(frozen=True)
 class DriveScaling:
-    """The vendor's units of position and velocity; torque is 0.1 % of rated torque by CiA 402."""
+    """The vendor's units. By CiA 402 torque counts 0.1 % of the rated torque, and 0x6076 counts mN·m."""
 
     position_counts_per_motor_rev: float
     velocity_counts_per_rad_s: float
+    torque_counts_per_rated: float = 1000.0
+    rated_torque_counts_per_nm: float = 1000.0
+
+
+@dataclass(frozen=True)
+class DriveProtections:
+    """In which way the drive has each protection of `definitions.protections`, or none.
+
+    The time-out of set-points is that of the receive PDO that carries the torque.
+    """
+
+    controller_heartbeat: Literal["consumer_heartbeat", "none"] = "consumer_heartbeat"
+    abort_connection: Literal["option_code", "none"] = "option_code"
+    quick_stop: Literal["option_code", "none"] = "option_code"
+    fault_reaction: Literal["option_code", "none"] = "option_code"
+    torque_limit: Literal["max_torque", "torque_limits", "max_current", "none"] = "max_torque"
+    speed_limit: Literal["max_motor_speed", "none"] = "max_motor_speed"
+    torque_slope: Literal["torque_slope", "none"] = "torque_slope"
+    follows_command: Literal["status_bit_12", "none"] = "status_bit_12"
+
+
+@dataclass(frozen=True)
+class StartupObject:
+    """An object that this drive needs written before it is used, and what it means."""
+
+    index: int
+    subindex: int
+    type: IntegerType
+    value: int
+    meaning: str
 
 
 @dataclass(frozen=True)
 class MappedObject:
-    """One object in a PDO."""
+    """One object in a PDO; one called `IGNORED` is there, and nobody looks at it. `value` is sent in it."""
 
     index: int
     subindex: int
     type: IntegerType
     name: str
+    value: int = 0
 
     @property
     def mapping(self) -> int:
@@ -50,32 +81,54 @@ class MappedObject:
 
 @dataclass(frozen=True)
 class ReceivePdo:
-    """A PDO from the controller; `timeout`: the drive supervises its arrival (0x1400:5)."""
+    """A PDO from the controller; `timeout`: the drive supervises its arrival (0x1400:5).
+
+    `fixed_mapping`: the mapping is checked, and never written. `cob_id`: None for that of the predefined connection
+    set, which PDOs 1 to 4 have.
+    """
 
     number: int
     transmission_type: int
     objects: tuple[MappedObject, ...]
     timeout: bool
+    fixed_mapping: bool = False
+    cob_id: int | None = None
 
 
 @dataclass(frozen=True)
 class TransmitPdo:
-    """A PDO from the drive."""
+    """A PDO from the drive; `fixed_mapping` and `cob_id` as of a `ReceivePdo`."""
 
     number: int
     transmission_type: int
     objects: tuple[MappedObject, ...]
+    fixed_mapping: bool = False
+    cob_id: int | None = None
 
 
 @dataclass(frozen=True)
 class DriveProfile:
-    """Profile of a CiA 402 drive; write_sync_period: it needs the period of SYNC in 0x1006."""
+    """Profile of a CiA 402 drive.
+
+    `homing_method`: 37 or 35, by which the drive takes the position where it stands as its reference; 0 for a drive
+    that does not home, whose position is then counted from where it stands. `write_sync_period`: the drive needs the
+    period of SYNC in 0x1006. `tried_on_hardware`: a drive of this kind has run by this profile.
+    """
 
     profile: DriveProfileHeader
     scaling: DriveScaling
     receive_pdos: tuple[ReceivePdo, ...]
     transmit_pdos: tuple[TransmitPdo, ...]
     write_sync_period: bool = False
+    protections: DriveProtections = DriveProtections()
+    homing_method: Literal[0, 35, 37] = 37
+    startup: tuple[StartupObject, ...] = ()
+    tried_on_hardware: bool = True
+
+    @property
+    def torque_pdo(self) -> ReceivePdo:
+        """The receive PDO that carries the torque; its absence is what the drive's time-out is about."""
+        return next(pdo for pdo in self.receive_pdos if any(item.name == "target_torque" for item in pdo.objects))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from definitions.first_image import first_image
-from definitions.image import AGE_NEVER, REMOTE_IO_FIELDS, DriveState, Image, Link
+from definitions.image import AGE_NEVER, REMOTE_IO_FIELDS, DriveMode, DriveState, Image, Link
 from drivers.modbus.device import ModbusDevice
 from drivers.modbus.part_fields import READ_FIELDS
 from drivers.servo_drive.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
@@ -14,6 +14,7 @@ from drivers.servo_drive.position_count import PositionCount
 # Asked in every scan: a member looked up by its class costs twenty times as much.
 _CAN, _AMPLIFIER, _BRAKE, _REMOTE_IO = int(Link.CAN), int(Link.AMPLIFIER), int(Link.BRAKE), int(Link.REMOTE_IO)
 _UNKNOWN = DriveState.UNKNOWN
+_HOMING_MODE, _TORQUE_MODE = int(DriveMode.HOMING), int(DriveMode.CYCLIC_SYNC_TORQUE)
 
 
 class WireImage:
@@ -29,6 +30,7 @@ class WireImage:
         "_lock",
         "_lock_of",
         "_position",
+        "_reference_count",
         "_remote_io",
         "_sample",
         "_sample_of",
@@ -47,10 +49,13 @@ class WireImage:
         self._image = first_image()
         self._image.drive_statusword = self._image.drive_mode = -1
         self._position = PositionCount()
+        self._reference_count = 0
+        """Where a drive that does not home stood when its reference was taken; 0 for one that homes."""
 
     def opened(self) -> None:
         """Count the drive's position anew: it was opened."""
         self._position = PositionCount()
+        self._reference_count = 0
 
     def take(self, drive: CanDrive, scan: int, missed_periods: int, command: int) -> Image:
         """Return the image of scan number `scan`, in which everything that had arrived was taken."""
@@ -84,18 +89,31 @@ class WireImage:
             image.drive_mode = mode
             self._state = decode_state(statusword)
             self._limited = internal_limit(statusword)
-            image.drive_follows_command = follows_command(statusword, mode)
+            image.drive_follows_command = follows_command(statusword, mode, has_bit=drive.says_it_follows)
             image.drive_homing_attained = homing_attained(statusword, mode)
             image.drive_homing_error = homing_error(statusword, mode)
         image.drive_age_scans = age_scans = drive.age_scans(scan)
         image.drive_state = self._state if age_scans != AGE_NEVER else _UNKNOWN
         image.drive_internal_limit = self._limited | drive.setpoint_is_clamped
         image.drive_torque_nm = torque * units.torque_nm_per_count
-        image.drive_angle_rad = self._position.follow(position) * units.angle_rad_per_count
+        count = self._position.follow(position)
+        if not drive.homes:
+            self._home_without_the_drive(drive, mode, count)
+        image.drive_angle_rad = (count - self._reference_count) * units.angle_rad_per_count
         image.drive_velocity_rad_s = velocity * units.velocity_rad_s_per_count
         image.drive_nmt_state = drive.nmt_state
         image.drive_heartbeat_age_scans = drive.heartbeat_age_scans(scan)
         image.drive_emcy_code = drive.emcy_code
+
+    def _home_without_the_drive(self, drive: CanDrive, mode: int, count: int) -> None:
+        """Be the homing mode of a drive that has none: it stays in torque mode, and is counted from where it stands."""
+        image = self._image
+        homing = drive.homing_ordered and mode == _TORQUE_MODE
+        if homing and drive.reference_ordered:
+            self._reference_count = count
+        image.drive_mode = _HOMING_MODE if homing else mode
+        image.drive_homing_attained = 1 if homing and drive.reference_ordered else 0
+        image.drive_homing_error = 0
 
     def _take_sample(self, values: list[float]) -> None:
         image, self._sample = self._image, values

@@ -77,11 +77,17 @@ class DriveConfig:
     motor_inertia_kgm2: float = 1.5e-4
     torque_bandwidth_hz: float = 300.0
     velocity_bandwidth_rad_s: float = 250.0
+    reversed: bool = False  # the motor is mounted so that its positive direction turns the driven shaft backwards
 
     @property
     def torque_unit_nm(self) -> float:
-        """Motor torque of one count: 0.1 % of the rated torque."""
-        return self.rated_torque_nm / 1000.0
+        """Motor torque of one count, without sign: 0.1 % of the rated torque by CiA 402."""
+        return self.rated_torque_nm / self.profile.scaling.torque_counts_per_rated
+
+    @property
+    def sign(self) -> float:
+        """Sign of the driven shaft's torque, angle and speed for positive counts of the drive."""
+        return -1.0 if self.reversed else 1.0
 
 
 @dataclass(frozen=True)

@@ -76,9 +76,11 @@ class VirtualTimeBench:
         self.slow = SlowDevices(config, self.plant, self.faults, period_ns, self._image)
         self._tpdo1_cob = TPDO1_BASE + drive.node_id
         self._period_ns = period_ns
-        self._torque_unit_nm = drive.torque_unit_nm * drive.gear_ratio
-        self._rad_per_count = 2.0 * pi / drive.profile.scaling.position_counts_per_motor_rev / drive.gear_ratio
-        self._rad_s_per_count = 1.0 / drive.profile.scaling.velocity_counts_per_rad_s / drive.gear_ratio
+        self._torque_unit_nm = drive.sign * drive.torque_unit_nm * drive.gear_ratio
+        self._rad_per_count = (
+            drive.sign * 2.0 * pi / drive.profile.scaling.position_counts_per_motor_rev / drive.gear_ratio
+        )
+        self._rad_s_per_count = drive.sign / drive.profile.scaling.velocity_counts_per_rad_s / drive.gear_ratio
         self._node = drive.controller_node_id
         self._beat_every = max(round(drive.controller_heartbeat_s * 1e9 / period_ns), 1)
         self._drive_beat_every = max(round(drive.protections.drive_heartbeat_s * 1e9 / period_ns), 1)

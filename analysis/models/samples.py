@@ -21,7 +21,7 @@ MOST_POINTS = 4000
 LEAST_POINTS = 40
 """Fewer samples do not show a loop."""
 
-UNUSED_ROLES = ("calibrate", "fatigue", "dwell", "unload", "other", "virgin")
+UNUSED_ROLES = ("calibrate", "fatigue", "dwell", "sweep", "unload", "other", "virgin")
 
 
 @dataclass(frozen=True)

@@ -213,8 +213,8 @@ def fit_resonance(found: FrequencyResponse) -> Resonance:
     compliance, natural, damping = np.exp(best.x[:3]).tolist()
     if best.status <= 0 or not f[0] <= natural <= f[-1]:
         raise AnalysisError(
-            f"resonance: none between {f[0]:.4g} and {f[-1]:.4g} Hz (the fit goes to {natural:.4g} Hz); widen the "
-            "chirp or look at the coherence"
+            f"resonance: none between {f[0]:.4g} and {f[-1]:.4g} Hz; widen the band of the sweep, or look at the "
+            "coherence"
         )
     chi = 2.0 * float(best.cost) / (2 * f.size - 4)
     covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True) * max(1.0, chi)

@@ -26,7 +26,7 @@ CHANNELS = {
 }
 """Channels of a trace and their meaning; the unit is in the name."""
 
-ROLES = ("calibrate", "virgin", "measure", "fatigue", "dwell", "unload", "other")
+ROLES = ("calibrate", "virgin", "measure", "fatigue", "dwell", "sweep", "unload", "other")
 """What a segment of the load profile is for; only `calibrate` and `measure` are evaluated."""
 
 LARGEST_VALUE = 1e9

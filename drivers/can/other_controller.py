@@ -28,7 +28,7 @@ def refuse_other_controller(link: CanLink, config: DriveConfig) -> None:
     """
     heartbeat = HEARTBEAT_BASE + config.controller_node_id
     codecs = {
-        tpdo_cob_id(pdo.number, config.node_id): PdoCodec(pdo.objects)
+        tpdo_cob_id(pdo, config.node_id): PdoCodec(pdo.objects)
         for pdo in config.profile.transmit_pdos
         if any(item.name == "statusword" for item in pdo.objects)
     }

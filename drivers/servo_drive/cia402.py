@@ -76,9 +76,16 @@ def internal_limit(statusword: int) -> int:
     return 1 if statusword & INTERNAL_LIMIT_BIT else 0
 
 
-def follows_command(statusword: int, mode: int) -> int:
-    """1 while the drive follows the set-point: bit 12 in the cyclic modes, 0 in the others."""
-    return 1 if statusword & MODE_BIT_12 and mode in _CYCLIC_MODES else 0
+def follows_command(statusword: int, mode: int, *, has_bit: bool = True) -> int:
+    """1 while the drive follows the set-point: bit 12 in the cyclic modes, 0 in the others.
+
+    Of a drive that has no such bit nothing more is known than that its operation is enabled.
+    """
+    if mode not in _CYCLIC_MODES:
+        return 0
+    if has_bit:
+        return 1 if statusword & MODE_BIT_12 else 0
+    return 1 if decode_state(statusword) == DriveState.OPERATION_ENABLED else 0
 
 
 def homing_attained(statusword: int, mode: int) -> int:

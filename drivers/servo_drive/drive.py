@@ -12,6 +12,8 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, DriveState, NmtState, Orders
+from definitions.number_formats import IGNORED
+from definitions.protections import NONE
 from drivers.can.bus import CanLink
 from drivers.can.wires import Frame
 from drivers.config import DriveConfig
@@ -50,7 +52,8 @@ SCAN_VALUES = (
 
 # Asked in every scan: a member looked up by its class costs twenty times as much.
 _DISABLE_VOLTAGE, _FAULT_RESET = DriveCommand.DISABLE_VOLTAGE, DriveCommand.FAULT_RESET
-_VELOCITY = DriveMode.CYCLIC_SYNC_VELOCITY
+_START_HOMING, _ENABLE_OPERATION = DriveCommand.START_HOMING, DriveCommand.ENABLE_OPERATION
+_VELOCITY, _TORQUE, _HOMING = DriveMode.CYCLIC_SYNC_VELOCITY, DriveMode.CYCLIC_SYNC_TORQUE, DriveMode.HOMING
 _SCAN_OF = attrgetter("scan")
 _EMCY_BYTES = 8
 _FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
@@ -77,15 +80,17 @@ class _Receiver:
 
 
 class _Sender:
-    """One receive PDO of the drive: its identifier, its codec, and which set-points it takes."""
+    """One receive PDO of the drive: its identifier, its codec, which set-points it takes, and what else is in it."""
 
-    __slots__ = ("cob_id", "only_velocity", "pack", "picked")
+    __slots__ = ("cob_id", "constants", "only_velocity", "pack", "picked")
 
     def __init__(self, pdo: ReceivePdo, node_id: int, names: tuple[str, ...]) -> None:
         codec = PdoCodec(pdo.objects)
         self.pack = codec.pack
-        self.cob_id = rpdo_cob_id(pdo.number, node_id)
-        self.picked = picker([names.index(name) for name in codec.names])
+        self.cob_id = rpdo_cob_id(pdo, node_id)
+        self.constants = tuple(item.value for item in pdo.objects if item.name == IGNORED)
+        constants = iter(range(len(names), len(names) + len(self.constants)))
+        self.picked = picker([next(constants) if name == IGNORED else names.index(name) for name in codec.names])
         self.only_velocity = codec.names == ("target_velocity",)
 
 
@@ -96,6 +101,11 @@ class CanDrive:
         """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats."""
         self.link = link
         self.units = drive_units(config)
+        self.homes = bool(config.profile.homing_method)
+        """Whether the drive has a homing mode. Without one it stays in torque mode and gets none, and the present
+        position is taken as the reference here (`homing_ordered`, `reference_ordered`)."""
+        self.says_it_follows = config.profile.protections.follows_command != NONE
+        self.homing_ordered = self.reference_ordered = False
         self.nmt_state = int(NmtState.NEVER_HEARD)
         self.emcy_code = 0
         self.emergencies: deque[Emergency] = deque(maxlen=32)
@@ -117,7 +127,7 @@ class CanDrive:
         count = 0
         for pdo in config.profile.transmit_pdos:
             codec = PdoCodec(pdo.objects)
-            self._receivers[tpdo_cob_id(pdo.number, config.node_id)] = _Receiver(codec, count)
+            self._receivers[tpdo_cob_id(pdo, config.node_id)] = _Receiver(codec, count)
             self._places |= {name: count + position for position, name in enumerate(codec.names)}
             count += len(codec.names)
         self._all_receivers = tuple(self._receivers.values())
@@ -218,10 +228,20 @@ class CanDrive:
         age = scan - came + self._polls_with_frames_left
         return age if came >= 0 and age < AGE_NEVER else AGE_NEVER
 
+    def _without_homing(self, orders: Orders) -> Orders:
+        """Return orders for a drive that does not home: while it should, it is in torque mode with no torque."""
+        self.homing_ordered = orders.drive_mode == _HOMING
+        self.reference_ordered = orders.drive_command == _START_HOMING
+        if self.homing_ordered:
+            orders = orders._replace(drive_mode=_TORQUE, drive_target_torque_nm=0.0)
+        return orders._replace(drive_command=_ENABLE_OPERATION) if self.reference_ordered else orders
+
     def send(self, orders: Orders, scan: int) -> None:
         """Send the set-points of one scan (see `SILENT_AFTER_SCANS`), then SYNC, then our heartbeat when it is due."""
-        command, mode = orders.drive_command, orders.drive_mode
-        torque, torque_clamped = to_integer(orders.drive_target_torque_nm / self.units.torque_nm_per_count, "i16")
+        if not self.homes:
+            orders = self._without_homing(orders)
+        command, mode, torque_nm = orders.drive_command, orders.drive_mode, orders.drive_target_torque_nm
+        torque, torque_clamped = to_integer(torque_nm / self.units.torque_nm_per_count, "i16")
         velocity, velocity_clamped = 0, False
         if mode == _VELOCITY:
             counts = orders.drive_target_velocity_rad_s / self.units.velocity_rad_s_per_count
@@ -241,7 +261,7 @@ class CanDrive:
         for sender in () if silent else self._senders:
             if sender.only_velocity and not self._velocity_scans_left:
                 continue
-            frames.append((sender.cob_id, sender.pack(*sender.picked(numbers))))
+            frames.append((sender.cob_id, sender.pack(*sender.picked(numbers + sender.constants))))
         if mode != _VELOCITY and self._velocity_scans_left:
             self._velocity_scans_left -= 1
         frames.append(self._sync)

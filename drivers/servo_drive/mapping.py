@@ -15,6 +15,7 @@ COB_NO_RTR = 1 << 30
 PDO_NUMBERS = range(1, 9)
 """Those that a profile may use, and four more that drives have: what nobody asked for would fill the bus."""
 
+_FIXED_NEXT = "this drive maps by itself: write into its profile what it maps, other objects as 'ignored'"
 _MAPPING_NEXT = "correct the mapping in the drive profile, or restore the drive's PDO defaults"
 
 
@@ -57,15 +58,15 @@ def _receive_rows(pdo: ReceivePdo, config: DriveConfig) -> Iterator[SetupRow]:
     unsupervised = SetupRow(
         index, 5, "u16", 0, f"{name}: its absence is not supervised", treatment=Treatment.WRITE_IF_THERE
     )
-    yield from _mapped(pdo, index, rpdo_cob_id(pdo.number, config.node_id), name)
+    yield from _mapped(pdo, index, rpdo_cob_id(pdo, config.node_id), name)
     yield supervised if pdo.timeout else unsupervised
-    yield _switched_on(index, rpdo_cob_id(pdo.number, config.node_id), name)
+    yield _switched_on(index, rpdo_cob_id(pdo, config.node_id), name)
 
 
 def _transmit_rows(pdo: TransmitPdo, config: DriveConfig) -> Iterator[SetupRow]:
     index = 0x1800 + pdo.number - 1
     name = f"drive PDO {pdo.number}"
-    cob_id = tpdo_cob_id(pdo.number, config.node_id) | COB_NO_RTR
+    cob_id = tpdo_cob_id(pdo, config.node_id) | COB_NO_RTR
     yield from _mapped(pdo, index, cob_id, name)
     # by these a drive would hold back what it has at a SYNC, or send it at other times too
     for subindex, what in ((3, "inhibit time"), (5, "event timer")):
@@ -75,12 +76,23 @@ def _transmit_rows(pdo: TransmitPdo, config: DriveConfig) -> Iterator[SetupRow]:
 
 def _mapped(pdo: ReceivePdo | TransmitPdo, index: int, cob_id: int, name: str) -> Iterator[SetupRow]:
     mapping = index + 0x200
+    if pdo.fixed_mapping:
+        yield from _checked(pdo, mapping, name)
     yield SetupRow(index, 1, "u32", cob_id | COB_INVALID, f"{name}: off", Treatment.STEP, _MAPPING_NEXT)
     yield SetupRow(index, 2, "u8", pdo.transmission_type, f"{name}: transmission type", Treatment.WRITE, _MAPPING_NEXT)
+    if pdo.fixed_mapping:
+        return
     yield SetupRow(mapping, 0, "u8", 0, f"{name}: mapping cleared", Treatment.STEP, _MAPPING_NEXT)
     for place, item in enumerate(pdo.objects, start=1):
         yield SetupRow(mapping, place, "u32", item.mapping, f"{name}: {item.name}", Treatment.WRITE, _MAPPING_NEXT)
     yield SetupRow(mapping, 0, "u8", len(pdo.objects), f"{name}: entries", Treatment.WRITE, _MAPPING_NEXT)
+
+
+def _checked(pdo: ReceivePdo | TransmitPdo, mapping: int, name: str) -> Iterator[SetupRow]:
+    """Rows of a mapping that is the drive's own, and is only compared with the profile's."""
+    yield SetupRow(mapping, 0, "u8", len(pdo.objects), f"{name}: entries", Treatment.CHECK, _FIXED_NEXT)
+    for place, item in enumerate(pdo.objects, start=1):
+        yield SetupRow(mapping, place, "u32", item.mapping, f"{name}: {item.name}", Treatment.CHECK, _FIXED_NEXT)
 
 
 def _switched_on(index: int, cob_id: int, name: str) -> SetupRow:

@@ -13,18 +13,20 @@ from dataclasses import dataclass
 from enum import Enum
 
 from definitions.number_formats import RANGES, IntegerType
+from definitions.protections import BY_NAME, DRIVE_PROTECTIONS, NONE
+from definitions.protections import Protection as DefinedProtection
 from drivers.config import DriveConfig
+from drivers.profile import DriveProfile
 from drivers.servo_drive.pdo import SYNC_COB_ID
-from drivers.servo_drive.units import TORQUE_COUNTS_PER_RATED
 
 ALL_BITS = 0xFFFF_FFFF
 SYNC_BITS = ALL_BITS & ~(1 << 31)
 """Bit 31 of 0x1005 has no meaning, and drives set it or not; bit 30 would make the drive send SYNC."""
-REQUIRED_MODES = (1 << 5) | (1 << 8) | (1 << 9)
-"""Bits of 0x6502: homing, cyclic synchronous velocity, cyclic synchronous torque (CiA 402-2)."""
+HOMING_MODE, CYCLIC_MODES = 1 << 5, (1 << 8) | (1 << 9)
+"""Bits of 0x6502: homing; cyclic synchronous velocity and cyclic synchronous torque (CiA 402-2)."""
 
-HOMING_METHOD_CURRENT_POSITION = 37
-"""Value of 0x6098 that takes the present position as the reference (CiA 402-2); the motor does not move."""
+CURRENT_PER_RATED = 1000
+"""0x6073 counts 0.1 % of the rated current (CiA 402-2), at which the motor has its rated torque."""
 
 _PROFILE_NEXT = "check that the drive profile belongs to this drive"
 _BENCH_NEXT = "set this value with the drive's own tool, or correct the bench file"
@@ -73,14 +75,20 @@ class SetupRow:
 
 @dataclass(frozen=True)
 class Protection:
-    """One protection: object, type, its value from the bench's data, meaning, whether 0 would switch it off."""
+    """One object of a protection: of which, in which way, where, its value from the bench's data, what it means.
 
+    `zero_is_off`: 0 would switch it off. `per_rated`: it counts parts of the rated torque, which its meaning says.
+    """
+
+    name: str
+    way: str
     index: int
     subindex: int
     type: IntegerType
     value: Callable[[DriveConfig], float]
     meaning: str
     zero_is_off: bool = True
+    per_rated: bool = False
 
 
 def milliseconds(seconds: float) -> int:
@@ -89,34 +97,116 @@ def milliseconds(seconds: float) -> int:
 
 
 def _of_rated(torque_nm: float, config: DriveConfig) -> float:
-    return TORQUE_COUNTS_PER_RATED * torque_nm / config.rated_torque_nm
+    return config.profile.scaling.torque_counts_per_rated * torque_nm / config.rated_torque_nm
+
+
+def _largest_torque(config: DriveConfig) -> float:
+    return _of_rated(config.max_torque_nm, config)
 
 
 PROTECTIONS: tuple[Protection, ...] = (
     Protection(
+        "controller_heartbeat",
+        "consumer_heartbeat",
         0x1016,
         1,
         "u32",
         lambda c: c.controller_node_id << 16 | milliseconds(c.controller_heartbeat_timeout_s),
         "heartbeat of the controller that the drive supervises (node << 16 | ms)",
     ),
-    Protection(0x1017, 0, "u16", lambda c: milliseconds(c.drive_heartbeat_s), "heartbeat of the drive (ms)"),
     Protection(
-        0x6007, 0, "i16", lambda c: c.abort_connection_option, "reaction to a lost controller (abort connection option)"
+        "drive_heartbeat",
+        "producer_heartbeat",
+        0x1017,
+        0,
+        "u16",
+        lambda c: milliseconds(c.drive_heartbeat_s),
+        "heartbeat of the drive (ms)",
     ),
-    Protection(0x605A, 0, "i16", lambda c: c.quick_stop_option, "quick stop option code", zero_is_off=False),
-    Protection(0x605E, 0, "i16", lambda c: c.fault_reaction_option, "fault reaction option code", zero_is_off=False),
-    Protection(0x6072, 0, "u16", lambda c: _of_rated(c.max_torque_nm, c), "largest torque (0.1 % of rated torque)"),
-    Protection(0x6080, 0, "u32", lambda c: c.max_speed_rad_s * 60 / (2 * math.pi), "largest motor speed (rpm)"),
     Protection(
+        "abort_connection",
+        "option_code",
+        0x6007,
+        0,
+        "i16",
+        lambda c: c.abort_connection_option,
+        "reaction to a lost controller (abort connection option)",
+    ),
+    Protection(
+        "quick_stop",
+        "option_code",
+        0x605A,
+        0,
+        "i16",
+        lambda c: c.quick_stop_option,
+        "quick stop option code",
+        zero_is_off=False,
+    ),
+    Protection(
+        "fault_reaction",
+        "option_code",
+        0x605E,
+        0,
+        "i16",
+        lambda c: c.fault_reaction_option,
+        "fault reaction option code",
+        zero_is_off=False,
+    ),
+    Protection("torque_limit", "max_torque", 0x6072, 0, "u16", _largest_torque, "largest torque", per_rated=True),
+    Protection(
+        "torque_limit", "torque_limits", 0x60E0, 0, "u16", _largest_torque, "largest positive torque", per_rated=True
+    ),
+    Protection(
+        "torque_limit", "torque_limits", 0x60E1, 0, "u16", _largest_torque, "largest negative torque", per_rated=True
+    ),
+    Protection(
+        "torque_limit",
+        "max_current",
+        0x6073,
+        0,
+        "u16",
+        lambda c: CURRENT_PER_RATED * c.max_torque_nm / c.rated_torque_nm,
+        "largest current (0.1 % of rated current)",
+    ),
+    Protection(
+        "speed_limit",
+        "max_motor_speed",
+        0x6080,
+        0,
+        "u32",
+        lambda c: c.max_speed_rad_s * 60 / (2 * math.pi),
+        "largest motor speed (rpm)",
+    ),
+    Protection(
+        "torque_slope",
+        "torque_slope",
         0x6087,
         0,
         "u32",
         lambda c: _of_rated(c.torque_slope_nm_s, c),
-        "largest change of torque (0.1 % of rated torque per second)",
+        "largest change of torque, per second",
+        per_rated=True,
     ),
 )
-"""What the drive itself enforces. Limits are rounded down."""
+"""What the drive itself enforces, in each way that a drive may have it. Limits are rounded down."""
+
+
+def _way(profile: DriveProfile, name: str) -> str:
+    """Return the way in which a drive has a protection; those that no profile leaves out have one."""
+    if name == "setpoint_timeout":
+        return "rpdo_timeout" if profile.torque_pdo.timeout else NONE
+    (first, _), *_ = BY_NAME[name].ways
+    return str(getattr(profile.protections, name, first))
+
+
+def protections_of(profile: DriveProfile) -> list[Protection]:
+    """Return the objects of the protections that a drive has."""
+    return [row for row in PROTECTIONS if row.way == _way(profile, row.name)]
+
+
+def missing_protections(profile: DriveProfile) -> list[DefinedProtection]:
+    """Return the protections that a drive does not have."""
+    return [row for row in DRIVE_PROTECTIONS if _way(profile, row.name) == NONE]
 
 
 def identity_rows(config: DriveConfig) -> list[SetupRow]:
@@ -130,7 +220,10 @@ def identity_rows(config: DriveConfig) -> list[SetupRow]:
 
 def rating_rows(config: DriveConfig) -> list[SetupRow]:
     """Rows that are read only: whose SYNC it follows, its abilities, the base of its torque numbers."""
-    rated = round(config.rated_torque_nm * 1000)
+    scaling = config.profile.scaling
+    rated = round(config.rated_torque_nm * scaling.rated_torque_counts_per_nm)
+    unit = {1e3: "mN·m", 1e6: "µN·m"}.get(scaling.rated_torque_counts_per_nm, "the drive's unit")
+    modes = CYCLIC_MODES | (HOMING_MODE if config.profile.homing_method else 0)
     return [
         SetupRow(
             0x1005,
@@ -142,8 +235,8 @@ def rating_rows(config: DriveConfig) -> list[SetupRow]:
             "set 0x1005 to 0x80 with the drive's own tool",
             SYNC_BITS,
         ),
-        SetupRow(0x6502, 0, "u32", REQUIRED_MODES, "supported modes", Treatment.CHECK_BITS, _PROFILE_NEXT),
-        SetupRow(0x6076, 0, "u32", rated, "rated torque of the motor (mN·m)", Treatment.CHECK),
+        SetupRow(0x6502, 0, "u32", modes, "supported modes", Treatment.CHECK_BITS, _PROFILE_NEXT),
+        SetupRow(0x6076, 0, "u32", rated, f"rated torque of the motor ({unit})", Treatment.CHECK),
     ]
 
 
@@ -151,33 +244,51 @@ def protection_rows(config: DriveConfig) -> list[SetupRow]:
     """Rows of all protections with their values for this bench."""
     # The small addend keeps 1100.0 from becoming 1099 by the rounding of binary fractions.
     return [
-        SetupRow(row.index, row.subindex, row.type, math.floor(row.value(config) + 1e-6), row.meaning)
-        for row in PROTECTIONS
+        SetupRow(row.index, row.subindex, row.type, math.floor(row.value(config) + 1e-6), _meaning(row, config.profile))
+        for row in protections_of(config.profile)
+    ]
+
+
+def _meaning(row: Protection, profile: DriveProfile) -> str:
+    if not row.per_rated:
+        return row.meaning
+    return f"{row.meaning} ({100 / profile.scaling.torque_counts_per_rated:g} % of rated torque)"
+
+
+def startup_rows(config: DriveConfig) -> list[SetupRow]:
+    """Rows of what this drive needs written before it is used."""
+    return [
+        SetupRow(one.index, one.subindex, one.type, one.value, one.meaning, next_step=_PROFILE_NEXT)
+        for one in config.profile.startup
     ]
 
 
 def protections_switched_off(config: DriveConfig) -> list[Protection]:
     """Protections that this bench's values would switch off: 0; for 0x1016 it is the time alone that counts."""
     off = []
-    for row in PROTECTIONS:
+    for row in protections_of(config.profile):
         value = math.floor(row.value(config) + 1e-6)
         if row.zero_is_off and (value & 0xFFFF if row.index == 0x1016 else value) == 0:
             off.append(row)
     return off
 
 
-def homing_rows() -> list[SetupRow]:
-    """Rows that make homing set a reference without motion: any other method would turn a shaft whose lock is open."""
+def homing_rows(config: DriveConfig) -> list[SetupRow]:
+    """Rows that make homing set a reference without motion: any other method would turn a shaft whose lock is open.
+
+    Methods 37 and, in older drives, 35 take the present position (CiA 402-2). A drive that does not home has no row.
+    """
+    method = config.profile.homing_method
+    if not method:
+        return []
     return [
-        SetupRow(
-            0x6098,
-            0,
-            "i8",
-            HOMING_METHOD_CURRENT_POSITION,
-            "homing method (current position, no motion)",
-            next_step=_HOMING_NEXT,
-        )
+        SetupRow(0x6098, 0, "i8", method, "homing method (current position, no motion)", next_step=_HOMING_NEXT),
     ]
+
+
+def polarity_rows() -> list[SetupRow]:
+    """Rows that leave the direction to the bench file: the drive turns no sign by itself."""
+    return [SetupRow(0x607E, 0, "u8", 0, "polarity (the drive turns no sign)", Treatment.WRITE_IF_THERE)]
 
 
 def synchronisation_rows(config: DriveConfig, period_ns: int) -> list[SetupRow]:

@@ -9,7 +9,7 @@ import struct
 from collections.abc import Sequence
 
 from definitions.number_formats import LETTERS
-from drivers.profile import MappedObject
+from drivers.profile import MappedObject, ReceivePdo, TransmitPdo
 
 SYNC_COB_ID = 0x080
 EMCY_BASE = 0x080
@@ -18,14 +18,14 @@ RPDO_BASES = (0x200, 0x300, 0x400, 0x500)
 HEARTBEAT_BASE = 0x700
 
 
-def rpdo_cob_id(number: int, node_id: int) -> int:
-    """COB-ID of receive PDO `number` (1 to 4) in the predefined connection set (CiA 301)."""
-    return RPDO_BASES[number - 1] + node_id
+def rpdo_cob_id(pdo: ReceivePdo, node_id: int) -> int:
+    """COB-ID of a receive PDO: its own, or that of the predefined connection set (CiA 301), which 1 to 4 have."""
+    return RPDO_BASES[pdo.number - 1] + node_id if pdo.cob_id is None else pdo.cob_id
 
 
-def tpdo_cob_id(number: int, node_id: int) -> int:
-    """COB-ID of transmit PDO `number` (1 to 4) in the predefined connection set (CiA 301)."""
-    return TPDO_BASES[number - 1] + node_id
+def tpdo_cob_id(pdo: TransmitPdo, node_id: int) -> int:
+    """COB-ID of a transmit PDO; as `rpdo_cob_id`."""
+    return TPDO_BASES[pdo.number - 1] + node_id if pdo.cob_id is None else pdo.cob_id
 
 
 class PdoCodec:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 
 from definitions.image import NmtState
+from definitions.protections import missing_text
 from drivers.can.bus import CanLink
 from drivers.config import DriveConfig
 from drivers.errors import DriveSetupError, Problem
@@ -18,9 +19,12 @@ from drivers.servo_drive.objects import (
     Treatment,
     homing_rows,
     identity_rows,
+    missing_protections,
+    polarity_rows,
     protection_rows,
     protections_switched_off,
     rating_rows,
+    startup_rows,
     synchronisation_rows,
 )
 from drivers.servo_drive.sdo import (
@@ -39,6 +43,8 @@ SILENCES_IN_A_ROW = 2
 _NODE_NEXT = "check power, node id, bit rate, cable and termination"
 _WRITTEN = (Treatment.WRITE, Treatment.STEP, Treatment.WRITE_IF_THERE)
 _READ_BACK = (Treatment.WRITE, Treatment.WRITE_IF_THERE)
+_NEVER_COMPARED = (Treatment.STEP, Treatment.CHECK)
+"""Rows of a group that say nothing of whether it must be written."""
 _MISSING = (OBJECT_MISSING, SUBINDEX_MISSING)
 
 
@@ -68,23 +74,28 @@ class _Setup:
 
     def run(self) -> list[str]:
         self._refuse_switched_off()
+        self._refuse_contradictions()
         try:
             self._boot()
             self._check(identity_rows(self.config))
             self._stop_on_problems()
             self._check(rating_rows(self.config))
             alone = [
+                *startup_rows(self.config),
                 *synchronisation_rows(self.config, self.period_ns),
                 *protection_rows(self.config),
-                *homing_rows(),
+                *polarity_rows(),
+                *homing_rows(self.config),
             ]
             groups = [*([row] for row in alone), *mapping_groups(self.config)]
             for group in groups:
                 if not self._holds(group):
                     self._write(group)
-            self._check([row for group in groups for row in group if row.treatment in _READ_BACK])
+            self._check([row for group in groups for row in group if row.treatment is not Treatment.STEP])
             self._stop_on_problems()
             self._start()
+            node = f"node {self.config.node_id}"
+            self.log += [f"{node}: {missing_text(one)}" for one in missing_protections(self.config.profile)]
         except SdoFailure as failure:  # of an NMT command: the bus itself failed
             self._find("NMT command not sent", f"node {self.config.node_id}", failure.cause, "sent", failure)
         self._stop_on_problems()
@@ -96,6 +107,22 @@ class _Setup:
             self.problems.append(
                 Problem(f"{row.meaning} would be switched off", where, "0", "above 0", "correct the bench file")
             )
+        self._stop_on_problems()
+
+    def _refuse_contradictions(self) -> None:
+        """Refuse a profile that starts the drive up with an object which the set-up writes or checks too."""
+        config = self.config
+        taken = [*identity_rows(config), *rating_rows(config), *synchronisation_rows(config, self.period_ns)]
+        taken += [*protection_rows(config), *polarity_rows(), *homing_rows(config)]
+        taken += [row for group in mapping_groups(config) for row in group]
+        meanings = {(row.index, row.subindex): row.meaning for row in taken}
+        for row in startup_rows(config):
+            meaning = meanings.get((row.index, row.subindex))
+            if meaning is not None:
+                what, expected = f"{row.meaning} is written at start-up", f"an object that is not {meaning}"
+                self.problems.append(
+                    Problem(what, self._where(row), str(row.value), expected, "delete it from 'startup' of the profile")
+                )
         self._stop_on_problems()
 
     def _stop_on_problems(self) -> None:
@@ -172,7 +199,7 @@ class _Setup:
         wanted = True
         for row in group:
             if row.treatment not in _READ_BACK or not row.fits:
-                wanted &= row.treatment is Treatment.STEP
+                wanted &= row.treatment in _NEVER_COMPARED
                 continue
             self._stop_when_late()
             try:

@@ -39,6 +39,7 @@ from recipes.checks.ratings import (
     check_torque_ramps,
     check_unit_rating,
 )
+from recipes.checks.sweep import check_sweep
 from recipes.schema.bench_schema import Bench
 from recipes.schema.recipe_schema import Recipe
 from recipes.text.problems import Problem, one_of, place
@@ -56,6 +57,7 @@ CHECKS: tuple[Check, ...] = (
     check_torque_ramps,
     check_speed_ramps,
     check_step_size,
+    check_sweep,
     check_release,
     check_sensors,
     check_angle_agreement,

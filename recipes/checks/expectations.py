@@ -7,10 +7,18 @@ from typing import NamedTuple
 
 from definitions.units import ARCMIN_PER_RAD
 from recipes.schema.recipe_schema import Recipe
-from recipes.schema.sequence_schema import Calibrate, Cycles, FatigueCycles, SpeedCycles, StepCycles, TorqueCycles
+from recipes.schema.sequence_schema import (
+    Calibrate,
+    Cycles,
+    FatigueCycles,
+    SpeedCycles,
+    StepCycles,
+    TorqueCycles,
+    TorqueSweep,
+)
 from recipes.text.problems import OptionPath
 
-Loaded = Calibrate | TorqueCycles | SpeedCycles | StepCycles | FatigueCycles
+Loaded = Calibrate | TorqueCycles | SpeedCycles | StepCycles | FatigueCycles | TorqueSweep
 """Steps that load the unit."""
 
 
@@ -26,7 +34,7 @@ class Finding(NamedTuple):
 def loaded_steps(recipe: Recipe) -> Iterator[tuple[OptionPath, Loaded]]:
     """Yield the steps that load the unit, each with the path of its options."""
     for index, step in enumerate(recipe.sequence):
-        if isinstance(step, Calibrate | Cycles):
+        if isinstance(step, Calibrate | Cycles | TorqueSweep):
             yield ("sequence", index, step.kind), step
 
 

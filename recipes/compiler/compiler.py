@@ -100,7 +100,7 @@ def compile_program(recipe: Recipe, bench: Bench) -> Program:
     current_a = _step(recipe, LockStep).holding_torque_nm / bench.brake.torque_constant_nm_per_a
     release = _step(recipe, ReleaseStep)
     unload_nm_s = _step(recipe, Unload).torque_rate_nm_s
-    peak_nm = max(abs(segment.target_nm) for segment in segments)
+    peak_nm = max(segment.peak_nm for segment in segments)
 
     def scans(name: str) -> int:
         return math.ceil(budget(name) / period_s)

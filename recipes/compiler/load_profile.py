@@ -5,10 +5,19 @@ from __future__ import annotations
 import math
 
 from definitions.image import State
-from definitions.program import Segment
+from definitions.program import Segment, Sweep
 from recipes import Bench, Recipe
 from recipes.compiler.budgets import budget
-from recipes.schema.sequence_schema import Calibrate, FatigueCycles, Lock, SpeedCycles, StepCycles, TorqueCycles, Unload
+from recipes.schema.sequence_schema import (
+    Calibrate,
+    FatigueCycles,
+    Lock,
+    SpeedCycles,
+    StepCycles,
+    TorqueCycles,
+    TorqueSweep,
+    Unload,
+)
 
 ARCMIN_PER_RAD = 10800.0 / math.pi
 
@@ -95,6 +104,29 @@ class LoadProfile:
             ),
         )
 
+    def sweep(self, step: TorqueSweep) -> None:
+        """Go to the mean torque, swing about it, and rest."""
+        self.block += 1
+        role = "virgin" if self.level_nm == 0.0 else "approach"
+        mean_nm = step.mean_torque_nm
+        state = State.RAMP_POS if mean_nm > self.level_nm else State.RAMP_NEG
+        self.ramp(state, role, mean_nm, rate_nm_s=step.torque_rate_nm_s)
+        self.dwell(State.REVERSE, step.dwell_s)
+        period_scans = max(1, round(step.period_s / self.period_s))
+        seconds = period_scans * self.period_s
+        # the highest frequency gives way by so little that the cycles of a period are whole
+        cycles = max(1, round((step.from_frequency_hz + step.to_frequency_hz) / 2.0 * seconds))
+        to_hz = 2.0 * cycles / seconds - step.from_frequency_hz
+        sweep = Sweep(step.amplitude_nm, step.from_frequency_hz, to_hz, period_scans, step.periods)
+        limit = self.scans(sweep.scans * self.period_s * budget("ramp_limit_factor") + budget("ramp_limit_extra_s"))
+        self.segments.append(
+            Segment(
+                len(self.segments), State.REVERSE, "sweep", 0, 0, self.block, mean_nm, mean_nm, step.torque_rate_nm_s,
+                0.0, 0.0, 0, limit, sweep.scans, sweep,
+            ),
+        )  # fmt: skip
+        self.dwell(State.REVERSE, step.dwell_s)
+
     def stiffness_nm_per_rad(self) -> float:
         """Planned torque per angle of the loaded shaft."""
         unit = self.recipe.unit_under_test
@@ -155,6 +187,8 @@ def segments_of(recipe: Recipe, bench: Bench, period_s: float) -> tuple[Segment,
             profile.ramp(State.CALIBRATE, "calibrate", 0.0, rate_nm_s=step.torque_rate_nm_s)
         elif isinstance(step, TorqueCycles | SpeedCycles | StepCycles | FatigueCycles):
             profile.cycles(step)
+        elif isinstance(step, TorqueSweep):
+            profile.sweep(step)
         elif isinstance(step, Unload):
             profile.ramp(State.UNLOAD, "unload", 0.0, rate_nm_s=step.torque_rate_nm_s)
     return tuple(profile.segments)

@@ -90,6 +90,8 @@ class Drive(Section):
     abort_connection_option: OptionCode
     quick_stop_option: OptionCode
     fault_reaction_option: OptionCode
+    reversed: bool = False
+    """The motor's positive direction turns the loaded shaft backwards."""
     angle_agreement_rad: SmallAngle = 360 * RAD_PER_ARCSEC
     coupling_stiffness_nm_per_arcmin: Stiffness | None = None
 

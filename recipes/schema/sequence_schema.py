@@ -16,9 +16,11 @@ from recipes.text.section import (
     FROM_DOCUMENT,
     Acceleration,
     Dwell,
+    Frequency,
     Section,
     SmallAngle,
     Speed,
+    SweepPeriod,
     TareTime,
     TimeLimit,
     Torque,
@@ -30,6 +32,7 @@ from recipes.text.section import (
 MeasuredCount = Annotated[int, Field(ge=1, le=1000)]
 FatigueCount = Annotated[int, Field(ge=1, le=1_000_000)]
 LevelCount = Annotated[int, Field(ge=2, le=1000)]
+PeriodCount = Annotated[int, Field(ge=5, le=100)]
 
 
 class Home(Section):
@@ -102,6 +105,29 @@ class FatigueCycles(Section):
     torque_rate_nm_s: TorqueRate
 
 
+class TorqueSweep(Section):
+    """A sine between the peak torque and twice the amplitude below it; its frequency goes up and down in each period.
+
+    The frequency response is read from it (`lostmotion study frequency`): from all periods but the first and the last,
+    in which the amplitude grows and fades.
+    """
+
+    kind: Literal["torque_sweep"] = "torque_sweep"
+    peak_torque_nm: TorqueOfRated
+    amplitude_nm: TorqueOfRated
+    from_frequency_hz: Frequency
+    to_frequency_hz: Frequency
+    period_s: SweepPeriod
+    periods: PeriodCount = 5
+    torque_rate_nm_s: TorqueRate
+    dwell_s: Dwell = 0.2
+
+    @property
+    def mean_torque_nm(self) -> float:
+        """Torque about which the sine swings."""
+        return self.peak_torque_nm - self.amplitude_nm
+
+
 class Unload(Section):
     """Torque brought to zero at a bounded rate."""
 
@@ -116,7 +142,9 @@ class Release(Section):
     max_torque_nm: TorqueOfRated
 
 
-AnyStep = Home | Lock | Calibrate | TorqueCycles | SpeedCycles | StepCycles | FatigueCycles | Unload | Release
+AnyStep = (
+    Home | Lock | Calibrate | TorqueCycles | SpeedCycles | StepCycles | FatigueCycles | TorqueSweep | Unload | Release
+)
 Cycles = TorqueCycles | SpeedCycles | StepCycles | FatigueCycles
 
 STAGES: dict[str, int] = {
@@ -127,6 +155,7 @@ STAGES: dict[str, int] = {
     "speed_cycles": 3,
     "step_cycles": 3,
     "fatigue_cycles": 3,
+    "torque_sweep": 3,
     "unload": 4,
     "release": 5,
 }

@@ -98,7 +98,6 @@ LONGEST_TEXT = 80
 OTHER_DIMENSIONS = (
     ("a length", "m"),
     ("a force", "N"),
-    ("a frequency", "Hz"),
     ("an energy", "J"),
     ("a stiffness per angle squared", "N*m/rad^2"),
 )

@@ -23,6 +23,7 @@ from definitions.units import (
     DRIFT,
     DURATION,
     FRACTION,
+    FREQUENCY,
     PERIOD,
     RESOLUTION,
     SPEED,
@@ -39,7 +40,7 @@ from recipes.text.problems import excerpt
 from recipes.text.quantity import QuantityError, convert, read_quantity, show
 
 UNIT_SUFFIX = re.compile(
-    r"_(nm_per_arcmin|nm_per_a|nm_s|nm|arcmin_min|arcmin|rad_s2|rad_s|rad|ns|s|a|c|k|fraction|bits)$",
+    r"_(nm_per_arcmin|nm_per_a|nm_s|nm|arcmin_min|arcmin|rad_s2|rad_s|rad|ns|hz|s|a|c|k|fraction|bits)$",
 )
 """Units at the end of attribute names."""
 
@@ -155,6 +156,8 @@ AngleNoise = Annotated[float, Quantity(ANGLE, at_least=0, up_to=60)]
 Travel = Annotated[float, Quantity(TRAVEL, above=0, up_to=36000)]
 Speed = Annotated[float, Quantity(SPEED, above=0, up_to=6000)]
 Acceleration = Annotated[float, Quantity(ACCELERATION, above=0, up_to=1000)]
+Frequency = Annotated[float, Quantity(FREQUENCY, above=0, up_to=100)]
+SweepPeriod = Annotated[float, Quantity(DURATION, above=0, up_to=600)]
 Dwell = Annotated[float, Quantity(DURATION, at_least=0, up_to=600)]
 TareTime = Annotated[float, Quantity(DURATION, at_least=0.01, up_to=60)]
 TimeLimit = Annotated[float, Quantity(DURATION, above=0, up_to=3600)]

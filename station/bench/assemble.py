@@ -144,6 +144,7 @@ def _drive(bench: Bench, profile: DriveProfile) -> DriveConfig:
         abort_connection_option=drive.abort_connection_option,
         quick_stop_option=drive.quick_stop_option,
         fault_reaction_option=drive.fault_reaction_option,
+        reversed=drive.reversed,
     )
 
 

@@ -151,6 +151,7 @@ def _drive(bench: Bench, profiles: Profiles) -> DriveConfig:
             fault_reaction_option=drive.fault_reaction_option,
         ),
         controller_heartbeat_s=drive.controller_heartbeat_s,
+        reversed=drive.reversed,
     )
 
 

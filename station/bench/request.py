@@ -11,8 +11,10 @@ from pathlib import Path
 
 import drivers
 from definitions.program import Program
+from definitions.protections import NOT_TRIED, missing_text
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
+from drivers.servo_drive.objects import missing_protections
 from recipes import (
     Bench,
     Problem,
@@ -83,6 +85,14 @@ class Job:
     def warnings(self) -> list[str]:
         """What of the recipe may be meant, but is not usual."""
         return [f"recipe {one.as_warning()}" for one in warnings(self.recipe, self.bench, self.recipe_source.path)]
+
+    @cached_property
+    def drive_notes(self) -> tuple[str, ...]:
+        """What every result on this bench says of its drive: protections that it lacks, a profile that nobody tried."""
+        profile = drive_profile(self.profile_sources[self.bench.drive.profile])
+        untried = f"drive profile '{profile.profile.name}': {NOT_TRIED}. Compare every value with the drive's manual."
+        missing = tuple(missing_text(one) for one in missing_protections(profile))
+        return missing if profile.tried_on_hardware else (untried, *missing)
 
     @property
     def profile_names(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from analysis.loop.method import Decision
 from analysis.validity.judge import is_loose
 from definitions.checks import CHECKS
 from definitions.metrics import SIDED
+from definitions.protections import MISSING
 from station.documents.manifest import MASTER
 from station.documents.result import MetricValue, Result
 from station.reports.content import check_title, checks_line, shown_checks, uncertainty_kind
@@ -45,11 +46,12 @@ def note_lines(result: Result) -> list[str]:
     notes = (
         fault_notes(result)
         + [note for note in notes if note.startswith(MASTER)]
+        + missing_protections(result)
         + one_sided(result)
         + within_uncertainty(result)
         + not_cross_checked(result)
         + loose_limits(result)
-        + [note for note in notes if not note.startswith((FAULTS_NOTE, MASTER))]
+        + [note for note in notes if not note.startswith((FAULTS_NOTE, MASTER, MISSING))]
     )
     notes += [stage.text for stage in applied if stage.stage in CORRECTIONS]
     left = len(notes) - MOST_NOTES
@@ -60,6 +62,12 @@ def fault_notes(result: Result) -> list[str]:
     """Return one note that names the scenario by which faults were injected; none where none were."""
     said = [note for note in result.notes if note.startswith(FAULTS_NOTE)]
     return said or ([f"{FAULTS_NOTE}: {result.scenario}"] if result.scenario else [])
+
+
+def missing_protections(result: Result) -> list[str]:
+    """Return one note on the protections that the bench's drive does not have; none where it has all of them."""
+    said = [note.removeprefix(MISSING).split(". ")[0] for note in result.notes if note.startswith(MISSING)]
+    return [f"{MISSING}{'; '.join(said)}"] if said else []
 
 
 def one_sided(result: Result) -> list[str]:

@@ -73,17 +73,17 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         retest_reason=wanted.retest_reason,
         clock=wanted.clock,
         period_ns=recipe.sampling.period_ns,
-        notes=tuple(notes),
+        notes=(*notes, *job.drive_notes),
     )
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     store = Store(data)
     if master is None:
-        notes = [*notes, *(one.text for one in master_parts(store, job.bench, WALL_CLOCK.now()))]
+        notes = [*setup.notes, *(one.text for one in master_parts(store, job.bench, WALL_CLOCK.now()))]
         setup = replace(setup, notes=tuple(notes))
     record = store.create(wanted.serial, setup, files, own=True)
     if store.warnings:
-        record.update(notes=[*notes, *store.warnings])
+        record.update(notes=[*setup.notes, *store.warnings])
     record.write_json(PROGRAM, plain_program(job.program))
     return record

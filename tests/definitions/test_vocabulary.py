@@ -6,7 +6,7 @@ import pytest
 
 from definitions.checks import CHECKS
 from definitions.image import State
-from definitions.metrics import BRANCHES, FITS, GRADED, GRADES, METRICS, SIDED
+from definitions.metrics import BRANCHES, FIT_POINTS, FITS, GRADED, GRADES, LSQ_POINTS, METRICS, SIDED
 from definitions.states import LOADED, LOCKED, OVER, RUNNING, STATES, row_of
 
 
@@ -59,3 +59,9 @@ def test_every_state_has_its_row_and_its_words() -> None:
 def test_a_loaded_unit_is_locked_and_a_locked_one_belongs_to_a_run() -> None:
     assert LOADED < LOCKED < RUNNING < set(State)
     assert not RUNNING & {State.IDLE, State.FAULT, *OVER}
+
+
+def test_a_definition_says_at_how_many_torques_it_is_fitted() -> None:
+    assert f"{LSQ_POINTS} equally spaced torques" in METRICS["stiffness_lsq"].text
+    assert f"{FIT_POINTS} equally spaced torques" in FITS["six_segment"].text
+    assert f"{FIT_POINTS} equally spaced torques" in FITS["three_region"].text

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import struct
+from typing import Any
 
 import can
-from drivers_support import drive_config
+from drivers_support import drive_config, drive_profile, raw_profile
 
 from definitions.image import DriveCommand, DriveMode, Orders
 from drivers.can.bus import CanLink, open_can
@@ -21,10 +22,11 @@ CST, CSV = int(DriveMode.CYCLIC_SYNC_TORQUE), int(DriveMode.CYCLIC_SYNC_VELOCITY
 class DriveOnBus:
     """A drive on a virtual bus and the other end of the bus."""
 
-    def __init__(self, channel: str = "can-drive") -> None:
+    def __init__(self, channel: str = "can-drive", **profile: Any) -> None:
         self.link: CanLink = open_can(CanConfig("virtual", channel))
         self.other = can.Bus(interface="virtual", channel=channel)
-        self.drive = CanDrive(self.link, drive_config(), HEARTBEAT_SCANS)
+        raw = dict(raw_profile("virtual-drive")) | profile
+        self.drive = CanDrive(self.link, drive_config(profile=drive_profile(raw)), HEARTBEAT_SCANS)
 
     def put(self, cob_id: int, data: bytes, **kind: bool) -> None:
         self.other.send(can.Message(arbitration_id=cob_id, data=data, **({"is_extended_id": False} | kind)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from drivers_support import drive_config
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from definitions.number_formats import LETTERS, RANGES, SIZES
+from drivers.profile import ReceivePdo, TransmitPdo
 from drivers.servo_drive.data_types import to_integer
 from drivers.servo_drive.emcy import EMCY_CLASSES, EMCY_TEXTS, explain_emcy
 from drivers.servo_drive.pdo import PdoCodec, rpdo_cob_id, tpdo_cob_id
@@ -51,8 +53,12 @@ def test_set_point_pdo_on_the_wire() -> None:
 
 
 def test_cob_ids_of_the_predefined_connection_set() -> None:
-    assert [rpdo_cob_id(n, 5) for n in range(1, 5)] == [0x205, 0x305, 0x405, 0x505]
-    assert [tpdo_cob_id(n, 5) for n in range(1, 5)] == [0x185, 0x285, 0x385, 0x485]
+    receive = ReceivePdo(1, 1, (), timeout=False)
+    transmit = TransmitPdo(1, 1, ())
+    assert [rpdo_cob_id(replace(receive, number=n), 5) for n in range(1, 5)] == [0x205, 0x305, 0x405, 0x505]
+    assert [tpdo_cob_id(replace(transmit, number=n), 5) for n in range(1, 5)] == [0x185, 0x285, 0x385, 0x485]
+    assert rpdo_cob_id(replace(receive, number=5, cob_id=0x225), 5) == 0x225
+    assert tpdo_cob_id(replace(transmit, number=5, cob_id=0x1A5), 5) == 0x1A5
 
 
 def test_units_at_the_loaded_shaft() -> None:

@@ -12,6 +12,7 @@ from recipes.checks import bus_load
 from recipes.checks import limits as check_limits
 from recipes.checks import measurement as check_measurement
 from recipes.checks import ratings as check_ratings
+from recipes.checks import sweep as check_sweeps
 from recipes.checks.cross_check import CHECKS, DATED_CHECKS
 
 TODAY = date(2026, 6, 1)
@@ -40,11 +41,12 @@ def replaced(text: str, changes: dict[str, str]) -> str:
     return text
 
 
-INVERSE, STATIC, OUTPUT, MEASUREMENT = (
+INVERSE, STATIC, OUTPUT, MEASUREMENT, SWEEP = (
     "rv-40e-121-inverse",
     "static-50nm",
     "rv-40e-121-output",
     "rv-40e-121-measurement",
+    "rv-40e-121-sweep",
 )
 
 # recipe, changes of the recipe, changes of its bench, option of the problem, words
@@ -116,6 +118,27 @@ CASES = {
     "implausible rate": (
         INVERSE, {"travel: 60 deg": "torque_rate: 50 N·m/s\n  travel: 60 deg"}, {}, "torque_cycles.torque_rate",
         "below 50 N·m/s, interlocks.torque_rate",
+    ),
+    "sweep faster than the drive": (
+        SWEEP, {"to_frequency: 0.75 Hz": "to_frequency: 0.9 Hz"}, {}, "torque_sweep.to_frequency", "up to 0.829 Hz",
+    ),
+    "sweep through too much friction": (
+        SWEEP, {"amplitude: 40 N·m": "amplitude: 10 N·m", "to_frequency: 0.75": "to_frequency: 2.3"}, {},
+        "torque_sweep.to_frequency", "the friction of 13.9 N·m turns twice in a cycle",
+    ),
+    "sweep that falls": (
+        SWEEP, {"to_frequency: 0.75": "to_frequency: 0.25"}, {}, "torque_sweep.to_frequency", "above 0.25 Hz",
+    ),
+    "sweep of few cycles": (SWEEP, {"period: 16 s": "period: 8 s"}, {}, "torque_sweep.period", "at least 16 s"),
+    "sweep through zero": (
+        SWEEP, {"amplitude: 40 N·m": "amplitude: 120 N·m"}, {}, "torque_sweep.amplitude", "up to half of peak_torque",
+    ),
+    "sweep faster than the interlock": (
+        SWEEP, {"travel: 60 deg": "torque_rate: 150 N·m/s\n  travel: 60 deg"}, {}, "torque_sweep.to_frequency",
+        "below 150 N·m/s, interlocks.torque_rate",
+    ),
+    "sweep beyond the shaft's speed": (
+        SWEEP, {"speed: 60 rpm": "speed: 0.5 rpm"}, {}, "torque_sweep.to_frequency", "interlocks.speed",
     ),
     "period shorter than the bus": (
         INVERSE, {"period: 1 ms": "period: 500 µs"}, {"bitrate: 1000000": "bitrate: 800000"}, "sampling.period",
@@ -262,7 +285,7 @@ def test_recipe_made_without_a_file_has_its_problems_too():
 def test_every_check_is_in_the_table():
     written = {
         value
-        for module in (bus_load, check_limits, check_measurement, check_ratings)
+        for module in (bus_load, check_limits, check_measurement, check_ratings, check_sweeps)
         for name, value in vars(module).items()
         if name.startswith("check_")
     }

@@ -112,7 +112,8 @@ class DriveDictionary:
         behaviour = Record(name="Error behaviour")
         behaviour[1] = Variable(U8, "rw", 1, minimum=1, maximum=1, name="Communication error: no change of state")
         od[0x1029] = behaviour
-        od[0x6076] = Variable(U32, "ro", round(config.rated_torque_nm * 1000), name="Motor rated torque")
+        rated = round(config.rated_torque_nm * profile.scaling.rated_torque_counts_per_nm)
+        od[0x6076] = Variable(U32, "ro", rated, name="Motor rated torque")
         od.update_callbacks[0x1400, 5].add(self._setpoint_timeout)
 
     def _add_setting(self, row: Setting) -> None:

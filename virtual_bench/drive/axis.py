@@ -20,7 +20,8 @@ class DriveAxis:
         self.machine = Cia402Machine(config.profile.scaling.position_counts_per_motor_rev, on_emcy)
         self._plant = plant
         self._torque_unit_nm = config.torque_unit_nm
-        self._counts_per_rad_s = config.profile.scaling.velocity_counts_per_rad_s
+        self._sign = config.sign
+        self._counts_per_rad_s = config.sign * config.profile.scaling.velocity_counts_per_rad_s
         self._limit_until_ns = -1
         self._applied: Demand | None = None
         self.apply_limits()
@@ -41,7 +42,7 @@ class DriveAxis:
             self._applied = demand
             self._plant.set_drive(
                 demand.loop,
-                demand.torque_permille * self._torque_unit_nm,
+                self._sign * demand.torque_permille * self._torque_unit_nm,
                 demand.velocity_counts_s / self._counts_per_rad_s,
             )
 

@@ -74,9 +74,9 @@ def parameters(unit: Unit, config: BenchConfig) -> FloatArray:
         P.TORQUE_LOOP_RAD_S: 2.0 * pi * drive.torque_bandwidth_hz,
         P.TABLE_START_ARCMIN: -TABLE_HALF_ARCMIN,
         P.TABLE_STEP_ARCMIN: TABLE_STEP_ARCMIN,
-        P.TORQUE_UNIT_NM: drive.torque_unit_nm,
-        P.COUNTS_PER_RAD: drive.profile.scaling.position_counts_per_motor_rev / (2.0 * pi),
-        P.COUNTS_S_PER_RAD_S: drive.profile.scaling.velocity_counts_per_rad_s,
+        P.TORQUE_UNIT_NM: drive.sign * drive.torque_unit_nm,
+        P.COUNTS_PER_RAD: drive.sign * drive.profile.scaling.position_counts_per_motor_rev / (2.0 * pi),
+        P.COUNTS_S_PER_RAD_S: drive.sign * drive.profile.scaling.velocity_counts_per_rad_s,
     }
     values |= _friction(unit) if drives_input else _gearbox_friction(inertia)
     values |= _lock(unit, drives_input=drives_input)

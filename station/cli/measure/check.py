@@ -102,7 +102,7 @@ def steps(program: Program) -> list[Step]:
         else:
             rows.append(Planned(name, start, segment.planned_scans))
         if segment.role != "dwell":
-            rows[-1].peak_nm = max(rows[-1].peak_nm, abs(segment.target_nm))
+            rows[-1].peak_nm = max(rows[-1].peak_nm, segment.peak_nm)
         start += segment.planned_scans
     rows.append(Planned("release", start, program.rest_scans))
     return [
@@ -121,6 +121,7 @@ STEP_OF_ROLE: dict[str, str] = {
     "calibrate": "calibrate",
     "virgin": "first rise",
     "approach": "approach",
+    "sweep": "torque sweep",
     "unload": "unload",
 }
 """Step that a segment belongs to by its role; measured and fatigue cycles are named by their number."""

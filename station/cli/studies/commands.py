@@ -87,7 +87,10 @@ def temperature(
 @study_app.command("frequency")
 def frequency(
     trace: Annotated[str, typer.Argument(metavar="TRACE", help="Stored run, or a CSV, Parquet or TDMS file.")],
-    band: Annotated[str, typer.Option("--band", metavar="LOW:HIGH", help="Band of the chirp [Hz].")],
+    band: Annotated[
+        str | None,
+        typer.Option("--band", metavar="LOW:HIGH", help="Band of the chirp [Hz]. Default: that of the run's sweep."),
+    ] = None,
     period: Annotated[
         float | None, typer.Option("--period", metavar="S", help="Period of a chirp that repeats [s].")
     ] = None,
@@ -102,7 +105,7 @@ def frequency(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Natural frequency and damping from a torque chirp: H1 estimate with a limit on the coherence."""
+    """Dynamic stiffness, natural frequency and damping from a torque sweep: H1 estimate with a limit on coherence."""
     from station.cli.studies import frequency as command_frequency
 
     asked = command_frequency.Asked(trace, band, period, coherence, recipe, data, out)

@@ -15,7 +15,7 @@ from analysis.trace.errors import AnalysisError
 from station.cli.line.line_statistics import figure
 from station.cli.out_file import refuse_records, writing
 from station.cli.say import Grid, say
-from station.cli.studies.loop_source import channels_of, trace_source
+from station.cli.studies.loop_source import Source, channels_of, trace_source
 from station.errors import StationError
 
 
@@ -24,7 +24,7 @@ class Asked:
     """What the command line asked for."""
 
     trace: str
-    band: str
+    band: str | None
     period_s: float | None
     coherence: float
     recipe: str | None
@@ -53,13 +53,16 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
         StationError, RecipeError, AnalysisError: bad input, or no line that passes the gate.
 
     """
-    band = band_of(asked.band)
     if asked.out is not None:
         refuse_records(asked.out)
     source = trace_source(asked.trace, asked.recipe, asked.data)
+    band, period_s = _band_and_period(asked, source)
     time_s = source.trace.channel("t_s", "the frequency response")
     angle, torque = channels_of(source)
-    found = frequency_response(time_s, torque, angle, band, period_s=asked.period_s, least_coherence=asked.coherence)
+    if source.sweep is not None:
+        swept = _swept_rows(source)
+        time_s, angle, torque = time_s[swept], angle[swept], torque[swept]
+    found = frequency_response(time_s, torque, angle, band, period_s=period_s, least_coherence=asked.coherence)
     document = {
         "source": source.name,
         "virtual": source.virtual,
@@ -67,10 +70,11 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
         "lines": found.frequency_hz.size,
         "lines_used": int(found.used.sum()),
         "averages": found.averages,
+        "response": _response(found),
     }
     lines = f"{document['lines']} lines from {found.frequency_hz[0]:.4g} to {found.frequency_hz[-1]:.4g} Hz"
     gate = f"{document['lines_used']} pass the gate (coherence {asked.coherence:g})"
-    blocks: list[str | Grid] = [f"{source.name}: {lines}, {gate}, {found.averages:.3g} averages"]
+    blocks: list[str | Grid] = [f"{source.name}: {lines}, {gate}, {found.averages:.3g} averages", _stiffness(found)]
     try:
         one = fit_resonance(found)
     except AnalysisError as error:
@@ -95,6 +99,86 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
         document |= {"written": str(asked.out)}
         blocks.append(f"lines   {asked.out}")
     return say(document, blocks, as_json=as_json)
+
+
+def _band_and_period(asked: Asked, source: Source) -> tuple[tuple[float, float], float | None]:
+    """Return the band [Hz] and the period [s]: those asked for, or of the run's own sweep."""
+    if source.sweep is None:
+        if asked.band is None:
+            raise StationError(
+                f"{source.name}: found no torque_sweep, whose band would be known; name the band of the chirp with "
+                "--band LOW:HIGH"
+            )
+        return band_of(asked.band), asked.period_s
+    if asked.period_s is not None:
+        raise StationError("--period is for files; a run knows the period of its sweep. Leave it out")
+    sweep, scan_s = source.sweep
+    period_s = sweep.period_scans * scan_s
+    half_line_hz = 0.5 / period_s  # the first and the last line lie on the ends of the band
+    own = (sweep.from_hz - half_line_hz, sweep.to_hz + half_line_hz)
+    return own if asked.band is None else band_of(asked.band), period_s
+
+
+def _swept_rows(source: Source) -> slice:
+    """Return the rows of a run's sweep without its last period, in which the amplitude fades.
+
+    Raises:
+        StationError: rows are missing, or the sweep was held up: its periods are then not alike.
+
+    """
+    trace = source.trace
+    if source.sweep is None or trace.segment is None:
+        raise StationError(f"{source.name}: the record does not say which samples belong to the sweep")
+    sweep, _ = source.sweep
+    swept = [key for key, info in trace.segments.items() if info.role == "sweep"]
+    rows = np.flatnonzero(np.isin(trace.segment, swept))
+    if abs(rows.size - sweep.scans) > 1:
+        raise StationError(
+            f"{source.name}: the sweep has {rows.size} samples, {sweep.scans} were planned: it was held up, stopped, "
+            "or samples are missing. Measure again"
+        )
+    return slice(int(rows[0]), int(rows[0]) + sweep.scans - sweep.period_scans)
+
+
+def _response(found: FrequencyResponse) -> list[dict[str, float | bool]]:
+    """Return every line with what it says of the dynamic stiffness, for JSON."""
+    rows: list[dict[str, float | bool]] = []
+    for line, frequency_hz in enumerate(found.frequency_hz.tolist()):
+        magnitude = float(abs(found.response[line]))
+        if magnitude > 0.0:
+            stiffness = 1.0 / magnitude
+            rows.append(
+                {
+                    "frequency_hz": frequency_hz,
+                    "stiffness_nm_per_arcmin": stiffness,
+                    "u_stiffness_nm_per_arcmin": stiffness * float(found.u_relative[line]),
+                    "phase_deg": math.degrees(np.angle(found.response[line])),
+                    "coherence": float(found.coherence[line]),
+                    "used": bool(found.used[line]),
+                }
+            )
+    return rows
+
+
+SHOWN_LINES = 9
+"""Lines of the response that are shown; `--out` writes all of them."""
+
+
+def _stiffness(found: FrequencyResponse) -> Grid:
+    """Return the dynamic stiffness over frequency, of some of the lines that pass the gate."""
+    used = [row for row in _response(found) if row["used"]]
+    shown = np.unique(np.linspace(0, len(used) - 1, SHOWN_LINES).round().astype(np.int64)).tolist()
+    rows = [
+        (
+            figure(row["frequency_hz"], "Hz", 4),
+            figure(row["stiffness_nm_per_arcmin"], "N·m/arcmin", 4),
+            f"± {row['u_stiffness_nm_per_arcmin']:.2g}",
+            f"{row['phase_deg']:+.1f}°".replace("-", "−"),
+            f"{row['coherence']:.4f}",
+        )
+        for row in (used[place] for place in shown)
+    ]
+    return Grid(("frequency", "dynamic stiffness", "standard u", "phase", "coherence"), rows, right=(0, 1, 3, 4))
 
 
 def _write(path: Path, found: FrequencyResponse) -> None:

@@ -15,6 +15,7 @@ from analysis.trace.trace import Trace
 from analysis.trace.trace_files import read_trace
 from analysis.trace.units import FloatArray
 from analysis.uncertainty.figures import SensorFigures
+from definitions.program import Sweep
 from definitions.units import ARCMIN_PER_RAD
 from recipes import find_bench, load_bench, load_recipe
 from station.bench.figures import figures_of
@@ -33,6 +34,7 @@ from station.results.run_analysis import complete_run
 class Source:
     """A trace and how it is read: `method` None takes output torque and angle as they stand there.
 
+    sweep: how the torque of its sweep goes, and the scan period [s]; None where a run had none, and for files.
     result: the evaluation with its branches, None where there was nothing to evaluate by. figures: what the bench
     declares of its sensors, None where it is not known.
     """
@@ -44,6 +46,7 @@ class Source:
     method: Method | None = None
     result: Result | None = None
     figures: SensorFigures | None = None
+    sweep: tuple[Sweep, float] | None = None
 
 
 def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = None) -> Source:
@@ -92,7 +95,10 @@ def _of_run(run: RunRecord) -> Source:
     manifest = run.manifest()
     virtual = clock_of(manifest.clock) == VIRTUAL or bool(manifest.unit.virtual)
     method = method_of(found.job.recipe, found.job.bench)
-    return Source(run.id, found.trace, manifest.serial, virtual, method, found.result, figures_of(found.job.bench))
+    program = found.job.program
+    sweep = next(((one.sweep, program.period_s) for one in program.segments if one.sweep is not None), None)
+    figures = figures_of(found.job.bench)
+    return Source(run.id, found.trace, manifest.serial, virtual, method, found.result, figures, sweep)
 
 
 def loop_of(source: Source) -> LoopSamples:

@@ -7,16 +7,17 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from drivers_support import PERIOD_NS, drive_config
+from drivers_support import PERIOD_NS, drive_config, drive_profile, raw_profile
 from durand.datatypes import DatatypeEnum as Type
 from durand.object_dictionary import Variable
 from durand_drive import DurandDrive
 
 from definitions.image import NmtState
+from definitions.protections import BY_NAME, MISSING
 from drivers.can.bus import CanLink, open_can
 from drivers.config import CanConfig, DriveConfig
 from drivers.errors import DriveSetupError
-from drivers.servo_drive.objects import PROTECTIONS, protection_rows
+from drivers.servo_drive.objects import protection_rows, protections_of
 from drivers.servo_drive.setup import set_up_drive
 
 CHANNEL = "drive-setup"
@@ -83,7 +84,7 @@ def test_everything_is_written_and_the_drive_started(drive: DurandDrive, link: C
 def test_every_protection_is_reported_as_read_back(drive: DurandDrive, link: CanLink) -> None:
     log = "\n".join(set_up_drive(link, drive_config(), PERIOD_NS))
     assert drive.node.nmt.state == NmtState.OPERATIONAL
-    for row in PROTECTIONS:
+    for row in protections_of(drive_config().profile):
         assert f"{row.index:04X}:{row.subindex:02X} {row.meaning}" in log
 
 
@@ -287,10 +288,66 @@ def test_a_protection_that_is_off_is_refused_before_anything_is_sent(link: CanLi
 
 
 def test_every_protection_that_zero_switches_off_is_tried() -> None:
-    assert len(OFF) == sum(row.zero_is_off for row in PROTECTIONS)
+    assert len(OFF) == sum(row.zero_is_off for row in protections_of(drive_config().profile))
 
 
 def test_a_value_too_large_for_its_object_is_refused(drive: DurandDrive, link: CanLink) -> None:
     (problem,) = refused(link, drive_config(max_torque_nm=500.0))
     assert "does not fit its object: found 100000, expected a number of type u16" in problem
     assert drive.od.read(0x6072, 0) == 3000
+
+
+def with_profile(**options: Any) -> DriveConfig:
+    return drive_config(profile=drive_profile(dict(raw_profile("virtual-drive")) | options))
+
+
+def test_what_a_drive_lacks_is_not_asked_for_and_stands_in_what_was_verified(drive: DurandDrive, link: CanLink) -> None:
+    for index in (0x6007, 0x6072, 0x6087):
+        del drive.od._variables[index]
+    drive.od[0x6073] = Variable(Type.UNSIGNED16, "rw", 2000)
+    lacking = {"abort_connection": "none", "torque_slope": "none", "torque_limit": "max_current"}
+    log = set_up_drive(link, with_profile(protections=lacking), PERIOD_NS)
+    missing = [line for line in log if MISSING in line]
+    assert len(missing) == 2
+    assert BY_NAME["abort_connection"].meaning in missing[0]
+    assert BY_NAME["torque_slope"].meaning in missing[1]
+    assert "node 5 6073:00 largest current (0.1 % of rated current) = 1100: written, read back" in log
+    assert drive.node.nmt.state == NmtState.OPERATIONAL
+
+
+def test_what_the_drive_needs_at_its_start_is_written_and_read_back(drive: DurandDrive, link: CanLink) -> None:
+    drive.od[0x3000] = Variable(Type.UNSIGNED8, "rw", 0)
+    startup = [{"index": 0x3000, "subindex": 0, "type": "u8", "value": 7, "meaning": "torque by this source"}]
+    log = set_up_drive(link, with_profile(startup=startup), PERIOD_NS)
+    assert drive.od.read(0x3000, 0) == 7
+    assert "node 5 3000:00 torque by this source = 7: written, read back" in log
+
+
+def test_a_start_up_object_that_is_a_protection_too_is_refused_before_anything_is_sent(link: CanLink) -> None:
+    startup = [{"index": 0x6072, "subindex": 0, "type": "u16", "value": 3000, "meaning": "more torque"}]
+    (problem,) = refused(link, with_profile(startup=startup))
+    assert problem.startswith("node 5 6072:00: more torque is written at start-up")
+
+
+def test_a_fixed_mapping_other_than_the_profiles_is_refused_and_an_equal_one_is_not_written(
+    drive: DurandDrive, link: CanLink
+) -> None:
+    set_up_drive(link, drive_config(), PERIOD_NS)
+    written: list[int] = []
+    for subindex in range(5):
+        drive.od.validate_callbacks[0x1A00, subindex].add(written.append)
+    fixed = dict(raw_profile("virtual-drive"))
+    fixed["transmit_pdos"][0]["fixed_mapping"] = True
+    config = drive_config(profile=drive_profile(fixed))
+    log = set_up_drive(link, config, PERIOD_NS)
+    assert "node 5 1A00:01 drive PDO 1: statusword = 0x60410010: checked" in log
+    drive.forgets(0x1A00, 2, 0x60770010)
+    (problem,) = refused(link, config)
+    assert problem.startswith("node 5 1A00:02: drive PDO 1: mode_display is not what it must be: found 0x60770010")
+    assert not written
+
+
+def test_a_drive_whose_polarity_is_turned_is_turned_back(drive: DurandDrive, link: CanLink) -> None:
+    drive.od[0x607E] = Variable(Type.UNSIGNED8, "rw", 0xC0)
+    set_up_drive(link, drive_config(), PERIOD_NS)
+    assert drive.od.read(0x607E, 0) == 0

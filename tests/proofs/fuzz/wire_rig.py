@@ -107,7 +107,7 @@ class WireRig:
         brake.written = {"brake_on": self.orders.brake_on, "brake_current_a": self.orders.brake_current_a}
         self.bend_reply = bend_reply
         node = config.drive.node_id
-        self._tpdos = [(tpdo_cob_id(p.number, node), p.objects) for p in config.drive.profile.transmit_pdos]
+        self._tpdos = [(tpdo_cob_id(p, node), p.objects) for p in config.drive.profile.transmit_pdos]
         self._rpdo = next(p for p in config.drive.profile.receive_pdos if p.timeout)
         self._rpdo_id = rpdo_cob_id(self._rpdo.number, node)
         self._node = node

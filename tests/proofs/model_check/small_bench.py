@@ -14,7 +14,7 @@ from bench_model import READY
 from programs import limits
 
 from definitions.image import Command, DriveCommand, DriveMode, DriveState, Image, Orders, State
-from definitions.program import Lock, Program, Segment, Tare, TorqueControl
+from definitions.program import Lock, Program, Segment, Sweep, Tare, TorqueControl
 
 S, D, C = State, DriveState, DriveCommand
 PROOF_NM, PEAK_NM, TORQUE_LIMIT_NM, SLEW_NM, RELEASE_NM, WILD_NM = 1.0, 2.0, 2.0, 1.0, 1.0, 50.0
@@ -41,8 +41,12 @@ ROWS: tuple[tuple[State, str, int, float, float, int], ...] = (
     (S.REVERSE, "dwell", 0, -PEAK_NM, -PEAK_NM, 1),
     (S.RAMP_POS, "measure", 1, -PEAK_NM, PEAK_NM, 0),
     (S.REVERSE, "dwell", 0, PEAK_NM, PEAK_NM, 1),
+    (S.REVERSE, "sweep", 0, PEAK_NM, PEAK_NM, 0),
     (S.UNLOAD, "unload", -1, PEAK_NM, 0.0, 0),
 )
+SWEEP = Sweep(amplitude_nm=0.0, from_hz=0.5, to_hz=0.5, period_scans=2, periods=1)
+"""Its time, its holds and its end are walked. Without an amplitude, for a sine would leave the lattice of torques."""
+
 LIMITS = limits(
     torque_out_alarm_nm=3.2, torque_out_trip_nm=4.2, torque_in_trip_nm=4.2, speed_rad_s=1.5, travel_rad=1.0,
     lock_slip_rad=0.2, lock_proof_motion_rad=0.1, housing_temperature_c=60.0, sample_late_scans=5,
@@ -63,6 +67,7 @@ def small_program(*, by_speed: bool = False, loading_input: bool = True) -> Prog
             Segment(
                 index, state, role, direction, 0, 1, start, target, 0.0 if speed or not ramp else 1.0,
                 1.0 if speed else 0.0, 1.0 if speed else 0.0, dwell, dwell or 8, dwell or 4,
+                SWEEP if role == "sweep" else None,
             ),
         )  # fmt: skip
     return Program(

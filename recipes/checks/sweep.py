@@ -1,0 +1,86 @@
+"""Torque sweeps: what the drive can follow, what moves the unit at all, and what a response can be read from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi
+
+from definitions.units import DURATION, FREQUENCY, TORQUE
+from recipes.checks.expectations import Finding, windup_rad
+from recipes.compiler.budgets import budget
+from recipes.schema.bench_schema import Bench
+from recipes.schema.recipe_schema import Recipe
+from recipes.schema.sequence_schema import TorqueSweep
+from recipes.text.quantity import show
+
+LEAST_CYCLES = 4.0
+"""Cycles of the lowest frequency in a period: the line beside it is then far enough away."""
+
+SLEW_SHARE = 0.8
+"""Of the drive's slew that a planned sweep may take: the rest is for the control."""
+
+ROUNDING = 1.0 + 1e-9
+
+
+def check_sweep(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
+    """Frequencies in order, a torque on one side of zero, and a drive that can follow through the unit's friction."""
+    sweeps = [(index, step) for index, step in enumerate(recipe.sequence) if isinstance(step, TorqueSweep)]
+    for index, _ in sweeps[1:]:
+        hint = "Delete it, and measure it by a recipe of its own."
+        yield Finding(("sequence", index, "torque_sweep"), "a second sweep", "one in a recipe", hint)
+    for index, step in sweeps:
+        option = ("sequence", index, step.kind)
+        for name, found, allowed, hint in (*_shape(recipe, bench, step), *_speed(recipe, bench, step)):
+            yield Finding((*option, name), found, allowed, hint)
+
+
+Row = tuple[str, str, str, str]
+
+
+def _shape(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
+    if step.to_frequency_hz <= step.from_frequency_hz:
+        found = f"{show(step.to_frequency_hz, FREQUENCY)}, not above from_frequency"
+        yield "to_frequency", found, f"above {show(step.from_frequency_hz, FREQUENCY)}", "Exchange the two."
+    shortest_s = LEAST_CYCLES / step.from_frequency_hz
+    if step.period_s < shortest_s / ROUNDING:
+        found = (
+            f"{show(step.period_s, DURATION)}, {step.period_s * step.from_frequency_hz:.3g} cycles of from_frequency"
+        )
+        allowed = f"at least {show(shortest_s, DURATION, 3)}, {LEAST_CYCLES:g} of its cycles"
+        yield "period", found, allowed, "Take a longer period, or a higher from_frequency."
+    if step.amplitude_nm > step.peak_torque_nm / 2.0 * ROUNDING:
+        found = f"{show(step.amplitude_nm, TORQUE)}, with which the torque goes below zero"
+        allowed = f"up to half of peak_torque, {show(step.peak_torque_nm / 2.0, TORQUE, 4)}"
+        yield "amplitude", found, allowed, "Take a smaller amplitude: through zero it is the backlash that is measured."
+    if recipe.measurement.output_torque == "calibrated" or bench.sensors.torque_out is None:
+        found = "a sweep, while the output torque is converted from the input torque"
+        hint = "Leave the sweep out here: as friction turns in every cycle, the conversion does not hold."
+        yield "amplitude", found, "a sweep where the output torque is measured", hint
+
+
+def _speed(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
+    """What the drive has to do: the sine itself, and the way through the friction at each of its turns."""
+    unit, limits = recipe.unit_under_test, recipe.interlocks
+    at_input = recipe.loading == "input"
+    slope = unit.loading_torque_ratio.slope if at_input else 1.0
+    friction_nm = abs(unit.loading_torque_ratio.offset_nm) if at_input else 0.0
+    slew_nm_s = SLEW_SHARE * budget("slew_of_peak_per_s") * bench.max_loading_torque_nm * slope
+    most_hz = min(
+        slew_nm_s / (2.0 * pi * step.amplitude_nm),
+        # from turn to turn, in half a cycle: twice the amplitude, and twice the friction before the unit follows
+        slew_nm_s / (4.0 * (step.amplitude_nm + friction_nm)),
+    )
+    if step.to_frequency_hz > most_hz * ROUNDING:
+        found = f"{show(step.to_frequency_hz, FREQUENCY)} with an amplitude of {show(step.amplitude_nm, TORQUE)}"
+        allowed = f"up to {show(most_hz, FREQUENCY, 3)}: the drive changes the output torque by {slew_nm_s:.3g} N·m/s"
+        if friction_nm:
+            allowed += f", and the friction of {show(friction_nm, TORQUE, 3)} turns twice in a cycle"
+        yield "to_frequency", found, allowed, "Lower the frequency or the amplitude."
+    rate_nm_s = 2.0 * pi * step.to_frequency_hz * step.amplitude_nm
+    slowest_rad_s = min(limits.speed_rad_s, bench.max_loading_speed_rad_s)
+    if windup_rad(recipe, rate_nm_s) >= slowest_rad_s:
+        found = f"{show(step.to_frequency_hz, FREQUENCY)}, at which the {recipe.loading} shaft is faster than allowed"
+        yield "to_frequency", found, "a speed below interlocks.speed and the drive's max_speed", "Lower it."
+    if limits.torque_rate_nm_s is not None and rate_nm_s >= limits.torque_rate_nm_s:
+        found = f"{show(step.to_frequency_hz, FREQUENCY)}, which is {rate_nm_s:.3g} N·m/s"
+        yield "to_frequency", found, f"below {limits.torque_rate_nm_s:g} N·m/s, interlocks.torque_rate", "Lower it."

@@ -26,7 +26,6 @@ from station.web.models import Model, load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
 from station.web.scanner import GS, ScanError, serial_of
 
-
 FAILED_BEFORE = PreviousStep("failed", away=False, silent_s=1.0, may_be_unverified=True)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sqlalchemy import Connection, delete, insert, select
@@ -22,9 +22,12 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.bypasses import LONGEST_HOURS, BypassError, add_bypass, bypasses_now, end_bypass
+from station.web.mes.previous_step import announce, heard, previous_step
+from station.web.mes.settings import MesSettings
 from station.web.models import Models
 from station.web.people import audit
 from station.web.people.accounts import (
+    MES,
     ROLES,
     AccountError,
     EntryRefusedError,
@@ -40,7 +43,7 @@ from station.web.people.accounts import (
     session_of,
 )
 from station.web.people.database import ANSWERS, CONFIRMED, StationDatabase
-from station.web.permission import Wanted, may_be_bad, refusals, situation_of, unconfirmed
+from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
 from station.web.running import Running
 from station.web.scanner import ScanError, serial_of
 
@@ -48,6 +51,8 @@ EVERYBODY = frozenset(ROLES)
 AT_THE_BENCH = frozenset({"operator", "technician", "engineer", "admin"})
 IN_CHARGE = frozenset({"technician", "engineer", "admin"})
 ADMIN = frozenset({"admin"})
+
+MAY_START = AT_THE_BENCH | {MES}
 
 OK, BAD_INPUT, NOT_ENTERED, NOT_ALLOWED, NOT_NOW, NOT_READY = 200, 422, 401, 403, 409, 503
 LONGEST_KEY = 64
@@ -74,6 +79,13 @@ class Confirm(_Needs):
     """The run whose bad unit is in the NOK box."""
 
     run: str = Field(max_length=200)
+
+
+class Announced(_Needs):
+    """A unit that comes to the bench, and what became of it in the process step before."""
+
+    serial: str = Field(max_length=512)
+    previous_step: Literal["passed", "failed"]
 
 
 class NewBypass(_Needs):
@@ -143,6 +155,8 @@ class Station:
     running: Running
     run_options: tuple[str, ...] = ()
     """Further options of `lostmotion run`, as the server was started with them."""
+    mes: MesSettings | None = None
+    """The MES of the plant; None: none is asked or told."""
 
 
 @dataclass(frozen=True)
@@ -173,10 +187,8 @@ class Action(NamedTuple):
 
 def _start_run(call: Call, given: Start) -> dict[str, Any]:
     station = call.station
-    serial = serial_of(given.scanned)
-    wanted = Wanted(serial, given.retest_reason)
-    confirmed = _confirmed(call.connection)
-    now = situation_of(station.data, station.models, wanted, busy=station.running.busy(), confirmed=confirmed)
+    now = _situation(call, given)
+    serial = now.wanted.serial
     bypasses = bypasses_now(call.connection)
     if why := refusals(now, {one.condition for one in bypasses}):
         raise NotNowError(why)
@@ -186,9 +198,40 @@ def _start_run(call: Call, given: Start) -> dict[str, Any]:
     used = {name for name, _ in refusals(now)}
     for note in (str(one) for one in bypasses if one.condition in used):
         options += ["--note", note]
+    if "previous_step_passed" not in used and (unverified := unverified_note(now)) is not None:
+        options += ["--note", unverified]
     options += ["--retest-reason", given.retest_reason] if given.retest_reason.strip() else []
     station.running.start(options, serial)
     return {"serial": serial, "model": model.model, "recipe": model.recipe}
+
+
+def _situation(call: Call, given: Start) -> Situation:
+    station, serial = call.station, serial_of(given.scanned)
+    step = None if station.mes is None else previous_step(call.connection, station.mes, serial)
+    return situation_of(
+        station.data, station.models, Wanted(serial, given.retest_reason), busy=station.running.busy(),
+        confirmed=_confirmed(call.connection), previous_step=step,
+    )  # fmt: skip
+
+
+def _ask_permission(call: Call, given: Start) -> dict[str, Any]:
+    _note_mes(call)
+    now = _situation(call, given)
+    why = refusals(now, {one.condition for one in bypasses_now(call.connection)})
+    reasons = [{"id": name, "text": words} for name, words in why]
+    return {"serial": now.wanted.serial, "allowed": not why, "reasons": reasons}
+
+
+def _announce_unit(call: Call, given: Announced) -> dict[str, Any]:
+    _note_mes(call)
+    serial = serial_of(given.serial)
+    announce(call.connection, serial, given.previous_step, call.person.name)
+    return {"serial": serial, "previous_step": given.previous_step}
+
+
+def _note_mes(call: Call) -> None:
+    if call.person.role == MES:
+        heard(call.connection)
 
 
 def _confirmed(connection: Connection) -> frozenset[str]:
@@ -260,7 +303,11 @@ def _leave(call: Call, _given: Nothing) -> dict[str, Any]:
 ACTIONS: dict[str, Action] = {
     row.id: row
     for row in (
-        Action("start_run", "measure the scanned unit", AT_THE_BENCH, Start, _start_run, ("scanned", "retest_reason")),
+        Action("start_run", "measure the scanned unit", MAY_START, Start, _start_run, ("scanned", "retest_reason")),
+        Action("ask_permission", "say whether a unit may be measured now, and why not", MAY_START, Start,
+               _ask_permission, ("scanned",)),
+        Action("announce_unit", "say whether a unit passed its previous process step", frozenset({MES}), Announced,
+               _announce_unit, ("serial", "previous_step")),
         Action("stop_run", "bring the torque to zero and stop the run", EVERYBODY, Nothing, _stop_run),
         Action("confirm_nok", "confirm that a bad unit is in the NOK box", AT_THE_BENCH, Confirm, _confirm, ("run",)),
         Action("add_bypass", "set a start condition aside for some hours", IN_CHARGE, NewBypass, _add_bypass,

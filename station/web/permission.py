@@ -21,6 +21,7 @@ from station.records.master_parts import master_parts
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
 from station.run.disk_space import refuse_full_disk
 from station.wall_clock import WALL_CLOCK
+from station.web.mes.previous_step import FAILED, PASSED, PreviousStep
 from station.web.models import Model, Models
 
 EARLIEST = datetime(2025, 1, 1, tzinfo=UTC)
@@ -40,7 +41,10 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Situation:
-    """What the conditions look at. job: of the unit's recipe, None where it cannot be had; then why_no_job says so."""
+    """What the conditions look at. job: of the unit's recipe, None where it cannot be had; then why_no_job says so.
+
+    previous_step: what the MES says of the unit; None where the plant has set up no MES.
+    """
 
     data: Path
     wanted: Wanted
@@ -51,6 +55,7 @@ class Situation:
     before: tuple[EarlierAttempt, ...]
     newest: RunRecord | None
     unconfirmed: str
+    previous_step: PreviousStep | None = None
 
     @property
     def is_master_part(self) -> bool:
@@ -67,8 +72,11 @@ class Condition(NamedTuple):
     may_be_bypassed: bool = False
 
 
-def situation_of(data: Path, models: Models, wanted: Wanted, *, busy: bool, confirmed: frozenset[str]) -> Situation:
-    """Look at what is there; confirmed: runs whose bad unit is in its box."""
+def situation_of(
+    data: Path, models: Models, wanted: Wanted, *, busy: bool, confirmed: frozenset[str],
+    previous_step: PreviousStep | None = None,
+) -> Situation:  # fmt: skip
+    """Look at what is there; confirmed: runs whose bad unit is in its box; previous_step: what the MES says."""
     model, job, why = models.of(wanted.serial), None, ""
     if model is not None:
         try:
@@ -78,7 +86,7 @@ def situation_of(data: Path, models: Models, wanted: Wanted, *, busy: bool, conf
     store = Store(data)
     before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
-    return Situation(data, wanted, model, job, why, busy, before, newest, unconfirmed(data, confirmed))
+    return Situation(data, wanted, model, job, why, busy, before, newest, unconfirmed(data, confirmed), previous_step)
 
 
 def refusals(situation: Situation, bypassed: Collection[str] = ()) -> list[tuple[str, str]]:
@@ -118,6 +126,25 @@ def _model_known(one: Situation) -> str | None:
     return (
         f"No model has serial numbers like '{one.wanted.serial}'. Scan the label of the unit, or call the technician."
     )
+
+
+def _previous_step_passed(one: Situation) -> str | None:
+    step = one.previous_step
+    if step is None or one.is_master_part or step.result == PASSED or step.unverified:
+        return None
+    if step.result == FAILED:
+        return "The unit failed its previous process step, says the MES. Put it aside and call the shift leader."
+    if not step.away:
+        return "The MES has not said that the unit passed its previous process step. Call the shift leader."
+    silent = "was never heard" if step.silent_s is None else f"was last heard {step.silent_s:.0f} s ago"
+    return f"The MES {silent}, and has not said that the unit passed its previous process step. Hold the unit."
+
+
+def unverified_note(one: Situation) -> str | None:
+    """Return what the record says of a unit whose previous process step nobody has confirmed; None otherwise."""
+    if one.previous_step is None or one.is_master_part or not one.previous_step.unverified:
+        return None
+    return "unverified: the MES was away, so the previous process step of this unit was not confirmed"
 
 
 def _recipe_in_order(one: Situation) -> str | None:
@@ -201,6 +228,12 @@ def _clock_plausible(one: Situation) -> str | None:
 CONDITIONS: tuple[Condition, ...] = (
     Condition("bench_free", "no run is on", _bench_free),
     Condition("model_known", "the serial number is one of a known model", _model_known),
+    Condition(
+        "previous_step_passed",
+        "the MES says that the unit passed its previous process step",
+        _previous_step_passed,
+        may_be_bypassed=True,
+    ),
     Condition("recipe_in_order", "recipe and bench of the model are in order", _recipe_in_order),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
     Condition(

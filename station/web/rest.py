@@ -32,6 +32,7 @@ from station.web.actions import (
     said,
 )
 from station.web.bypasses import bypasses_now
+from station.web.mes.outbox import waiting
 from station.web.people import audit
 from station.web.people.accounts import (
     COOKIE,
@@ -148,6 +149,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         found = station.running.now()
         with station.database.reading() as connection:
             bypasses = [str(one) for one in bypasses_now(connection)]
+            left = None if station.mes is None else waiting(connection)
         return JSONResponse({
             "stage": found.stage, "serial": found.serial, "run": found.run, "attempt": found.attempt,
             "recipe": found.recipe, "refused": found.refused, "altered": list(found.altered),
@@ -158,6 +160,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "verdict": None if found.result is None else found.result.verdict,
             "reasons": [] if found.result is None else list(found.result.reasons),
             "bypasses": bypasses,
+            "webhooks": None if left is None else {"waiting": left.messages, "last_error": left.last_error},
         })  # fmt: skip
 
     @app.get("/api/runs/{run}", summary="the result of a run", tags=["runs"], **_answers(200, 401, 404, 409, 503))

@@ -13,6 +13,8 @@ from starlette.types import ASGIApp
 from station.errors import StationError
 from station.web.actions import Station
 from station.web.guard import Guard
+from station.web.mes.outbox import Sender
+from station.web.mes.settings import load_mes
 from station.web.models import load_models
 from station.web.pages.operator import add_pages
 from station.web.pages.results import add_results
@@ -48,7 +50,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     """
     if (served.certificate is None) != (served.key is None):
         raise StationError("--certificate and --key belong together. Name both, or none")
-    models = load_models(served.data, served.models)
+    models, mes = load_models(served.data, served.models), load_mes(served.data)
     database = StationDatabase(served.data, serving=True)
     try:
         with database.writing() as connection:
@@ -58,7 +60,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     except StationError:
         database.close()
         raise
-    station = Station(served.data, database, models, Running(served.data), served.run_options)
+    station = Station(served.data, database, models, Running(served.data), served.run_options, mes)
     return station, password
 
 
@@ -100,7 +102,9 @@ def serve(served: Served) -> None:
 
     """
     station, password = open_station(served)
+    sender = None
     try:
+        sender = None if station.mes is None else Sender(station.database, station.data, station.mes)
         family = socket.AF_INET6 if ":" in served.host else socket.AF_INET
         with socket.socket(family, socket.SOCK_STREAM) as listener:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -119,6 +123,10 @@ def serve(served: Served) -> None:
                 ssl_certfile=served.certificate, ssl_keyfile=served.key, server_header=False,
                 timeout_graceful_shutdown=2,
             )  # fmt: skip
+            if sender is not None:
+                sender.start()
             uvicorn.Server(config).run(sockets=[listener])
     finally:
+        if sender is not None:
+            sender.close()
         station.database.close()

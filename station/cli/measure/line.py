@@ -16,8 +16,11 @@ from pathlib import Path
 
 from station.errors import StationError
 from station.reports.result_text import VERDICT_STYLES
+from station.web.mes.previous_step import PreviousStep, previous_step
+from station.web.mes.settings import load_mes
 from station.web.models import Model, Models, load_models
-from station.web.permission import Wanted, refusals, situation_of, unconfirmed
+from station.web.people.database import StationDatabase
+from station.web.permission import Situation, Wanted, refusals, situation_of, unconfirmed, unverified_note
 from station.web.scanner import ScanError, serial_of
 
 NOK = "NOK"
@@ -36,13 +39,20 @@ READ_BYTES = 4096
 
 Run = Callable[[Sequence[str]], int]
 Say = Callable[[str], None]
+AskMes = Callable[[str], PreviousStep | None]
 
 
 class Line:
     """The loop: takes what was scanned, one text at a time."""
 
-    def __init__(self, data: Path, models: Models, operator: str | None, run: Run, say: Say) -> None:
-        """Begin; `run` measures a unit by options of `lostmotion run` and returns its exit code."""
+    def __init__(  # noqa: PLR0917 - where it works, and whom it asks and tells
+        self, data: Path, models: Models, operator: str | None, run: Run, say: Say, mes: AskMes = lambda _serial: None
+    ) -> None:
+        """Begin; `run` measures a unit by options of `lostmotion run` and returns its exit code.
+
+        mes: what the MES says of the previous process step of a serial number.
+        """
+        self._mes = mes
         self._data, self._models, self._operator = data, models, operator
         self._run, self._say = run, say
         self._confirmed: frozenset[str] = frozenset()
@@ -85,7 +95,10 @@ class Line:
             self._say(f"REFUSED  {text.strip()[:60]!r} was scanned while a run was on. Scan it again")
 
     def _measure(self, wanted: Wanted) -> None:
-        now = situation_of(self._data, self._models, wanted, busy=False, confirmed=self._confirmed)
+        now = situation_of(
+            self._data, self._models, wanted, busy=False, confirmed=self._confirmed,
+            previous_step=self._mes(wanted.serial),
+        )  # fmt: skip
         why = refusals(now)
         if [name for name, _ in why] == ["retest_reason"]:
             self._needs_reason = wanted.serial
@@ -96,15 +109,17 @@ class Line:
                 self._say(f"REFUSED  {text}")
             return
         self.has_run = True
-        verdict = ENDINGS.get(self._run(self._options(now.model, wanted)), "")
+        verdict = ENDINGS.get(self._run(self._options(now, now.model)), "")
         if verdict:
             self._say(f"{verdict}  {wanted.serial}  {DO[verdict]}")
         else:
             self._say(f"NO RESULT  {wanted.serial}  {ELSE}")
 
-    def _options(self, model: Model, wanted: Wanted) -> list[str]:
+    def _options(self, now: Situation, model: Model) -> list[str]:
+        wanted, note = now.wanted, unverified_note(now)
         options = [*model.run_options(), "--serial", wanted.serial, "--data", str(self._data)]
         options += ["--operator", self._operator] if self._operator else []
+        options += ["--note", note] if note else []
         return options + (["--retest-reason", wanted.retest_reason] if wanted.retest_reason else [])
 
 
@@ -154,7 +169,9 @@ def line(data: Path, models: Path | None, operator: str | None, extra: Sequence[
     except OSError as error:
         raise StationError(f"--data {data}: cannot be made: {error.strerror}. Choose another") from error
     scans = Scans(sys.stdin.fileno())
-    loop = Line(data, load_models(data, models), operator, lambda options: _ran([*options, *extra]), _told)
+    loop = Line(
+        data, load_models(data, models), operator, lambda options: _ran([*options, *extra]), _told, _mes_of(data)
+    )
     loop.begin()
     while True:
         try:
@@ -166,6 +183,20 @@ def line(data: Path, models: Path | None, operator: str | None, extra: Sequence[
         loop.take(scanned)
         if loop.has_run:
             loop.refuse(scans.dropped())
+
+
+def _mes_of(data: Path) -> AskMes:
+    """Return what asks for the word of the MES; one of a folder without `mes.yaml` has none."""
+    settings = load_mes(data)
+    if settings is None:
+        return lambda _serial: None
+    database = StationDatabase(data)
+
+    def ask(serial: str) -> PreviousStep:
+        with database.reading() as connection:
+            return previous_step(connection, settings, serial)
+
+    return ask
 
 
 def _ran(options: Sequence[str]) -> int:

@@ -57,13 +57,13 @@ def runs(data: Path, filters: Filters, out: Path | None, locale: str, *, as_csv:
     return 0 if as_csv else say(_document(rows), _blocks(rows), as_json=as_json)
 
 
-def moment_of(text: str) -> str:
+def moment_of(text: str, option: str = "--since") -> str:
     """Return a date, or a date and time, as the runs have theirs: in UTC; StationError for what is none."""
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
         raise StationError(
-            f"--since: found {text!r}; allowed is a date, as in 2026-01-31 or 2026-01-31T08:00"
+            f"{option}: found {text!r}; allowed is a date, as in 2026-01-31 or 2026-01-31T08:00"
         ) from None
     return moment.astimezone(UTC).isoformat(timespec="milliseconds")
 

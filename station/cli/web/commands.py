@@ -7,11 +7,14 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
+
+if TYPE_CHECKING:
+    from station.web.people.database import StationDatabase
 
 audit_app = typer.Typer(help="Who did what at the station.", no_args_is_help=True)
 
@@ -45,13 +48,8 @@ def serve(
 def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
     """Check that no line of the audit trail was changed, removed or added. Exit code: 0 in order, 1 not."""
     from station.web.people import audit
-    from station.web.people.database import FILE, StationDatabase
 
-    if not (data / FILE).is_file():
-        from station.errors import StationError
-
-        raise StationError(f"{data}: has no {FILE}: no station was served here. Name another --data")
-    database = StationDatabase(data)
+    database = _database_of(data)
     with database.reading() as connection:
         head, problems = audit.head_of(connection), audit.problems_of(connection)
     database.close()
@@ -62,3 +60,40 @@ def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
         lines = [*problems, f"{head.lines} lines, head {head.sha256}: {'NOT IN ORDER' if problems else 'in order'}"]
         sys.stdout.write("\n".join(lines) + "\n")
     raise typer.Exit(1 if problems else 0)
+
+
+@audit_app.command("shift")
+def audit_shift(
+    since: Annotated[
+        str, typer.Option("--since", metavar="DATE", help="Begin of the shift, as 2026-01-31T06:00, in local time.")
+    ],
+    until: Annotated[
+        str | None, typer.Option("--until", metavar="DATE", help="End of the shift, as --since. Default: now.")
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Report a shift: runs, first-pass and final yield, bypasses, refused starts, and the head of the audit trail."""
+    from station.cli.runs.run_table import moment_of
+    from station.store.run_table import Filters, run_table
+    from station.store.view import look_at
+    from station.wall_clock import now_text
+    from station.web.shift_report import alarms_of, shift_of
+
+    begin, end = moment_of(since), now_text() if until is None else moment_of(until, "--until")
+    database = _database_of(data)
+    with look_at(data) as view:
+        rows = run_table(view, Filters(since=begin))
+    with database.reading() as connection:
+        found = shift_of(rows, alarms_of(data, rows, end), connection, begin, end)
+    database.close()
+    sys.stdout.write(json.dumps(found.as_json(), ensure_ascii=False) + "\n" if as_json else found.as_text())
+
+
+def _database_of(data: Path) -> StationDatabase:
+    from station.errors import StationError
+    from station.web.people.database import FILE, StationDatabase
+
+    if not (data / FILE).is_file():
+        raise StationError(f"{data}: has no {FILE}: no station was served here. Name another --data")
+    return StationDatabase(data)

@@ -24,7 +24,10 @@ from station.web.people.database import PEOPLE, SESSIONS, StationDatabase
 COOKIE = "lostmotion_session"
 """Name of the cookie that a session is known by."""
 
-ROLES = ("operator", "technician", "quality", "engineer", "admin")
+MES = "mes"
+"""Role of the account by which the MES of the plant makes its requests."""
+
+ROLES = ("operator", "technician", "quality", "engineer", "admin", MES)
 FIRST_ACCOUNT = "admin"
 
 LEAST_PASSWORD, LONGEST_PASSWORD = 8, 200

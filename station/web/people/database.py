@@ -99,6 +99,38 @@ AUDIT = Table(
     Column("sha256", String(64), nullable=False),
 )  # fmt: skip
 
+MES_UNITS = Table(
+    "mes_units", METADATA,
+    Column("serial", String(200), primary_key=True),
+    Column("previous_step", String(16), nullable=False),
+    Column("name", String(64), nullable=False),
+    Column("at", String(40), nullable=False),
+)  # fmt: skip
+"""What the MES has announced: units, and whether their previous process step passed."""
+
+MES_CONTACT = Table(
+    "mes_contact", METADATA, Column("number", Integer, primary_key=True), Column("heard_s", Float, nullable=False)
+)
+"""One row: when the MES was heard last."""
+
+WEBHOOKS = Table(
+    "webhooks", METADATA,
+    Column("number", Integer, primary_key=True),
+    Column("key", String(300), nullable=False, unique=True),
+    Column("serial", String(200), nullable=False, index=True),
+    Column("body", Text, nullable=False),
+    Column("tries", Integer, nullable=False),
+    Column("next_s", Float, nullable=False),
+    Column("last_error", Text, nullable=False, default=""),
+    Column("delivered_at", String(40), index=True),
+)  # fmt: skip
+"""Messages for the MES in the order in which their runs were sealed; one that was delivered has its moment."""
+
+WEBHOOKS_READ = Table(
+    "webhooks_read", METADATA, Column("number", Integer, primary_key=True), Column("offset", Integer, nullable=False)
+)
+"""One row: up to which byte the chain of runs was put into the outbox."""
+
 
 STEPS = ("DROP TABLE IF EXISTS requests",)
 """What brings an older file up to date, one statement a version. The first: it kept plain hashes of what was asked."""

@@ -21,9 +21,12 @@ from station.documents.manifest import EarlierAttempt
 from station.records.data_folder import Store
 from station.wall_clock import WALL_CLOCK
 from station.web import permission
+from station.web.mes.previous_step import PreviousStep
 from station.web.models import Model, load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
 from station.web.scanner import GS, ScanError, serial_of
+
+FAILED_BEFORE = PreviousStep("failed", away=False, silent_s=1.0, may_be_unverified=True)
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +64,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
     return {
         "bench_free": dataclasses.replace(good, busy=True),
         "model_known": dataclasses.replace(good, model=None, job=None),
+        "previous_step_passed": dataclasses.replace(good, previous_step=FAILED_BEFORE),
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
         "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1"),
         "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),

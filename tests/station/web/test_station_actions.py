@@ -21,6 +21,8 @@ from station.web.server import Served, hosts_of, open_station
 
 VALUES = {
     "start_run": {"scanned": "of no model at all"},
+    "ask_permission": {"scanned": "of no model at all"},
+    "announce_unit": {"serial": "ä", "previous_step": "passed"},
     "stop_run": {},
     "confirm_nok": {"run": "R"},
     "add_bypass": {"condition": "bench_free", "reason": "r", "hours": 1.0},

@@ -1,0 +1,230 @@
+"""Webhooks: what the MES is told of runs, from an outbox that is kept in the station's database.
+
+The chain of runs is the source: each entry that seals a run becomes one message, in the transaction that notes how far
+the chain was read. So a kill at any moment loses none and makes none twice. A message stays until the MES has answered
+it with 2xx; then the next of the same serial number is sent. The MES may get one twice where its answer was lost: the
+`Idempotency-Key` tells it. A run neither knows nor waits for any of this.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import sys
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any, NamedTuple
+
+import httpx
+from sqlalchemy import Connection, func, insert, select, update
+
+from station.documents.reading import plain
+from station.documents.result import Result
+from station.errors import StationError
+from station.records.chain.chain_file import CHAIN
+from station.records.chain.entries import SEALED
+from station.records.run_record import RESULT, RunRecord
+from station.records.seal import alterations
+from station.wall_clock import WALL_CLOCK, now_text
+from station.web.mes.previous_step import heard
+from station.web.mes.settings import MesSettings, read_secret
+from station.web.people import audit
+from station.web.people.database import MES_CONTACT, WEBHOOKS, WEBHOOKS_READ, StationDatabase
+
+RESULT_SEALED, ALIVE = "result", "alive"
+SIGNATURE, TIMESTAMP, KEY = "X-Lostmotion-Signature", "X-Lostmotion-Timestamp", "Idempotency-Key"
+
+FIRST_WAIT_S, LONGEST_WAIT_S = 1.0, 60.0
+"""Wait before a message is sent again: doubled each time, up to the longest."""
+
+LOOK_EVERY_S = 0.5
+ALIVE_SHARE = 3
+"""How often within `away_after_s` a MES that has nothing to be told is asked whether it is there."""
+
+LONGEST_REASON = 200
+
+
+class Waiting(NamedTuple):
+    """What the MES has not taken yet: how many messages, and why the last attempt failed ('' : none has)."""
+
+    messages: int
+    last_error: str
+
+
+def signature(secret: bytes, timestamp: str, body: bytes) -> str:
+    """Return the signature of a message: HMAC-SHA256 over time stamp, a full stop and the body, as hexadecimal."""
+    return "sha256=" + hmac.new(secret, timestamp.encode() + b"." + body, hashlib.sha256).hexdigest()
+
+
+def waiting(connection: Connection) -> Waiting:
+    """Return what has not been delivered."""
+    left = WEBHOOKS.c.delivered_at.is_(None)
+    count = connection.execute(select(func.count()).select_from(WEBHOOKS).where(left)).scalar_one()
+    newest = select(WEBHOOKS.c.last_error).where(left & (WEBHOOKS.c.tries > 0)).order_by(WEBHOOKS.c.number).limit(1)
+    return Waiting(count, connection.execute(newest).scalar() or "")
+
+
+def begin_here(database: StationDatabase, data: Path) -> None:
+    """Note where the chain ends when the MES is set up: earlier runs are not told."""
+    with database.writing() as connection:
+        if connection.execute(select(WEBHOOKS_READ.c.offset)).first() is None:
+            content = _content(data, 0)
+            connection.execute(insert(WEBHOOKS_READ).values(number=1, offset=content.rfind(b"\n") + 1))
+
+
+def collect(database: StationDatabase, data: Path) -> int:
+    """Put a message into the outbox for each run that was sealed since the last look; return how many.
+
+    Raises:
+        StationError: the chain or the database cannot be read.
+
+    """
+    with database.reading() as connection:
+        offset = connection.execute(select(WEBHOOKS_READ.c.offset)).scalar() or 0
+    content = _content(data, offset)
+    end = content.rfind(b"\n") + 1
+    if not end:
+        return 0
+    sealed = [entry for entry in map(json.loads, content[:end].splitlines()) if entry.get("kind") == SEALED]
+    messages = [(entry, _message(data, entry)) for entry in sealed]
+    with database.writing() as connection:
+        taken = update(WEBHOOKS_READ).where(WEBHOOKS_READ.c.offset == offset).values(offset=offset + end)
+        if not connection.execute(taken).rowcount:
+            return 0
+        head = audit.head_of(connection)
+        trail = {"lines": head.lines, "head_sha256": head.sha256}
+        for entry, message in messages:
+            key = f"{RESULT_SEALED}:{entry['run']}:{entry['sha256'][:16]}"
+            if connection.execute(select(WEBHOOKS.c.number).where(WEBHOOKS.c.key == key)).first() is None:
+                body = json.dumps({**message, "audit": trail}, ensure_ascii=False, sort_keys=True)
+                connection.execute(
+                    insert(WEBHOOKS).values(key=key, serial=entry["serial"], body=body, tries=0, next_s=0.0)
+                )
+    return len(sealed)
+
+
+def _content(data: Path, offset: int) -> bytes:
+    try:
+        with (data / CHAIN).open("rb") as file:
+            if file.seek(0, 2) < offset:
+                raise StationError(f"{data / CHAIN}: is shorter than it was. The MES is told nothing until it is whole")
+            file.seek(offset)
+            return file.read()
+    except FileNotFoundError:
+        return b""
+    except OSError as error:
+        raise StationError(f"{data / CHAIN}: cannot be read: {error.strerror}") from error
+
+
+def _message(data: Path, entry: dict[str, Any]) -> dict[str, Any]:
+    """Return what the MES is told of a sealed run: the chain's own words, and the result where it is as it was sealed.
+
+    A result that was altered is not told; `altered` says why.
+    """
+    run = RunRecord(data / entry["run"])
+    try:
+        # twice: the first look may fall into the moment in which the sealed run.json gets its name
+        altered = alterations(run, samples=False) and alterations(run, samples=False)
+        result = plain(run.read(Result, RESULT)) if run.has(RESULT) and not altered else None
+    except StationError as error:
+        altered, result = (str(error),), None
+    told = {name: entry[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
+    return {"kind": RESULT_SEALED, **told, "sealed_at": entry["time"], "result": result, "altered": list(altered)}
+
+
+class Sender:
+    """A thread of the server that delivers the outbox, and asks a quiet MES whether it is there."""
+
+    def __init__(self, database: StationDatabase, data: Path, settings: MesSettings) -> None:
+        """Prepare it; StationError where the secret cannot be had."""
+        self._database, self._data, self._settings = database, data, settings
+        self._secret = read_secret(data, settings)
+        self._end = Event()
+        self._thread = Thread(target=self._loop, name="webhooks", daemon=True)
+        self._asked_s = 0.0
+        begin_here(database, data)
+
+    def start(self) -> None:
+        """Begin to deliver."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End: what is not delivered is kept for the next start."""
+        self._end.set()
+        self._thread.join(timeout=self._settings.timeout_s + LOOK_EVERY_S)
+
+    def _loop(self) -> None:
+        # without the proxies of the environment: a MES is a neighbour
+        with httpx.Client(timeout=self._settings.timeout_s, trust_env=False) as http:
+            told = ""
+            while not self._end.wait(LOOK_EVERY_S):
+                try:
+                    self.look(http)
+                    why = ""
+                except (StationError, ValueError, KeyError) as error:
+                    why = f"webhooks  nothing is sent: {error}\n"  # nothing is lost either: it is looked at again
+                if why != told:
+                    sys.stderr.write(why)
+                told = why
+
+    def look(self, http: httpx.Client) -> None:
+        """Collect what is new and send what is due."""
+        collect(self._database, self._data)
+        now_s = WALL_CLOCK.now().timestamp()
+        due = _due(self._database, now_s)
+        for number, key, body, tries in due:
+            if self._end.is_set():
+                return
+            error = self._send(http, key, body.encode())
+            with self._database.writing() as connection:
+                values: dict[str, Any] = {"tries": tries + 1, "last_error": error}
+                if error:
+                    values["next_s"] = WALL_CLOCK.now().timestamp() + min(
+                        LONGEST_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries, 16)
+                    )
+                else:
+                    values["delivered_at"] = now_text()
+                    heard(connection)
+                connection.execute(update(WEBHOOKS).where(WEBHOOKS.c.number == number).values(values))
+        if not due:
+            self._ask(http, now_s)
+
+    def _ask(self, http: httpx.Client, now_s: float) -> None:
+        every_s = self._settings.away_after_s / ALIVE_SHARE
+        with self._database.reading() as connection:
+            heard_s = connection.execute(select(MES_CONTACT.c.heard_s)).scalar() or 0.0
+        if abs(now_s - max(heard_s, self._asked_s)) < every_s:
+            return
+        self._asked_s = now_s
+        body = json.dumps({"kind": ALIVE}).encode()
+        if not self._send(http, f"{ALIVE}:{now_s:.3f}", body):
+            with self._database.writing() as connection:
+                heard(connection)
+
+    def _send(self, http: httpx.Client, key: str, body: bytes) -> str:
+        """Send a message; return why it was not taken, '' where it was."""
+        timestamp = str(int(WALL_CLOCK.now().timestamp()))
+        headers = {
+            "Content-Type": "application/json", KEY: key, TIMESTAMP: timestamp,
+            SIGNATURE: signature(self._secret, timestamp, body),
+        }  # fmt: skip
+        try:
+            answer = http.post(self._settings.url, content=body, headers=headers)
+        except httpx.HTTPError as error:
+            return f"{type(error).__name__}: {error}"[:LONGEST_REASON]
+        return "" if answer.is_success else f"answered {answer.status_code}"
+
+
+def _due(database: StationDatabase, now_s: float) -> list[tuple[int, str, str, int]]:
+    """Return number, key, body and tries of the oldest message of each serial number that is due."""
+    with database.reading() as connection:
+        oldest = (
+            select(func.min(WEBHOOKS.c.number)).where(WEBHOOKS.c.delivered_at.is_(None)).group_by(WEBHOOKS.c.serial)
+        )
+        wanted = (
+            select(WEBHOOKS.c.number, WEBHOOKS.c.key, WEBHOOKS.c.body, WEBHOOKS.c.tries)
+            .where(WEBHOOKS.c.number.in_(oldest) & (WEBHOOKS.c.next_s <= now_s))
+            .order_by(WEBHOOKS.c.number)
+        )
+        return [(row.number, row.key, row.body, row.tries) for row in connection.execute(wanted)]

@@ -1,0 +1,108 @@
+"""The shift report: first-pass and final yield apart, master parts apart, and what hindered the shift."""
+
+from __future__ import annotations
+
+from collections import Counter
+from datetime import timedelta
+from pathlib import Path
+
+from lostmotion_command import ROOT, here
+from station_support import GOLDEN, client_of
+
+from station.documents.result import Result
+from station.records.data_folder import Store
+from station.records.run_record import RESULT
+from station.store.run_table import RunTableRow
+from station.wall_clock import WALL_CLOCK, now_text
+from station.web.actions import Station
+from station.web.shift_report import UNREADABLE, Yield, alarms_of, shift_of
+
+BEGIN, END = "2026-01-05T06:00:00.000+00:00", "2026-01-05T14:00:00.000+00:00"
+
+
+def row(serial: str, attempt: int, verdict: str | None, hour: int, **more: str | None) -> RunTableRow:
+    known = {"run": f"R{hour}", "started": f"2026-01-05T{hour:02}:00:00.000+00:00", "state": "complete"}
+    known |= {"master": None, "scenario": None, "serial": serial, "attempt": attempt, "verdict": verdict}
+    return RunTableRow(known | more)
+
+
+ROWS = [
+    row("SN-0", 1, "PASS", 5),
+    row("SN-1", 1, "PASS", 6),
+    row("SN-2", 1, "FAIL", 7),
+    row("SN-2", 2, "PASS", 8),
+    row("SN-3", 2, "FAIL", 9),
+    row("SN-4", 1, None, 10, state="fault"),
+    row("MASTER", 1, "FAIL", 11, master="FAIL"),
+    row("SN-5", 1, "PASS", 12, scenario="cut.yaml"),
+    row("SN-6", 1, "PASS", 14),
+]
+
+
+def test_yields_are_not_mixed_and_master_parts_are_no_production(station: Station) -> None:
+    with station.database.reading() as connection:
+        found = shift_of(ROWS, {}, connection, BEGIN, END)
+    assert found.first_pass == Yield(1, 3), "SN-1, SN-2 and SN-4 were measured for the first time"
+    assert found.final == Yield(2, 4), "SN-2 passed in the end"
+    assert found.verdicts == {"PASS": 2, "FAIL": 2, "no verdict": 1}
+    assert found.master_parts == {"FAIL": 1}
+    assert found.ended_otherwise == (("R10", "fault"),)
+    assert (found.bypasses, found.refused) == ((), {})
+
+
+def test_a_shift_without_runs_has_no_yield(station: Station) -> None:
+    with station.database.reading() as connection:
+        found = shift_of([], {}, connection, BEGIN, END)
+    assert found.first_pass == Yield(0, 0)
+    assert "%" not in found.as_text()
+
+
+def test_bypasses_refused_starts_and_the_head_stand_on_it(station: Station) -> None:
+    begin = now_text()
+    technician, operator = client_of(station, "technician"), client_of(station, "operator")
+    technician.post("add_bypass", {"condition": "clock_plausible", "reason": "no network", "hours": 1.0})
+    operator.post("start_run", {"scanned": "XX-1"})
+    found = here("audit", "shift", "--since", begin, "--data", str(station.data), "--json").json
+    assert found["refused"] == {"model_known": 1}
+    (bypass,) = found["bypasses"]
+    assert "no network" in bypass
+    newest = client_of(station, "quality").http.get("/api/audit").json()
+    assert found["audit"] == {"lines": newest["lines"], "head_sha256": newest["head_sha256"]}
+    text = here("audit", "shift", "--since", begin, "--data", str(station.data)).out
+    assert newest["head_sha256"] in text
+
+
+def test_alarms_are_counted_by_their_ids(tmp_path: Path) -> None:
+    cut = ROOT / "scenarios" / "estop-and-way-back.yaml"
+    command = (
+        "run",
+        str(GOLDEN),
+        "--serial",
+        "SN-1",
+        "--virtual-time",
+        "--scenario",
+        str(cut),
+        "--data",
+        str(tmp_path),
+    )
+    here(*command)
+    (run,) = [one.id for one in Store(tmp_path).runs()]
+    result = Store(tmp_path).by_id(run).read(Result, RESULT)
+    assert result.alarms
+    of_run = RunTableRow({"run": run, "scenario": None, "started": BEGIN})
+    assert alarms_of(tmp_path, [of_run], END) == dict(Counter(one.id for one in result.alarms if one.kind == "alarm"))
+    injected = RunTableRow({"run": run, "scenario": "cut", "started": BEGIN})
+    assert alarms_of(tmp_path, [injected, RunTableRow({"run": run, "scenario": None, "started": END})], END) == {}
+    (tmp_path / run / RESULT).write_text("{")
+    assert alarms_of(tmp_path, [of_run], END) == {UNREADABLE: 1}
+
+
+def test_a_bypass_of_the_shift_before_that_still_counts_is_told(station: Station) -> None:
+    client_of(station, "technician").post(
+        "add_bypass", {"condition": "clock_plausible", "reason": "no network", "hours": 2.0}
+    )
+    later = WALL_CLOCK.now() + timedelta(hours=1)
+    much_later = later + timedelta(hours=2)
+    with station.database.reading() as connection:
+        assert len(shift_of([], {}, connection, later.isoformat(), much_later.isoformat()).bypasses) == 1
+        assert shift_of([], {}, connection, much_later.isoformat(), much_later.isoformat()).bypasses == ()

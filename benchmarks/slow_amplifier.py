@@ -1,15 +1,14 @@
 """`python -m benchmarks.slow_amplifier [--runs N] [--holds N]`: what an amplifier that answers late costs.
 
 Unit P1 in virtual time. First each delay in several runs, with other errors of the sensors and other noise in each;
-then a gap of 34 ms in the samples, which holds the ramp, at places spread over the measured branches. The truth is the
-same unit on a bench whose sensors show what is there and answer at once. A run counts as false when it says PASS and a
-value lies farther from the truth than its U.
+then a gap of 34 ms in the samples, which holds the ramp, at places spread over the measured branches. The truth is
+what torque and wind-up of the unit really did in that run, evaluated the same way; of a run with a gap it is that of
+the same run without one. A run counts as false when it says PASS and a value lies farther from the truth than its U.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,20 +20,22 @@ import numpy as np
 from analysis.evaluation.metric_result import MetricResult, SideValue
 from analysis.evaluation.pipeline import analyse
 from analysis.trace.errors import AnalysisError
-from benchmarks.virtual_bench_study import without_errors
+from analysis.trace.trace import Trace
 from controller.controller import Controller
-from definitions.image import State
+from definitions.image import Image, Orders, State
+from definitions.units import RAD_PER_ARCMIN
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import Job, load_job
 from station.durable import Appender
 from station.records.samples.table import Table, table_of
-from station.results.evaluation import evaluate_trace, method_of, trace_of, wanted_of
+from station.results.evaluation import evaluate_trace, method_of, segment_table, trace_of, wanted_of
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
 from virtual_bench.config import BenchConfig
 from virtual_bench.faults.scenario import Scenario
 from virtual_bench.in_process import POWER_ON_NS, VirtualTimeBench
+from virtual_bench.physics.plant_numbers import S
 
 RECIPE = "rv-40e-121-quick"
 DELAYS_MS = (0, 3, 5, 10, 20)
@@ -67,21 +68,52 @@ def slow(delay_ms: int, when_scan: int, for_ms: int | None = None) -> Scenario:
     return Scenario.model_validate({"scenario": {"name": "slow amplifier"}, "faults": (fault,)})
 
 
-def samples(job: Job, config: BenchConfig, scenario: Scenario | None) -> tuple[Table, State]:
-    """Run a job in virtual time; its record and the state in which it ended."""
+Values = dict[str, float]
+
+
+def samples(job: Job, config: BenchConfig, scenario: Scenario | None) -> tuple[Table, State, Values]:
+    """Run a job in virtual time; its record, the state in which it ended, and the true values of the unit in it."""
     controller = Controller(job.program)
+    there: list[tuple[int, float, float]] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "samples.bin"
         file = Appender(path)
         recorder = VirtualRecorder(file)
         bench = VirtualTimeBench(config, job.recipe.sampling.period_ns, scenario)
+        state = bench.plant.state
+
+        def append(scan: int, late_ns: int, work_ns: int, image: Image, orders: Orders) -> None:
+            recorder.append(scan, late_ns, work_ns, image, orders)
+            if orders.segment:
+                there.append((orders.segment, float(state[S.TORQUE_NM]), float(state[S.WINDUP_ARCMIN])))
+
         with quiet_collector():
-            run_virtual(bench, controller, recorder.append, start_once)
+            run_virtual(bench, controller, append, start_once)
         if scenario is not None and ("modbus.amplifier", "slow") not in bench.faults.since_ns:
             raise SystemExit("the amplifier was never slow: the fault did not act")
         recorder.flush()
         file.close()
-        return table_of(path.read_bytes()), controller.state
+        return table_of(path.read_bytes()), controller.state, _true_values(job, there)
+
+
+def _true_values(job: Job, there: Sequence[tuple[int, float, float]]) -> Values:
+    """Evaluate segment, torque [N·m] and wind-up [arcmin] of the unit itself, scan by scan."""
+    segment, torque_nm, windup_arcmin = np.array(there).T
+    ratio = job.recipe.unit_under_test.ratio
+    trace = Trace(
+        t_s=np.arange(segment.size) * job.program.period_s,
+        torque_out_nm=torque_nm,
+        angle_in_rad=windup_arcmin * (ratio * RAD_PER_ARCMIN),
+        angle_out_rad=np.zeros(segment.size),
+        segment=segment.astype(np.int64),
+        segments=segment_table(job.program.segments),
+    )
+    own = method_of(job.recipe, job.bench)
+    method = replace(own, lags_s=dict.fromkeys(own.lags_s or {}, 0.0), fixture_stiffness_nm_per_arcmin=None)
+    wanted = [one for one in wanted_of(job.recipe) if not one.id.startswith("torque_ratio")]
+    return {
+        name: side.value for name, side in sides_of(analyse(trace, method, wanted).metrics) if side.value is not None
+    }
 
 
 def sides_of(metrics: Sequence[MetricResult]) -> Iterator[tuple[str, SideValue]]:
@@ -91,7 +123,7 @@ def sides_of(metrics: Sequence[MetricResult]) -> Iterator[tuple[str, SideValue]]
             yield f"{metric.definition.id} {side.side}", side
 
 
-def judged(job: Job, table: Table, state: State, truth: Mapping[str, float]) -> Outcome:
+def judged(job: Job, table: Table, state: State, truth: Values) -> Outcome:
     """Evaluate a record and hold its values against the truth; a run that did not complete has no verdict."""
     if state is not State.COMPLETE:
         return Outcome(state.name.lower(), "", {})
@@ -108,25 +140,29 @@ def judged(job: Job, table: Table, state: State, truth: Mapping[str, float]) -> 
     return Outcome("complete", result.verdict.value, within)
 
 
-def truth_of(job: Job) -> tuple[dict[str, float], list[int]]:
-    """Return the true values of P1 on this bench, and the scans of its measured ramps."""
-    config = without_errors(virtual_config(job.bench, job.profile_paths, choose_unit("P1", job.recipe, 1)))
-    table, state = samples(job, config, None)
-    if state is not State.COMPLETE:
-        raise SystemExit(f"the run without errors ended as {state.name.lower()}")
-    trace = trace_of(table, job.program.segments, job.bench, job.recipe.sampling.period_ns, "truth")
-    sides = sides_of(analyse(trace, method_of(job.recipe, job.bench), wanted_of(job.recipe)).metrics)
-    values = {name: side.value for name, side in sides if side.value is not None}
-    ramps = np.flatnonzero(np.isin(table["orders"]["state"], (int(State.RAMP_POS), int(State.RAMP_NEG))))
-    return values, [int(table["scan"][at]) for at in ramps]
+def bench_of(job: Job, seed: int) -> BenchConfig:
+    """Return the bench of one run: errors of its sensors and their noise by its seed."""
+    config = virtual_config(job.bench, job.profile_paths, choose_unit("P1", job.recipe, seed))
+    return replace(config, sensor_seed=seed)
 
 
-def runs(job: Job, truth: Mapping[str, float], scenarios: Sequence[Scenario | None]) -> Iterator[Outcome]:
-    """Yield the outcome of each scenario, each on a bench with other errors and another noise."""
-    for seed, scenario in enumerate(scenarios, 1):
-        config = virtual_config(job.bench, job.profile_paths, choose_unit("P1", job.recipe, seed))
-        yield judged(job, *samples(job, replace(config, sensor_seed=seed), scenario), truth)
-        print(f"\r{seed} of {len(scenarios)} runs", end="", file=sys.stderr)
+def delayed(job: Job, delay_ms: int, count: int) -> Iterator[Outcome]:
+    """Yield the outcomes of runs with an amplifier that is late all the time."""
+    scenario = slow(delay_ms, FIRST_SLOW_SCAN) if delay_ms else None
+    for seed in range(1, count + 1):
+        yield judged(job, *samples(job, bench_of(job, seed), scenario))
+
+
+def held(job: Job, count: int) -> Iterator[Outcome]:
+    """Yield the outcomes of runs with a gap, each elsewhere in the measured ramps."""
+    for place in range(count):
+        config = bench_of(job, place + 1)
+        table, _, truth = samples(job, config, None)
+        states = (int(State.RAMP_POS), int(State.RAMP_NEG))
+        ramps = table["scan"][np.flatnonzero(np.isin(table["orders"]["state"], states))]
+        scan = int(ramps[int((place + 0.5) * len(ramps) / count)])
+        table, state, _ = samples(job, config, slow(GAP_MS, scan, GAP_LASTS_MS))
+        yield judged(job, table, state, truth)
 
 
 def told(title: str, outcomes: list[Outcome]) -> str:
@@ -149,14 +185,9 @@ def main() -> None:
     parser.add_argument("--holds", type=int, default=20, help="placements of a gap of 34 ms (default 20)")
     asked = parser.parse_args()
     job = load_job(RECIPE, None)
-    truth, ramps = truth_of(job)
     for delay_ms in DELAYS_MS:
-        scenario = slow(delay_ms, FIRST_SLOW_SCAN) if delay_ms else None
-        outcomes = list(runs(job, truth, [scenario] * asked.runs))
-        print(f"\r{told(f'{delay_ms} ms', outcomes)}", flush=True)
-    places = [ramps[int((place + 0.5) * len(ramps) / asked.holds)] for place in range(asked.holds)]
-    outcomes = list(runs(job, truth, [slow(GAP_MS, place, GAP_LASTS_MS) for place in places]))
-    print(f"\r{told('hold', outcomes)}")
+        print(told(f"{delay_ms} ms", list(delayed(job, delay_ms, asked.runs))), flush=True)
+    print(told("hold", list(held(job, asked.holds))))
 
 
 if __name__ == "__main__":

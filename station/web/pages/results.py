@@ -40,7 +40,7 @@ COLUMNS: tuple[dict[str, Any], ...] = (
     {"field": "recipe", "headerName": "Recipe", "width": 230},
     {"field": "operator", "headerName": "Operator", "width": 160},
     {"field": "notes", "headerName": "To know", "flex": 1, "minWidth": 220, "wrapText": True, "autoHeight": True},
-    {"field": "report", "headerName": "Report", "width": 150},
+    {"field": "report", "headerName": "Report", "width": 150, "pinned": "right"},
 )
 
 

@@ -49,7 +49,7 @@ class MetricWanted(Section):
             raise refusal(f"the unknown metric {excerpt(value)}", one_of(list(METRICS)), hint)
         return value
 
-    @field_validator(*LIMIT_OPTIONS, mode="before")
+    @field_validator(*LIMIT_OPTIONS, mode="before", json_schema_input_type=str | float | None)
     @classmethod
     def _limit_with_unit(cls, value: Any, info: ValidationInfo) -> Any:
         if not (info.context or {}).get(FROM_DOCUMENT) or value is None:

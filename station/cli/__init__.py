@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from typer.main import get_group
 
 from station.cli.bench import commands as cli_bench
-from station.cli.bench.setup_commands import profile_app
+from station.cli.bench.setup_commands import profile_app, schema
 from station.cli.errors import EXIT_BENCH, can_be_mended, nobody_reads, program_failed, refuse
 from station.cli.faults.commands import faults_app
 from station.cli.help import GroupedHelp
@@ -87,6 +87,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "torque-ratio": cli_bench.torque_ratio,
         "calibration": cli_bench.calibration,
         "key": cli_runs.key,
+        "schema": schema,
         "profile": profile_app,
         "faults": faults_app,
     },

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -45,3 +46,13 @@ def profile_compare(
     from station.cli.bench import compare as command_compare
 
     raise typer.Exit(command_compare.compare(bench, as_json=as_json))
+
+
+def schema(kind: Annotated[str, typer.Argument(metavar="KIND", help="recipe, bench or profile.")]) -> None:
+    """Print the JSON Schema of recipe, bench or profile files, for editors. Exit code: 0, or 2 for another kind."""
+    from recipes.schema.json_schema import KINDS_OF_FILE, json_schema
+    from station.errors import StationError
+
+    if kind not in KINDS_OF_FILE:
+        raise StationError(f"KIND: found '{kind}'; allowed: {', '.join(KINDS_OF_FILE)}")
+    typer.echo(json.dumps(json_schema(kind), ensure_ascii=False, indent=1))

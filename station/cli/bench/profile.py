@@ -10,6 +10,7 @@ import typer
 
 from recipes import RecipeError
 from station.bench.eds_profile import ENDINGS, Draft, draft, eds_files
+from station.cli.out_file import refuse_records
 from station.durable import write_durable
 from station.errors import StationError
 
@@ -24,6 +25,8 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         StationError: there is no such file, no EDS in the folder, or a draft cannot be written.
 
     """
+    if out is not None:
+        refuse_records(out / "profile.yaml")
     if not place.exists():
         raise StationError(f"{place}: there is no such file or folder")
     files = eds_files(place)

@@ -32,15 +32,7 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
     files = eds_files(place)
     if not files:
         raise StationError(f"{place}: no file in it ends with {' or '.join(ENDINGS)}")
-    drafts: list[Draft] = []
-    unreadable: list[str] = []
-    for file in files:
-        try:
-            drafts.append(draft(file))
-        except RecipeError as error:
-            if file == place:
-                raise
-            unreadable.append(str(error))
+    drafts, unreadable = _drafts(files, place)
     _write(drafts, out)
     if as_json:
         rows = [asdict(one) | {"source": str(one.source)} for one in drafts]
@@ -53,6 +45,20 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         if len(files) > 1:
             typer.echo(f"{len(drafts)} of {len(files)} files drafted")
     return EXIT_UNUSABLE if unreadable or any(one.refused for one in drafts) else 0
+
+
+def _drafts(files: list[Path], place: Path) -> tuple[list[Draft], list[str]]:
+    """Draft a profile of each file that can be read; why the others cannot, unless the one was named itself."""
+    drafts: list[Draft] = []
+    unreadable: list[str] = []
+    for file in files:
+        try:
+            drafts.append(draft(file))
+        except RecipeError as error:
+            if file == place:
+                raise
+            unreadable.append(str(error))
+    return drafts, unreadable
 
 
 def _write(drafts: list[Draft], out: Path | None) -> None:

@@ -95,7 +95,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
     """Return the application with the REST interface; secure: it is reached by TLS."""
     app = FastAPI(
         title="lostmotion station", version=version(), openapi_url="/api/openapi.json", docs_url=None,
-        redoc_url=None,
+        redoc_url=None, redirect_slashes=False,
     )  # fmt: skip
     app.add_exception_handler(RequestValidationError, _refuse_input)
     app.add_exception_handler(HTTPException, _refuse_request)

@@ -10,6 +10,7 @@ import typer
 
 from recipes import RecipeError
 from station.bench.eds_profile import ENDINGS, Draft, draft, eds_files
+from station.cli.out_file import refuse_records
 from station.durable import write_durable
 from station.errors import StationError
 
@@ -24,20 +25,14 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         StationError: there is no such file, no EDS in the folder, or a draft cannot be written.
 
     """
+    if out is not None:
+        refuse_records(out / "profile.yaml")
     if not place.exists():
         raise StationError(f"{place}: there is no such file or folder")
     files = eds_files(place)
     if not files:
         raise StationError(f"{place}: no file in it ends with {' or '.join(ENDINGS)}")
-    drafts: list[Draft] = []
-    unreadable: list[str] = []
-    for file in files:
-        try:
-            drafts.append(draft(file))
-        except RecipeError as error:
-            if file == place:
-                raise
-            unreadable.append(str(error))
+    drafts, unreadable = _drafts(files, place)
     _write(drafts, out)
     if as_json:
         rows = [asdict(one) | {"source": str(one.source)} for one in drafts]
@@ -50,6 +45,20 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         if len(files) > 1:
             typer.echo(f"{len(drafts)} of {len(files)} files drafted")
     return EXIT_UNUSABLE if unreadable or any(one.refused for one in drafts) else 0
+
+
+def _drafts(files: list[Path], place: Path) -> tuple[list[Draft], list[str]]:
+    """Draft a profile of each file that can be read; why the others cannot, unless the one was named itself."""
+    drafts: list[Draft] = []
+    unreadable: list[str] = []
+    for file in files:
+        try:
+            drafts.append(draft(file))
+        except RecipeError as error:
+            if file == place:
+                raise
+            unreadable.append(str(error))
+    return drafts, unreadable
 
 
 def _write(drafts: list[Draft], out: Path | None) -> None:

@@ -109,7 +109,7 @@ class WireRig:
         node = config.drive.node_id
         self._tpdos = [(tpdo_cob_id(p, node), p.objects) for p in config.drive.profile.transmit_pdos]
         self._rpdo = next(p for p in config.drive.profile.receive_pdos if p.timeout)
-        self._rpdo_id = rpdo_cob_id(self._rpdo.number, node)
+        self._rpdo_id = rpdo_cob_id(self._rpdo, node)
         self._node = node
         self._emcy = 0
         self._command = int(Command.NONE)

@@ -20,6 +20,7 @@ WRITERS = {
     "report": ("report", "RUN"),
     "model": ("model", "RUN", "--kind", "cubic"),
     "play-model": ("play-model", "RUN/result.json", "RUN/result.json"),
+    "from-eds": ("profile", "from-eds", "RUN/recipe.yaml"),
     "frequency": ("study", "frequency", "RUN", "--band", "5:120"),
 }
 """Every command with --out."""
@@ -30,7 +31,7 @@ PAGES = {
 }
 """Every command that writes a page at its end, and its options."""
 
-FOLDERS = ("report",)
+FOLDERS = ("report", "from-eds")
 """Those whose --out is a folder: a file is written into it."""
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -70,11 +72,16 @@ class StoredValue(NamedTuple):
 
 
 class StoredMetric(NamedTuple):
-    """What a run that counts has of the metric: its value, the row that it stands in, the kind of the run."""
+    """What a run that counts has of the metric: its value, and the row that says what it is a value of."""
 
     value: StoredValue
     metric: MetricRow
-    kind: Kind
+
+
+def kinds_of(metrics: Iterable[MetricRow]) -> Counter[Kind]:
+    """Count the runs by how they were measured."""
+    counts = Counter(map(attrgetter("recipe", "revision", "torque_source"), metrics))
+    return Counter({Kind._make(kind): count for kind, count in counts.items()})
 
 
 def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> MetricRow | str:
@@ -110,7 +117,7 @@ def value_of(data: Path, metric: MetricRow, ask: Ask, beside: Mapping[Place, flo
     started = datetime.fromisoformat(metric.started)
     who, faults = metric.operator or "", bool(metric.scenario)
     found = StoredValue(data, metric.run, metric.serial, started, metric.bench, value, metric.virtual, who, faults)
-    return StoredMetric(found, metric, Kind(metric.recipe, metric.revision, metric.torque_source))
+    return StoredMetric(found, metric)
 
 
 def _left_out(view: View, run: MetricRow) -> str:

@@ -10,7 +10,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from station.cli.line.stored_metric import Ask, Kind, StoredMetric, StoredValue, read_metric, value_of
+from station.cli.line.stored_metric import Ask, Kind, StoredMetric, StoredValue, kinds_of, read_metric, value_of
 from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
@@ -135,7 +135,7 @@ def _of_side(
         what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "it holds no runs"
         raise StationError(f"{data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
     metric = _same(rows, _name(ask))
-    pooled = Counter(row.kind for row in rows)
+    pooled = kinds_of(row.metric for row in rows)
     if ask.recipe is None:
         _check_one_kind(ask.metric, pooled)
     side = ask.side or metric.side
@@ -218,10 +218,10 @@ def _attempts(rows: list[StoredMetric], which: str, left_out: Counter[str]) -> l
 
 def _same(rows: list[StoredMetric], name: str) -> MetricRow:
     """Return the metric of the newest run; StationError when another run means something else by it."""
-    newest, metric, _ = rows[-1]
+    newest, metric = rows[-1]
     of = attrgetter(*SAME)
     meaning = of(metric)
-    for value, other, _ in rows:
+    for value, other in rows:
         if of(other) != meaning:
             differs = [key for key in SAME if getattr(other, key) != getattr(metric, key)]
             raise StationError(

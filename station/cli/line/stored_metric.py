@@ -1,17 +1,18 @@
-"""One metric of one stored run: whether the run counts, which of its metrics is meant, its value and its kind."""
+"""One metric of one stored run: whether the run counts, which of its metrics is meant, and its value on a side."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
 from station.errors import StationError
 from station.records.run_record import RunRecord
-from station.store.metric_rows import MetricRow
+from station.store.metric_rows import MetricRow, Place
 from station.store.view import View
 
 
@@ -71,15 +72,20 @@ class StoredValue(NamedTuple):
 
 
 class StoredMetric(NamedTuple):
-    """What a run that counts has of the metric: its value, the row that it stands in, the kind of the run."""
+    """What a run that counts has of the metric: its value, and the row that says what it is a value of."""
 
     value: StoredValue
     metric: MetricRow
-    kind: Kind
 
 
-def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> StoredMetric | str:
-    """Return what a run has of the metric, or why it is left out, in words.
+def kinds_of(metrics: Iterable[MetricRow]) -> Counter[Kind]:
+    """Count the runs by how they were measured."""
+    counts = Counter(map(attrgetter("recipe", "revision", "torque_source"), metrics))
+    return Counter({Kind._make(kind): count for kind, count in counts.items()})
+
+
+def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> MetricRow | str:
+    """Return the metric that is asked for, whatever the side, or why the run is left out, in words.
 
     Args:
         view: the data folder.
@@ -87,28 +93,31 @@ def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> StoredMetric | s
         ask: which value is meant.
 
     Raises:
-        RecordError: the record is damaged.
         StationError: the metric stands in the run more than once.
 
     """
     run = rows[0]
     reason = _left_out(view, run) or ("of a master part" if run.master and ask.serial is None else "")
-    if reason:
-        return reason
-    metric = _metric(rows, ask)
-    if metric is None:
-        return f"without {ask.metric}"
-    sides = {row.side: row.value for row in metric}
-    side = metric[0].side if ask.side is None else ask.side
-    if side not in sides:
-        return f"without side {side} of {ask.metric} (there is {' and '.join(sorted(sides))})"
-    value = sides[side]
+    return reason or _metric(rows, ask) or f"without {ask.metric}"
+
+
+def value_of(data: Path, metric: MetricRow, ask: Ask, beside: Mapping[Place, float | None]) -> StoredMetric | str:
+    """Return the value of the side that is asked for, or why there is none, in words.
+
+    beside: values of that side where the verdict goes by another one.
+    """
+    value = metric.value
+    if ask.side is not None and ask.side != metric.side:
+        place = metric.run, metric.position
+        if place not in beside:
+            return f"without side {ask.side} of {ask.metric} (there is {metric.side})"
+        value = beside[place]
     if value is None:
         return "whose value could not be evaluated"
-    started = datetime.fromisoformat(run.started)
-    who, faults = run.operator or "", bool(run.scenario)
-    found = StoredValue(view.data, run.run, run.serial, started, run.bench, value, run.virtual, who, faults)
-    return StoredMetric(found, metric[0], Kind(run.recipe, run.revision, run.torque_source))
+    started = datetime.fromisoformat(metric.started)
+    who, faults = metric.operator or "", bool(metric.scenario)
+    found = StoredValue(data, metric.run, metric.serial, started, metric.bench, value, metric.virtual, who, faults)
+    return StoredMetric(found, metric)
 
 
 def _left_out(view: View, run: MetricRow) -> str:
@@ -124,17 +133,16 @@ def _left_out(view: View, run: MetricRow) -> str:
     return "whose measurement was invalid" if run.objection else ""
 
 
-def _metric(rows: list[MetricRow], ask: Ask) -> list[MetricRow] | None:
-    """Return the rows of the metric that is asked for; of several with its id, the one with no other choices."""
-    if len(rows) == 1 and ask.branch is None and " " not in ask.metric:
-        return rows if rows[0].position is not None else None
+def _metric(rows: list[MetricRow], ask: Ask) -> MetricRow | None:
+    """Return the metric that is asked for; of several with its id, the one with no other choices."""
     name, *words = ask.metric.split() or [""]
     wanted = [row for row in rows if row.position is not None and ask.branch in (None, row.branch)]
-    of_id = [list(group) for _, group in groupby(wanted, key=attrgetter("position"))]
-    found = [one for one in of_id if set(words) <= set(one[0].choices.split())]
-    exact = [one for one in found if set(words) == set(one[0].choices.split())]
+    if len(wanted) == 1 and not words:
+        return wanted[0]
+    found = [row for row in wanted if set(words) <= set(row.choices.split())]
+    exact = [row for row in found if set(words) == set(row.choices.split())]
     if len(found) > 1 and len(exact) != 1:
-        there = ", ".join(" ".join(f"{name} {one[0].choices} ({one[0].branch})".split()) for one in found)
+        there = ", ".join(" ".join(f"{name} {row.choices} ({row.branch})".split()) for row in found)
         raise StationError(
             f"--metric: {ask.metric} stands {len(found)} times in run {rows[0].run}: {there}. Choose with --branch, or "
             "name the choice with the metric in quotes"

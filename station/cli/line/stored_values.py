@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from station.cli.line.stored_metric import Ask, Kind, StoredMetric, StoredValue, read_metric
+from station.cli.line.stored_metric import Ask, Kind, StoredMetric, StoredValue, kinds_of, read_metric, value_of
 from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
-from station.store.metric_rows import MetricRow, metric_rows, sides_of
+from station.store.metric_rows import MetricRow, Place, metric_rows, sides_of, values_beside
 from station.store.view import View, look_at, without_collector
 
 ATTEMPTS = ("first", "last", "all")
@@ -79,7 +79,7 @@ def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> 
 
     """
     with _looked_at(data, ask) as view, without_collector():
-        return _collected(view, ask, only)
+        return _collected(view, ask, [ask.side], only)[0]
 
 
 def values_of_sides(data: Path, ask: Ask, only: Collection[str] | None = None) -> tuple[StoredValues, ...]:
@@ -90,9 +90,7 @@ def values_of_sides(data: Path, ask: Ask, only: Collection[str] | None = None) -
     with _looked_at(data, ask) as view, without_collector():
         there = () if ask.side is not None else sides_of(view, _name(ask), ask.recipe, ask.serial)
         sides = [side for side in there if side != "both"]
-        return tuple(_collected(view, replace(ask, side=side), only) for side in sides) or (
-            _collected(view, ask, only),
-        )
+        return _collected(view, ask, sides or [ask.side], only)
 
 
 @contextmanager
@@ -110,14 +108,34 @@ def _name(ask: Ask) -> str:
     return (ask.metric.split() or [""])[0]
 
 
-def _collected(view: View, ask: Ask, only: Collection[str] | None) -> StoredValues:
-    rows, left_out = _read(view, ask, only)
+def _collected(
+    view: View, ask: Ask, sides: Sequence[str | None], only: Collection[str] | None
+) -> tuple[StoredValues, ...]:
+    """Return the values of each side; the runs and what they have of the metric are read once for all of them."""
+    metrics, left_out = _read(view, ask, only)
+    beside = values_beside(view, _name(ask), [side for side in sides if side is not None])
+    return tuple(
+        _of_side(view.data, replace(ask, side=side), metrics, beside.get(side or "", {}), left_out.copy())
+        for side in sides
+    )
+
+
+def _of_side(
+    data: Path, ask: Ask, metrics: list[MetricRow], beside: Mapping[Place, float | None], left_out: Counter[str]
+) -> StoredValues:
+    rows: list[StoredMetric] = []
+    for one in metrics:
+        found = value_of(data, one, ask, beside)
+        if isinstance(found, str):
+            left_out[found] += 1
+        else:
+            rows.append(found)
     rows = _attempts(rows, ask.attempts, left_out)
     if not rows:
         what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "it holds no runs"
-        raise StationError(f"{view.data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
+        raise StationError(f"{data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
     metric = _same(rows, _name(ask))
-    pooled = Counter(row.kind for row in rows)
+    pooled = kinds_of(row.metric for row in rows)
     if ask.recipe is None:
         _check_one_kind(ask.metric, pooled)
     side = ask.side or metric.side
@@ -127,24 +145,24 @@ def _collected(view: View, ask: Ask, only: Collection[str] | None) -> StoredValu
     return StoredValues(ask, metric.unit, name, metric.definition, limits, values, left_out, pooled)
 
 
-def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[StoredMetric], Counter[str]]:
-    """Return the runs that count, oldest first, and why the others do not."""
+def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[MetricRow], Counter[str]]:
+    """Return the metric in every run that counts, oldest first, and why the other runs do not count."""
     left_out: Counter[str] = Counter()
-    rows: list[StoredMetric] = []
-    for lines in metric_rows(view, _name(ask), ask.side, ask.recipe, ask.serial):
-        if only is not None and lines[0].run not in only:
+    metrics: list[MetricRow] = []
+    for rows in metric_rows(view, _name(ask), ask.recipe, ask.serial):
+        if only is not None and rows[0].run not in only:
             continue
-        found = read_metric(view, lines, ask)
+        found = read_metric(view, rows, ask)
         if isinstance(found, str):
             left_out[found] += 1
         else:
-            rows.append(found)
+            metrics.append(found)
     for run in view.open:
         reason = _why_open(RunRecord(view.data / run), ask) if only is None or run in only else ""
         if reason:
             left_out[reason] += 1
     left_out["altered"] += sum(problem.kind in ELSEWHERE for problem in view.problems)
-    return rows, +left_out
+    return metrics, +left_out
 
 
 def _why_open(run: RunRecord, ask: Ask) -> str:
@@ -200,10 +218,10 @@ def _attempts(rows: list[StoredMetric], which: str, left_out: Counter[str]) -> l
 
 def _same(rows: list[StoredMetric], name: str) -> MetricRow:
     """Return the metric of the newest run; StationError when another run means something else by it."""
-    newest, metric, _ = rows[-1]
+    newest, metric = rows[-1]
     of = attrgetter(*SAME)
     meaning = of(metric)
-    for value, other, _ in rows:
+    for value, other in rows:
         if of(other) != meaning:
             differs = [key for key in SAME if getattr(other, key) != getattr(metric, key)]
             raise StationError(

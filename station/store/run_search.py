@@ -14,9 +14,9 @@ from sqlalchemy import Select, func, select
 
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
-from station.records.run_record import MANIFEST
+from station.records.run_record import MANIFEST, RunRecord
 from station.store.outbox import catch_up
-from station.store.projection import seen
+from station.store.projection import seen, seen_files
 from station.store.tables import RUNS
 from station.store.view import opened
 
@@ -74,7 +74,7 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
     try:
         catch_up(database, chain, most_s=CATCH_UP_S)
         kept = [name for name in RunRow._fields if name != "doubt"]
-        columns = [RUNS.c[name] for name in (*kept, "altered", "key", "seen")]
+        columns = [RUNS.c[name] for name in (*kept, "altered", "key", "seen", "seen_files")]
         asked = _meant(select(*columns), chain, wanted).order_by(RUNS.c.run.desc())
         with database.reading() as connection:
             found = connection.execute(asked.offset(first).limit(min(count, MOST_ROWS))).all()
@@ -85,22 +85,23 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
         database.close()
     trusted = trust_of(chain).keys
     rows = []
-    for *entries, altered, key, was in found:
+    for *entries, altered, key, was, files in found:
         row = RunRow._make([*entries, ""])
-        doubt = _doubt(data, row.run, was, altered)
+        doubt = _doubt(data, row.run, (was, files), altered)
         if not doubt and key is not None and key not in trusted:
             doubt = f"It is signed by {key}, which this computer does not know."
         rows.append(row._replace(doubt=doubt, verdict=None if doubt else row.verdict))
     return Page(tuple(rows), total, recipes)
 
 
-def _doubt(data: Path, run: str, was: str | None, altered: str) -> str:
+def _doubt(data: Path, run: str, was: tuple[str, str], altered: str) -> str:
     if altered:
         return altered.splitlines()[0]
     now = seen(str(data / run / MANIFEST))
     if not now:
         return "Its folder is missing."
-    return "" if now == was else "Its record was changed since it was last compared. Run 'lostmotion verify'."
+    same = (now, seen_files(RunRecord(data / run))) == was
+    return "" if same else "Its record was changed since it was last compared. Run 'lostmotion verify'."
 
 
 def _meant(asked: Select[Any], chain: Chain, wanted: Wanted) -> Select[Any]:

@@ -17,7 +17,8 @@ from starlette.exceptions import HTTPException
 
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RESULT
+from station.records.run_record import RESULT, RunRecord
+from station.records.seal import alterations, is_sealed
 from station.version import version
 from station.web.actions import (
     ACTIONS,
@@ -171,7 +172,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         if there is None or not there.has(RESULT):
             return JSONResponse(said("run", "There is no such run with a result."), 404)
         try:
-            return JSONResponse(there.read_json(RESULT))
+            return _result_of(there)
         except StationError as error:
             return JSONResponse(said("run", str(error)), NOT_NOW)
 
@@ -190,6 +191,14 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             head = audit.head_of(connection)
             lines = audit.lines_of(connection, newest)
         return JSONResponse({"lines": head.lines, "head_sha256": head.sha256, "newest": lines})
+
+
+def _result_of(run: RunRecord) -> Response:
+    """Return the result of a run whose record is as it was left; a refusal for any other."""
+    altered = alterations(run) if is_sealed(run.manifest()) else ()
+    if altered:
+        return JSONResponse(said("altered", f"{run.id}: {altered[0]}. It has no verdict any more."), NOT_NOW)
+    return JSONResponse(run.read_json(RESULT))
 
 
 def _endpoint(station: Station, row: Action) -> Callable[..., Response]:

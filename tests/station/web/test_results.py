@@ -137,5 +137,7 @@ def test_no_report_of_a_record_that_is_not_as_it_was_left(station: Station, clie
         answer = client.http.get(f"/api/runs/{run}/report.html")
         assert answer.status_code == 409
         assert "not as it was left" in answer.text
+        assert client.http.get(f"/api/runs/{run}").status_code == 409
+        assert client.http.get("/api/runs").json()["runs"][0]["verdict"] is None
     finally:
         result.write_bytes(before)

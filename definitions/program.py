@@ -214,8 +214,14 @@ class Program:
         """Corner points (time in s from the first ramp, output torque in N·m) of the commanded load."""
         time_s, points = 0.0, [(0.0, 0.0)]
         for segment in self.segments:
+            if segment.sweep is not None:  # two turns in a period show how far it swings; its cycles would be too many
+                turns = 2 * segment.sweep.periods
+                for turn in range(turns):
+                    share = (turn + 0.5) / turns
+                    swing_nm = segment.sweep.amplitude_nm * (-1.0 if turn % 2 else 1.0)
+                    points.append(
+                        (time_s + share * segment.planned_scans * self.period_s, segment.target_nm + swing_nm)
+                    )
             time_s += segment.planned_scans * self.period_s
-            if segment.sweep is not None:  # its reach, for a picture
-                points += [(time_s, segment.target_nm + sign * segment.sweep.amplitude_nm) for sign in (1.0, -1.0)]
             points.append((time_s, segment.target_nm))
         return points

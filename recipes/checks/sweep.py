@@ -16,6 +16,9 @@ from recipes.text.quantity import show
 LEAST_CYCLES = 4.0
 """Cycles of the lowest frequency in a period: the line beside it is then far enough away."""
 
+LEAST_LINES = 4.0
+"""Lines of the response that the band holds; whole cycles in a period may take two of them."""
+
 SLEW_SHARE = 0.8
 """Of the drive's slew that a planned sweep may take: the rest is for the control."""
 
@@ -41,6 +44,10 @@ def _shape(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
     if step.to_frequency_hz <= step.from_frequency_hz:
         found = f"{show(step.to_frequency_hz, FREQUENCY)}, not above from_frequency"
         yield "to_frequency", found, f"above {show(step.from_frequency_hz, FREQUENCY)}", "Exchange the two."
+    elif (step.to_frequency_hz - step.from_frequency_hz) * step.period_s < LEAST_LINES / ROUNDING:
+        least_hz = step.from_frequency_hz + LEAST_LINES / step.period_s
+        found = f"{show(step.to_frequency_hz, FREQUENCY)}, too near to from_frequency for a period of this length"
+        yield "to_frequency", found, f"at least {show(least_hz, FREQUENCY, 4)}", "Raise it, or take a longer period."
     shortest_s = LEAST_CYCLES / step.from_frequency_hz
     if step.period_s < shortest_s / ROUNDING:
         found = (
@@ -76,6 +83,10 @@ def _speed(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
         if friction_nm:
             allowed += f", and the friction of {show(friction_nm, TORQUE, 3)} turns twice in a cycle"
         yield "to_frequency", found, allowed, "Lower the frequency or the amplitude."
+    if step.amplitude_nm <= friction_nm:
+        found = f"{show(step.amplitude_nm, TORQUE)}, which the friction of the input side takes up"
+        allowed = f"above {show(friction_nm, TORQUE, 3)}, offset of loading_torque_ratio"
+        yield "amplitude", found, allowed, "Raise it: the unit would hardly move."
     rate_nm_s = 2.0 * pi * step.to_frequency_hz * step.amplitude_nm
     slowest_rad_s = min(limits.speed_rad_s, bench.max_loading_speed_rad_s)
     if windup_rad(recipe, rate_nm_s) >= slowest_rad_s:

@@ -114,8 +114,8 @@ class LoadProfile:
         self.dwell(State.REVERSE, step.dwell_s)
         period_scans = max(1, round(step.period_s / self.period_s))
         seconds = period_scans * self.period_s
-        # the highest frequency gives way by so little that the cycles of a period are whole
-        cycles = max(1, round((step.from_frequency_hz + step.to_frequency_hz) / 2.0 * seconds))
+        # The cycles of a period are whole. So the highest frequency gives way, and never upwards: it is what was checked.
+        cycles = max(1, math.floor((step.from_frequency_hz + step.to_frequency_hz) / 2.0 * seconds + 1e-6))
         to_hz = 2.0 * cycles / seconds - step.from_frequency_hz
         sweep = Sweep(step.amplitude_nm, step.from_frequency_hz, to_hz, period_scans, step.periods)
         limit = self.scans(sweep.scans * self.period_s * budget("ramp_limit_factor") + budget("ramp_limit_extra_s"))

@@ -105,7 +105,12 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
     _add_readings(app, station)
 
     def refuse(token: str | None) -> Response | None:
-        return _not_entered() if _session(station, token) is None else None
+        found = _session(station, token)
+        if found is None:
+            return _not_entered()
+        if found.person.must_change:
+            return JSONResponse(said("must_change", "Choose a password of your own first."), NOT_ALLOWED)
+        return None
 
     add_runs(app, station, refuse, _answers)
     for row in ACTIONS.values():

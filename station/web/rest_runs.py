@@ -47,7 +47,7 @@ def add_runs(
 ) -> None:
     """Add the endpoints; refuse: what is answered to whoever is not logged in, by the session's cookie."""
 
-    @app.get("/api/runs", summary="runs, newest first", tags=["runs"], **answers(200, 401, 422, 503))
+    @app.get("/api/runs", summary="runs, newest first", tags=["runs"], **answers(200, 401, 403, 422, 503))
     def runs(  # noqa: PLR0917 - every one is named in the address
         token: CookieToken = None,
         serial: Part = None,
@@ -68,7 +68,7 @@ def add_runs(
 
     @app.get(
         "/api/runs/{run}/report.{kind}", summary="the report of a run", tags=["runs"],
-        **answers(200, 401, 404, 409, 422, 503),
+        **answers(200, 401, 403, 404, 409, 422, 503),
     )  # fmt: skip
     def report(run: str, kind: Kind, token: CookieToken = None) -> Response:
         refused = refuse(token)

@@ -14,6 +14,7 @@ from recipes.checks import measurement as check_measurement
 from recipes.checks import ratings as check_ratings
 from recipes.checks import sweep as check_sweeps
 from recipes.checks.cross_check import CHECKS, DATED_CHECKS
+from recipes.compiler.compiler import compile_program
 
 TODAY = date(2026, 6, 1)
 CALIBRATION = (
@@ -123,11 +124,15 @@ CASES = {
         SWEEP, {"to_frequency: 0.75 Hz": "to_frequency: 0.9 Hz"}, {}, "torque_sweep.to_frequency", "up to 0.829 Hz",
     ),
     "sweep through too much friction": (
-        SWEEP, {"amplitude: 40 N·m": "amplitude: 10 N·m", "to_frequency: 0.75": "to_frequency: 2.3"}, {},
+        SWEEP, {"amplitude: 40 N·m": "amplitude: 16 N·m", "to_frequency: 0.75": "to_frequency: 2"}, {},
         "torque_sweep.to_frequency", "the friction of 13.9 N·m turns twice in a cycle",
     ),
     "sweep that falls": (
         SWEEP, {"to_frequency: 0.75": "to_frequency: 0.25"}, {}, "torque_sweep.to_frequency", "above 0.25 Hz",
+    ),
+    "sweep of few lines": (SWEEP, {"to_frequency: 0.75": "to_frequency: 0.3"}, {}, "torque_sweep.to_frequency", "0.5 Hz"),
+    "sweep that moves nothing": (
+        SWEEP, {"amplitude: 40 N·m": "amplitude: 10 N·m"}, {}, "torque_sweep.amplitude", "above 13.9 N·m",
     ),
     "sweep of few cycles": (SWEEP, {"period: 16 s": "period: 8 s"}, {}, "torque_sweep.period", "at least 16 s"),
     "sweep through zero": (
@@ -303,3 +308,14 @@ def test_shipped_recipes_run_on_their_default_bench(name):
 def test_no_shipped_bench_makes_a_check_crash(name):
     for path in shipped_recipes().values():
         check(parse_recipe(path.read_bytes(), path.name), load_bench(name), today=TODAY)
+
+
+@pytest.mark.parametrize("highest_hz", [0.75, 0.77, 0.8])
+def test_a_sweep_is_never_faster_than_what_was_checked(highest_hz: float) -> None:
+    text, bench = shipped(SWEEP)
+    text = replaced(text, {"to_frequency: 0.75 Hz": f"to_frequency: {highest_hz} Hz"})
+    program = compile_program(parse_recipe(text.encode(), SWEEP), parse_bench(bench.encode(), "bench"))
+    sweep = next(one.sweep for one in program.segments if one.sweep is not None)
+    assert sweep.from_hz < sweep.to_hz <= highest_hz + 1e-6
+    cycles = (sweep.from_hz + sweep.to_hz) / 2.0 * sweep.period_scans * program.period_s
+    assert cycles == pytest.approx(round(cycles), abs=1e-9)

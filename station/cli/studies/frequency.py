@@ -78,7 +78,7 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
     try:
         one = fit_resonance(found)
     except AnalysisError as error:
-        blocks.append(f"no resonance: {error}")
+        blocks.append(str(error))
         document |= {"resonance": None, "reason": str(error)}
     else:
         stiffness = one.stiffness_nm_per_arcmin

@@ -211,7 +211,7 @@ class Sender:
         }  # fmt: skip
         try:
             answer = http.post(self._settings.url, content=body, headers=headers)
-        except httpx.HTTPError as error:
+        except (httpx.HTTPError, httpx.InvalidURL, UnicodeError) as error:
             return f"{type(error).__name__}: {error}"[:LONGEST_REASON]
         return "" if answer.is_success else f"answered {answer.status_code}"
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
 
+import httpx
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from recipes import load_document
@@ -41,6 +42,11 @@ class MesSettings(BaseModel):
         parts = urlsplit(text)
         if parts.scheme not in ("http", "https") or not parts.hostname or parts.username is not None:
             raise refusal(text, "an address that begins with http:// or https://, without a password")
+        try:
+            httpx.URL(text)
+            parts.hostname.encode("idna")
+        except (httpx.InvalidURL, UnicodeError) as error:
+            raise refusal(text, f"an address that can be reached: {error}") from error
         return text
 
 

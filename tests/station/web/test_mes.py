@@ -242,7 +242,15 @@ def test_the_example_takes_only_what_is_signed_and_new(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["url: ftp://x/", "url: http://user:word@x/", "when_away: perhaps", "away_after_s: 0", "wenn_away: hold"],
+    [
+        "url: ftp://x/",
+        "url: http://user:word@x/",
+        "url: http://mes:port/x",
+        "url: http://a..b/x",
+        "when_away: perhaps",
+        "away_after_s: 0",
+        "wenn_away: hold",
+    ],
 )
 def test_wrong_settings_are_refused_with_their_place(tmp_path: Path, text: str) -> None:
     lines = {"url": "http://127.0.0.1:9/", "secret_file": "mes.secret", "when_away": "hold"}

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import update
 from station_support import Client, client_of, station_in
 
 from benchmarks.many_runs import make_runs
 from station.store.run_search import RunRow, Wanted, search
 from station.web.actions import Station
 from station.web.pages.results import row_of, verdict_text
+from station.web.people.database import PEOPLE
 from station.web.rest_runs import begin_of
 
 COUNT = 60
@@ -141,3 +143,12 @@ def test_no_report_of_a_record_that_is_not_as_it_was_left(station: Station, clie
         assert client.http.get("/api/runs").json()["runs"][0]["verdict"] is None
     finally:
         result.write_bytes(before)
+
+
+def test_who_must_choose_a_password_first_reads_no_run(station: Station, client: Client) -> None:
+    run = client.http.get("/api/runs").json()["runs"][0]["run"]
+    other = client_of(station, "quality")
+    with station.database.writing() as connection:
+        connection.execute(update(PEOPLE).where(PEOPLE.c.name == "the quality").values(must_change=True))
+    for address in ("/api/runs", f"/api/runs/{run}/report.html"):
+        assert other.http.get(address).status_code == 403

@@ -114,7 +114,7 @@ class LoadProfile:
         self.dwell(State.REVERSE, step.dwell_s)
         period_scans = max(1, round(step.period_s / self.period_s))
         seconds = period_scans * self.period_s
-        # The cycles of a period are whole. So the highest frequency gives way, and never upwards: it is what was checked.
+        # Cycles of a period are whole: the highest frequency gives way, and only downwards, for it was checked.
         cycles = max(1, math.floor((step.from_frequency_hz + step.to_frequency_hz) / 2.0 * seconds + 1e-6))
         to_hz = 2.0 * cycles / seconds - step.from_frequency_hz
         sweep = Sweep(step.amplitude_nm, step.from_frequency_hz, to_hz, period_scans, step.periods)

@@ -130,7 +130,9 @@ CASES = {
     "sweep that falls": (
         SWEEP, {"to_frequency: 0.75": "to_frequency: 0.25"}, {}, "torque_sweep.to_frequency", "above 0.25 Hz",
     ),
-    "sweep of few lines": (SWEEP, {"to_frequency: 0.75": "to_frequency: 0.3"}, {}, "torque_sweep.to_frequency", "0.5 Hz"),
+    "sweep of few lines": (
+        SWEEP, {"to_frequency: 0.75": "to_frequency: 0.3"}, {}, "torque_sweep.to_frequency", "at least 0.5 Hz",
+    ),
     "sweep that moves nothing": (
         SWEEP, {"amplitude: 40 N·m": "amplitude: 10 N·m"}, {}, "torque_sweep.amplitude", "above 13.9 N·m",
     ),

@@ -178,7 +178,7 @@ class RunRecord:
         return self.manifest().state
 
     def deserted(self) -> bool:
-        """Whether the run was not concluded and its desk is not here; somebody else may own it (see `lock`)."""
+        """Whether the run was not concluded and its supervisor is not here; somebody else may own it (see `lock`)."""
         manifest = self.manifest()
-        desk = manifest.desk
-        return manifest.state == RECORDING and process_birth(desk.pid) != desk.birth
+        supervisor = manifest.desk
+        return manifest.state == RECORDING and process_birth(supervisor.pid) != supervisor.birth

@@ -36,7 +36,7 @@ from station.records.timing_proof import clock_note, objections_to_clock, run_fa
 from station.results.evaluation import evaluate_trace, ratio_of, trace_of
 from station.results.judged import check_values, judged_in
 from station.run.ending import Ending
-from station.scan.desk_watch import DESK_GONE, DESK_SILENT
+from station.scan.supervisor_watch import SUPERVISOR_GONE, SUPERVISOR_SILENT
 from station.wall_clock import now_text
 
 NOT_DECIDABLE = "NOT DECIDABLE"
@@ -127,7 +127,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         notes=(
             *run.notes,
             *_master_notes(run, state, judged.verdict),
-            *_desk_notes(ending),
+            *_supervisor_notes(ending),
             *_clock_notes(timing, ending.clock_jumped_s),
             *judged.notes,
         ),
@@ -167,11 +167,11 @@ def _end_state(table: Table) -> str:
 def stopped_by(ending: Ending) -> str:
     """Return who or what stopped a run: `operator`, or a cause that the ring or a note of the scan names."""
     said = {note.text for note in ending.notes}
-    told = {DESK_GONE: "desk_gone", DESK_SILENT: "desk_silent"}
+    told = {SUPERVISOR_GONE: "desk_gone", SUPERVISOR_SILENT: "desk_silent"}
     return ending.stopped_by or next((name for text, name in told.items() if text in said), "operator")
 
 
-def _desk_notes(ending: Ending) -> list[str]:
+def _supervisor_notes(ending: Ending) -> list[str]:
     return [ending.desk_died] if ending.desk_died else []
 
 

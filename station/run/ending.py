@@ -1,4 +1,4 @@
-"""How a scan ended, as its desk knows it: on disk before the run is concluded, so that anybody else can conclude it.
+"""How a scan ended, as its supervisor knows it: on disk before the run is concluded, so that others can conclude it.
 
 The room for it is taken before the run starts: a disk that fills up in the meantime costs no verdict.
 """
@@ -21,7 +21,7 @@ from station.records.ring.reader import RingReader
 from station.records.ring.ring import StopCause
 from station.records.run_record import SCAN_REPORT, RunRecord
 
-DESK_REPORT = "desk-report.json"
+SUPERVISOR_REPORT = "desk-report.json"
 REPORT_BYTES = 1 << 18
 """Room that is taken for it: counters, histograms of the timing, the periods that were missed, notes."""
 
@@ -56,7 +56,7 @@ class Ending:
     stopped_by: str = ""
     """Name of that cause (`StopCause`) in small letters; empty for the operator."""
     desk_died: str = ""
-    """What became of a run whose desk ended in the middle; empty where it was there to the end."""
+    """What became of a run whose supervisor ended in the middle; empty where it was there to the end."""
     disk: Disk | None = None
     pace: Pace | None = None
     """What the scan says of a bench that waited for it: its unit, and what was stretched; None for any other bench."""
@@ -68,9 +68,9 @@ class Ending:
 
     @classmethod
     def kept_in(cls, record: RunRecord) -> Self | None:
-        """Return the ending that a desk has put on disk; None where it did not come so far, or nobody can read it."""
+        """Return what the supervisor has put on disk; None where it did not come so far, or nobody can read it."""
         with suppress(RecordError):
-            kept = record.read(cls, DESK_REPORT)
+            kept = record.read(cls, SUPERVISOR_REPORT)
             # In virtual time nothing is measured of the disk, which versions before kept as an empty block.
             return replace(kept, disk=None) if kept.disk == Disk() else kept
         return None
@@ -82,12 +82,12 @@ class Ending:
             RecordError: the disk refuses it.
 
         """
-        record.write_json(DESK_REPORT, plain(self))
+        record.write_json(SUPERVISOR_REPORT, plain(self))
 
 
 def take_room(record: RunRecord) -> None:
     """Take the room for the ending before the run starts; RecordError when the disk has none."""
-    reserve(record.folder / DESK_REPORT, REPORT_BYTES)
+    reserve(record.folder / SUPERVISOR_REPORT, REPORT_BYTES)
 
 
 def scan_report(record: RunRecord) -> ScanReport:

@@ -75,7 +75,7 @@ def write_scan_spec(
         clock="scan" if waits else "wall",
         fast=pacing.fast,
         spin_ns=REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
-        desk=os.getpid(),
+        supervisor=os.getpid(),
         after_end_scans=after_end_scans,
         left=None if left is None else Left(left.fault, left.torque_in_tare_nm, left.torque_out_tare_nm),
     )

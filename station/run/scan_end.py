@@ -1,4 +1,4 @@
-"""How the scan of a run ended, in the words of its own report and of the ring, seen from the run's desk."""
+"""How the scan of a run ended, in the words of its own report and of the ring, seen from the run's supervisor."""
 
 from __future__ import annotations
 

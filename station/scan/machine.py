@@ -59,11 +59,11 @@ def isolated_core(root: Path) -> Finding:
 
 
 def cores(root: Path) -> Finding:
-    """Whether there are cores enough for scan, desk and, embedded, the virtual bench."""
+    """Whether there are cores enough for scan, supervisor and, embedded, the virtual bench."""
     count = len(list(root.glob("sys/devices/system/cpu/cpu[0-9]*")))
     found = f"{count} cores" if count else "the number of cores is not known"
     return Finding(
-        "cores", count >= 3, found, "the scan and an embedded virtual bench want a core each, the desk a third"
+        "cores", count >= 3, found, "the scan and an embedded virtual bench want a core each, the supervisor a third"
     )
 
 

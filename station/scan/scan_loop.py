@@ -59,8 +59,8 @@ class Stop:
     def __init__(self) -> None:
         self.wanted = False
         self.given = False
-        self.desk_gone = False
-        """Asked for because the desk ended before it had given START."""
+        self.supervisor_gone = False
+        """Asked for because the supervisor ended before it had given START."""
 
     def ask(self, *_: object) -> None:
         """Ask for it (usable as a signal handler)."""

@@ -88,7 +88,9 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert here("conclude", folder.name, "--data", str(disk)).exit_code == 0
     shown = here("show", folder.name, "--data", str(disk), "--json").json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
-    assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
+    assert any(
+        "the disk did not take the records, so the supervisor stopped the run" in one for one in shown["reasons"]
+    )
     assert shown["stopped_by"] == "disk"
     assert not any("ended in the middle" in one for one in shown["reasons"]), "the scan came to its end, and said so"
     proof = json.loads((folder / "timing.json").read_bytes())
@@ -224,7 +226,7 @@ def slow_library(folder: Path, seconds: float) -> Path:
     return library
 
 
-SLOW_DESK = """
+SLOW_SUPERVISOR = """
 import sys, time
 from pathlib import Path
 sys.path.insert(0, "tests/station")
@@ -256,7 +258,7 @@ print(ring.stopped_because)
 @pytest.mark.parametrize(("capacity", "lost"), [(2000, False), (200, True)])
 def test_a_slow_disk_is_made_up_for_from_the_ring_or_its_loss_is_told(tmp_path, capacity, lost):
     library = slow_library(tmp_path, 0.8)
-    words = [sys.executable, "-c", SLOW_DESK, str(tmp_path), str(capacity)]
+    words = [sys.executable, "-c", SLOW_SUPERVISOR, str(tmp_path), str(capacity)]
     environment = os.environ | {"LD_PRELOAD": str(library), "PYTHONPATH": str(ROOT)}
     done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     figures, because = done.stdout.splitlines()
@@ -264,7 +266,7 @@ def test_a_slow_disk_is_made_up_for_from_the_ring_or_its_loss_is_told(tmp_path, 
     assert flush_s >= 0.8
     assert written + missing == 1500
     assert most_waiting >= min(capacity, 300), "the slow flush never held anything up"
-    assert longest_s < 0.4, "the slow disk held the desk"
+    assert longest_s < 0.4, "the slow disk held the supervisor"
     assert (missing > 0) is lost
     assert ("found no room" in because) is lost
     report = check_bytes((tmp_path / "samples.bin").read_bytes(), 1500)

@@ -94,8 +94,11 @@ def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ram
     assert done.exit_code == 0, done.err
     shown = done.json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
-    assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
-    # what the desk had written, but the disk had not yet taken for good, is lost as in a power cut: one gap, and told
+    assert any(
+        "the disk did not take the records, so the supervisor stopped the run" in one for one in shown["reasons"]
+    )
+    # what the supervisor had written, but the disk had not yet taken for good, is lost as in a power cut: one gap,
+    # and told
     gaps = read_back(folder).problems
     assert len(gaps) <= 1
     assert all("the sequence has a gap" in gap for gap in gaps)

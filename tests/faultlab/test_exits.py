@@ -31,7 +31,7 @@ def rows(text: str) -> dict[str, str]:
 
 def test_every_exit_is_in_the_table_and_can_be_provoked():
     faults = {fault.id for fault in FAULTS if fault.reaction >= Reaction.UNLOAD}
-    people_and_processes = {"finish", "operator_stop", "abort", "lost_desk", "lost_scan", "power_failure"}
+    people_and_processes = {"finish", "operator_stop", "abort", "lost_supervisor", "lost_scan", "power_failure"}
     assert {row.id for row in EXITS} == faults | people_and_processes
     assert len(EXITS) == len({row.id for row in EXITS})
     assert {name for name in faults if name not in PROVOKE and not any(provokers(name, at) for at in STATES)} == set()

@@ -150,9 +150,9 @@ FAULTS: dict[tuple[str, str], Verb] = {
     ("scan.overrun", "miss"): Verb("whole periods that are missed at once", 1, 1_000_000, "periods are missing"),
     ("process.scan", "stop"): Verb("ms for which the scan process stands still", 1.0, 60_000.0, "periods are missing"),
     ("process.scan", "kill"): _plain("SIGKILL of the scan process: no set-points, no heartbeat, no record"),
-    ("process.desk", "kill"): _plain("SIGKILL of the desk: nobody takes the records, nobody gives a sign"),
-    ("machine.disk", "full"): _plain("the desk can write no byte to any file"),
-    ("machine.clock", "step"): Verb("s by which the desk's wall clock jumps", -1e9, 1e9, "times of day jump"),
+    ("process.desk", "kill"): _plain("SIGKILL of the supervisor: nobody takes the records, nobody gives a sign"),
+    ("machine.disk", "full"): _plain("the supervisor can write no byte to any file"),
+    ("machine.clock", "step"): Verb("s by which the supervisor's wall clock jumps", -1e9, 1e9, "times of day jump"),
 }
 
 NOT_BY_WALL_CLOCK = frozenset({("scan.overrun", "miss")})

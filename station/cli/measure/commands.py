@@ -134,7 +134,7 @@ def resume(
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Take over a run whose desk died, to its end and its verdict. Exit code as run.
+    """Take over a run whose supervisor died, to its end and its verdict. Exit code as run.
 
     Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
     """

@@ -1,6 +1,7 @@
 """Leads a person through the way back from a fault: what the bench shows, what to check, and then step by step.
 
-Called at every look of the desk, so it never waits: a question stands until it is answered, and the desk goes on.
+Called at every look of the supervisor, so it never waits: a question stands until it is answered, and the supervisor
+goes on.
 """
 
 from __future__ import annotations

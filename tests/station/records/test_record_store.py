@@ -115,7 +115,7 @@ def test_runs_are_found_by_id_part_serial_and_last(tmp_path: Path) -> None:
         store.find("nothing")
 
 
-def test_a_recording_whose_desk_is_gone_is_not_concluded(tmp_path: Path) -> None:
+def test_a_recording_whose_supervisor_is_gone_is_not_concluded(tmp_path: Path) -> None:
     run = new_run(Store(tmp_path))
     gone = subprocess.Popen([sys.executable, "-c", "pass"])
     gone.wait()
@@ -277,8 +277,8 @@ def test_an_unwritable_place_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("on_disk", [0, 3, 5])
-def test_a_dead_desk_and_a_dead_scan_lose_no_record(tmp_path: Path, on_disk: int) -> None:
-    """The desk had written `on_disk` records to the file, and died before it could note that in the ring."""
+def test_a_dead_supervisor_and_a_dead_scan_lose_no_record(tmp_path: Path, on_disk: int) -> None:
+    """The supervisor had written `on_disk` records to the file, and died before it could note that in the ring."""
     run = new_run(Store(tmp_path))
     ring = create(tmp_path, 16)
     writer = RingWriter(ring)

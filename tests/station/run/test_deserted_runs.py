@@ -64,7 +64,7 @@ def test_an_ending_that_the_version_before_kept_is_read_as_it_was_meant(copied: 
     assert Ending.kept_in(copied).disk.refused == 1
 
 
-def test_a_desk_that_died_when_all_was_on_disk_costs_nothing(copied: RunRecord, tmp_path: Path) -> None:
+def test_a_supervisor_that_died_when_all_was_on_disk_costs_nothing(copied: RunRecord, tmp_path: Path) -> None:
     report = {"state": "finished", "written": copied.records(), "lost": 0, "realtime": {"details": {}}}
     desert(copied, ring=tmp_path / "gone", report=report)
     recover(copied)
@@ -102,7 +102,7 @@ def test_a_report_without_a_count_cannot_make_a_run_complete(copied: RunRecord, 
     assert "the number of records that the scan process wrote is not known" in " ".join(result["reasons"])
 
 
-def test_a_record_that_the_scan_appends_while_a_new_desk_looks_is_not_skipped(
+def test_a_record_that_the_scan_appends_while_a_new_supervisor_looks_is_not_skipped(
     copied: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(station.records.ring.ring, "SHARED_MEMORY", tmp_path)

@@ -42,7 +42,7 @@ def _spec(folder: Path, job: Job) -> SpecFile:
         clock="scan",
         fast=True,
         spin_ns=0,
-        desk=1,
+        supervisor=1,
         after_end_scans=0,
         left=None,
     )

@@ -1,4 +1,4 @@
-"""The desk of a real-time run: starts the processes, brings the records to disk, passes the operator's wishes on.
+"""The supervisor of a real-time run: starts the processes, brings the records to disk, passes the operator's wishes on.
 
 Ctrl-C once asks for a stop: the torque is brought to zero before the lock opens. Twice is a quick stop. A terminal
 that is closed counts as Ctrl-C, and a screen that cannot be written to any more ends nothing. Whatever ends the
@@ -63,7 +63,7 @@ def _if_possible(tell: Callable[[Told], None]) -> Callable[[Told], None]:
     return told
 
 
-class Desk:
+class Supervisor:
     """One real-time run of a job.
 
     A recovery is one too: `left` says how the bench was left, and `attend` is called at every look, to tell and to ask.
@@ -85,7 +85,7 @@ class Desk:
     ) -> None:
         """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench.
 
-        meanwhile: done while the other processes start, when nobody waits for the desk.
+        meanwhile: done while the other processes start, when nobody waits for the supervisor.
         """
         self._job, self._record = job, record
         self._gateway = gateway

@@ -25,9 +25,9 @@ from station.records.ring.ring import ScanState, StopCause
 from station.records.run_record import RECORDING, SCAN_REPORT, TIMING, RunRecord
 from station.run import children
 from station.run.conclusion import conclude
-from station.run.ending import Ending, scan_report
 from station.run.faults.companion import Companion
 from station.run.faults.machine_faults import Traces, deed_of
+from station.run.outcome import RunOutcome, scan_report
 from station.run.supervisor import Supervisor
 from station.run.way_back.recover import recover
 from virtual_bench.faults.scenario import Scenario
@@ -93,14 +93,14 @@ def run_here(
     )
     why_refused = ""
     try:
-        ending = supervisor.run(unit, record.folder / "scenario.yaml")
+        outcome = supervisor.run(unit, record.folder / "scenario.yaml")
     except BenchFaultError as error:
         why_refused = str(error)
         record.samples.touch()
-        ending = Ending.refused_by(record, error)
-    conclude(record, job, ending)
-    started_ns = 0 if pacing.clock == SCAN else ending.started_ns
-    return Left(record, started_ns, ending.written, bool(ending.trouble), why_refused)
+        outcome = RunOutcome.refused_by(record, error)
+    conclude(record, job, outcome)
+    started_ns = 0 if pacing.clock == SCAN else outcome.started_ns
+    return Left(record, started_ns, outcome.written, bool(outcome.trouble), why_refused)
 
 
 def _nothing(_record: bytes) -> None:

@@ -20,7 +20,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_typ
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from station.durable import open_file, refused
+from station.atomic_file import open_file, refused
 from station.errors import RecordError
 
 NEXT_STEP = "Restore the file from a backup, or move the run's folder out of the data folder"

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from station.durable import refused, sync_folder
+from station.atomic_file import refused, sync_folder
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store

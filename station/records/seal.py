@@ -12,10 +12,10 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
+from station.atomic_file import as_json, open_file, read_from_disk, refused, remove_parts, sync_folder
 from station.documents.manifest import ChainPlace, Checksum, Manifest, PackedSamples
 from station.documents.reading import document_in
 from station.documents.result import Decided
-from station.durable import as_json, open_file, read_from_disk, refused, remove_parts, sync_folder
 from station.errors import RecordError
 from station.records.chain.chain_file import CHAIN, Chain, writing_to
 from station.records.chain.entries import CREATED, Entry

@@ -17,7 +17,7 @@ from station.documents.result import Evaluation, MetricValue, Result
 from station.documents.timing import Pace, Timing
 from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
 from station.records.run_record import RunRecord
-from station.reports.headline import badges, ending_text, headline, remaining_reasons, virtual_unit
+from station.reports.headline import badges, headline, how_it_ended, remaining_reasons, virtual_unit
 from station.reports.metric_sides import judging_rows, side_rows
 from station.reports.result_notes import check_lines, note_lines, summary_lines
 from station.reports.result_text import (
@@ -223,7 +223,7 @@ def verdict_panel(result: Result) -> Panel:
         body.append("\n").append(head.verdict, style=f"bold {VERDICT_STYLES[head.verdict].split()[-1]}")
     body.append(f"  {result.serial or ''}  {recipe.name} revision {recipe.revision}")
     if head.verdict:
-        body.append(f"  run {ending_text(result)}")
+        body.append(f"  run {how_it_ended(result)}")
     if result.before or result.retest_reason:
         body.append(f"\n{attempt_text(result.attempt, result.before, result.retest_reason)}")
     for reason in remaining_reasons(result):

@@ -16,11 +16,11 @@ from typing import Any
 from controller.held_lock import Left
 from definitions.plain_data import exact, plain
 from definitions.program import Program
+from station.atomic_file import as_json
 from station.bench.assemble import Ports, wire_config
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.manifest import LeftBy
-from station.durable import as_json
 from station.errors import StationError
 from station.records.clocks import SCAN, Pacing
 from station.records.program_file import PROGRAM

@@ -16,10 +16,10 @@ from queue import SimpleQueue
 from typing import Any, TypeVar
 
 from definitions.image import Command
+from station.atomic_file import Appender
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.manifest import LeftBy
-from station.durable import Appender
 from station.errors import BenchFaultError, RecordError
 from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
 from station.records.ring.reader import RingReader
@@ -28,10 +28,10 @@ from station.records.ring.to_disk import RecordsWaitError, RecordWriter
 from station.records.run_record import SCAN_REPORT, RunRecord
 from station.run import children
 from station.run.asked_to_stop import STOP_WORDS, Stopping, listening
-from station.run.ending import Ending, take_room
 from station.run.faults.companion import Companion, Reach
+from station.run.outcome import RunOutcome, take_room
 from station.run.process_specs import write_bench_spec, write_scan_spec
-from station.run.scan_end import SCAN_LOG, ending_of, what_waits
+from station.run.scan_end import SCAN_LOG, outcome_of, what_waits
 from station.wall_clock import JumpWatch
 
 BENCH_LOG = "virtual-bench.jsonl"
@@ -100,7 +100,7 @@ class Supervisor:
         self._seen: SimpleQueue[bytes] = SimpleQueue()
         self._wall_clock = JumpWatch()
 
-    def run(self, unit: VirtualUnit | None, scenario: Path | None) -> Ending:
+    def run(self, unit: VirtualUnit | None, scenario: Path | None) -> RunOutcome:
         """Run to the end; `unit` and `scenario` are for the embedded virtual bench.
 
         Raises:
@@ -137,7 +137,7 @@ class Supervisor:
             self._serve(process, ring, writer)
             try:
                 writer.finish()
-                ending = ending_of(
+                outcome = outcome_of(
                     process,
                     ring,
                     self._record,
@@ -146,11 +146,11 @@ class Supervisor:
                     embedded=life_line is not None,
                     interrupted=self._stopping.asked > 0,
                 )
-                ending.keep(self._record)
+                outcome.keep(self._record)
             except RecordError as error:
                 self._waits = True
                 raise RecordsWaitError(what_waits(self._record.id, error, ring)) from error
-            return ending
+            return outcome
 
     # --- starting
 
@@ -249,7 +249,7 @@ class Supervisor:
         self._say(STOP_WORDS[command])
         ring.send(command)
 
-    # --- ending
+    # --- end
 
     def _let_go(self, ring: RingReader, path: Path) -> None:
         """Close the ring, and remove it unless something waits in it for a disk that takes it."""

@@ -24,8 +24,8 @@ from typing import Any
 from controller.controller import Controller
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
+from station.atomic_file import reserve, write_atomic
 from station.bench.bench_lock import BenchBusyError, alone_on
-from station.durable import reserve, write_durable
 from station.errors import RecordError
 from station.records.clocks import SCAN
 from station.records.process_birth import process_birth
@@ -60,11 +60,11 @@ def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> dict[str, Any]:
     period_ns = compiled.wires.period_ns
     controller = Controller(read_program(compiled), left=spec.left)
     bench = WireBench(compiled.wires)
-    with ExitStack() as ending:
+    with ExitStack() as cleanup:
         if compiled.alone:
-            ending.enter_context(alone_on(compiled.bench, compiled.wires.can))
+            cleanup.enter_context(alone_on(compiled.bench, compiled.wires.can))
         verified = bench.open()
-        ending.callback(bench.close)
+        cleanup.callback(bench.close)
         grants = realtime.request_all()
         if spec.fast:  # it never sleeps: with a priority above all others it would starve the supervisor
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
@@ -140,7 +140,7 @@ def _tell(path: Path, report: dict[str, Any], *, flush: bool) -> None:
     A disk that refuses it changes nothing else: how the scan ended stands in the ring too.
     """
     try:
-        write_durable(path, json.dumps(report, ensure_ascii=False).encode(), flush=flush)
+        write_atomic(path, json.dumps(report, ensure_ascii=False).encode(), flush=flush)
     except RecordError as error:
         with suppress(OSError):  # what was said goes to a file on the same disk
             sys.stderr.write(f"{error}\n")

@@ -17,7 +17,7 @@ from controller.held_lock import Left
 from definitions.plain_data import InexactError, exact, plain
 from definitions.program import Program
 from drivers.config import WireBenchConfig
-from station.durable import open_file
+from station.atomic_file import open_file
 from station.errors import StationError
 
 SpecT = TypeVar("SpecT")

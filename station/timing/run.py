@@ -15,8 +15,8 @@ from typing import Any
 from definitions.image import Image
 from definitions.plain_data import plain
 from recipes import Recipe
+from station.atomic_file import as_json
 from station.bench.request import Job
-from station.durable import as_json
 from station.errors import BenchFaultError
 from station.records.clocks import WALL
 from station.records.program_file import PROGRAM

@@ -18,7 +18,7 @@ from patient import GOLDEN_RECIPE
 from run_samples import read_back
 
 import station.cli.measure.run
-from station.durable import Appender, reserve, write_durable
+from station.atomic_file import Appender, reserve, write_atomic
 from station.errors import RecordError
 from station.records.samples.check import check_bytes
 from station.records.samples.scan_record import RECORD_BYTES
@@ -175,7 +175,7 @@ def test_a_disk_that_became_read_only_is_not_to_be_freed(disk):
     file.close()
     subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)  # noqa: S607
     for deed in (
-        lambda: write_durable(disk / "run.json", b"{}"),
+        lambda: write_atomic(disk / "run.json", b"{}"),
         lambda: reserve(disk / "result.json", 4096),
         lambda: Appender(disk / "samples.bin"),
     ):
@@ -231,7 +231,7 @@ import sys, time
 from pathlib import Path
 sys.path.insert(0, "tests/station")
 from station_samples import IMAGE, ORDERS
-from station.durable import Appender
+from station.atomic_file import Appender
 from station.records.ring.to_disk import RecordWriter
 from station.records.ring.ring import create
 from station.records.ring.reader import RingReader

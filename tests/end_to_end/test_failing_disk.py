@@ -14,7 +14,7 @@ from lostmotion_command import here
 from run_samples import read_back
 from test_disks import recording
 
-from station.durable import Appender, write_durable
+from station.atomic_file import Appender, write_atomic
 from station.errors import RecordError
 
 pytestmark = pytest.mark.wires
@@ -63,7 +63,7 @@ def fail(disk: Path) -> None:
 def test_a_failing_disk_is_to_be_replaced_and_not_to_be_freed(disk):
     file = Appender(disk / "samples.bin")
     fail(disk)
-    for deed in (lambda: write_durable(disk / "run.json", b"{}"), lambda: file.write(b"record"), file.sync):
+    for deed in (lambda: write_atomic(disk / "run.json", b"{}"), lambda: file.write(b"record"), file.sync):
         with pytest.raises(RecordError, match=r"cannot be (written|flushed): Input/output error.*replace it"):
             deed()
 

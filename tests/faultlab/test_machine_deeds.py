@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 FULL_DISK = """
 import sys
 from pathlib import Path
-from station.durable import Appender, write_durable
+from station.atomic_file import Appender, write_atomic
 from station.errors import RecordError
 from station.run.faults.machine_faults import DEEDS
 file = Appender(Path(sys.argv[1]) / "samples.bin")
@@ -30,7 +30,7 @@ file.write(b"before")
 deed = DEEDS["machine.disk", "full"]
 deed.begin(0, 0.0)
 refused = []
-for write in (lambda: file.write(b"lost"), lambda: write_durable(Path(sys.argv[1]) / "result.json", b"{}")):
+for write in (lambda: file.write(b"lost"), lambda: write_atomic(Path(sys.argv[1]) / "result.json", b"{}")):
     try:
         write()
     except RecordError as error:

@@ -26,8 +26,8 @@ from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
 from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude, load_ahead
 from station.run.disk_space import refuse_full_disk
-from station.run.ending import SUPERVISOR_REPORT, Ending
 from station.run.new_record import Wanted, new_record
+from station.run.outcome import SUPERVISOR_REPORT, RunOutcome
 from station.run.pacing import pacing_of
 from station.run.screen.progress import Progress, progress_of
 from station.run.way_back.left_behind import collect, conclude_own
@@ -323,21 +323,21 @@ def _conclude(
     if pacing.clock == VIRTUAL and unit is not None:
         from station.run.virtual_run import run_in_virtual_time  # noqa: PLC0415 - brings the virtual bench
 
-        ending = run_in_virtual_time(job, record, unit, scenario, progress.show)
+        outcome = run_in_virtual_time(job, record, unit, scenario, progress.show)
     else:
         from station.run.supervisor import Supervisor  # noqa: PLC0415 - not needed in virtual time
 
         companion = None if scenario is None else _companion(scenario)
         try:
-            ending = Supervisor(
+            outcome = Supervisor(
                 job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead
             ).run(unit, scenario)
         except BenchFaultError as error:
             record.samples.touch()
-            ending = Ending.refused_by(record, error)
-            ending.keep(record)
+            outcome = RunOutcome.refused_by(record, error)
+            outcome.keep(record)
     progress.say("evaluating, reading the record back")
-    return conclude(record, job, ending)
+    return conclude(record, job, outcome)
 
 
 def _companion(scenario: Path) -> Companion:

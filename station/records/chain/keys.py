@@ -25,7 +25,7 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from station.durable import open_file, refused, sync_folder
+from station.atomic_file import open_file, refused, sync_folder
 from station.errors import RecordError, StationError
 from station.own_place import own_folder, own_place
 

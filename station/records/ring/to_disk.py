@@ -13,8 +13,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from station.atomic_file import Appender
 from station.documents.timing import Disk
-from station.durable import Appender
 from station.errors import RecordError
 from station.records.ring.reader import RingReader
 from station.records.samples.scan_record import RECORD_BYTES

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from definitions.image import Command
+from station.atomic_file import Appender, refused
 from station.documents.scan_report import ScanReport
 from station.documents.timing import Disk
-from station.durable import Appender, refused
 from station.records.process_birth import process_birth
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState, StopCause
@@ -28,7 +28,7 @@ from station.records.run_record import INTERRUPTED, RunRecord
 from station.records.run_ring import ring_of
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import finish_seal, is_sealed
-from station.run.ending import Ending, cause_name, scan_report
+from station.run.outcome import RunOutcome, cause_name, scan_report
 
 SUPERVISOR_DIED = "the supervisor process ended during the run; the scan process continued without it"
 TAKEN_OVER = "the supervisor process ended during the run; a new one took over, with {} records on disk"
@@ -129,9 +129,9 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
     # A supervisor that died between writing and noting it in the ring has written these already: no record twice.
     # One number, and not a difference of two: the scan may append between two looks, and its record would be skipped.
     writer = RecordWriter(ring, file, skip=max(on_disk - ring.taken, 0))
-    with ExitStack() as ending:
-        ending.callback(file.close)
-        ending.callback(writer.finish)
+    with ExitStack() as cleanup:
+        cleanup.callback(file.close)
+        cleanup.callback(writer.finish)
         ring.beat()  # before anything else: the scan waits 2 s for a new supervisor, then it unloads and stops
         writer.start()
         taken_over = attend is not None and _alive(ring)
@@ -171,7 +171,7 @@ class Ended:
     disk: Disk | None = None
 
 
-def _counts(run: RunRecord, ended: Ended, said: ScanReport, kept: Ending | None) -> tuple[int, int, str]:
+def _counts(run: RunRecord, ended: Ended, said: ScanReport, kept: RunOutcome | None) -> tuple[int, int, str]:
     """Return how many records ought to be on disk, how many were lost, and what stands against believing it.
 
     Ring, scan report and supervisor are asked, and the highest word counts. The file is no witness of its own
@@ -193,12 +193,12 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
     from station.bench.request import stored_job  # noqa: PLC0415
     from station.run.conclusion import conclude  # noqa: PLC0415
 
-    said, kept = scan_report(run), Ending.kept_in(run)
+    said, kept = scan_report(run), RunOutcome.kept_in(run)
     finished = ended.finished or said.state == "finished"
     if ended.written is None:
         _complete_on_disk(run)
     written, lost, uncounted = _counts(run, ended, said, kept)
-    kept = kept or Ending(
+    kept = kept or RunOutcome(
         written=written,
         lost=lost,
         realtime=said.realtime,

@@ -19,7 +19,7 @@ from station.records.ring.writer import RingWriter
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import alterations
-from station.run.ending import Ending
+from station.run.outcome import RunOutcome
 from station.run.way_back.recover import recover
 
 
@@ -55,13 +55,13 @@ def test_a_result_that_reads_back_differently_decides_nothing_and_is_not_sealed(
 def test_an_ending_that_the_version_before_kept_is_read_as_it_was_meant(copied: RunRecord) -> None:
     said = copied.read_json("desk-report.json") | {"disk": {}, "realtime": {"details": {}}}
     copied.write_json("desk-report.json", said)
-    kept = Ending.kept_in(copied)
+    kept = RunOutcome.kept_in(copied)
     assert kept is not None
     assert (kept.written, kept.disk) == (copied.records(), None)
     copied.write_json("desk-report.json", said | {"disk": {"refused": 1}, "lost": "many"})
-    assert Ending.kept_in(copied) is None
+    assert RunOutcome.kept_in(copied) is None
     copied.write_json("desk-report.json", said | {"disk": {"refused": 1}})
-    assert Ending.kept_in(copied).disk.refused == 1
+    assert RunOutcome.kept_in(copied).disk.refused == 1
 
 
 def test_a_supervisor_that_died_when_all_was_on_disk_costs_nothing(copied: RunRecord, tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import pytest
 
 from definitions.plain_data import exact, plain
 from recipes import shipped_recipes
+from station.atomic_file import as_json
 from station.bench.request import Job, load_job
-from station.durable import as_json
 from station.records.program_file import PROGRAM, plain_program
 from station.run.process_specs import compiled
 from station.scan.scan_spec import Compiled, ScanSpec, SpecError, SpecFile, read_program, told, write_spec

@@ -10,12 +10,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+from station.atomic_file import reserve
 from station.documents.events import Note
 from station.documents.manifest import Count, Finite, Large
 from station.documents.reading import plain
 from station.documents.scan_report import ScanReport
 from station.documents.timing import Disk, Pace, Realtime, ScanTimes
-from station.durable import reserve
 from station.errors import BenchFaultError, RecordError
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import StopCause
@@ -33,7 +33,7 @@ VIRTUAL_REALTIME = Realtime(
 
 
 @dataclass(frozen=True)
-class Ending:
+class RunOutcome:
     """How the scan ended: records it says it wrote, those it lost, its report, and why it ended early if it did.
 
     `refused`: the bench could not be opened, nothing has moved. `started_ns`: monotonic time; scan n was due n + 1
@@ -63,7 +63,7 @@ class Ending:
 
     @classmethod
     def refused_by(cls, record: RunRecord, error: BenchFaultError) -> Self:
-        """Return the ending of a run whose bench could not be opened: nothing has moved."""
+        """Return the outcome of a run whose bench could not be opened: nothing has moved."""
         return cls(written=record.records(), realtime=Realtime(), trouble=str(error), refused=True)
 
     @classmethod
@@ -76,7 +76,7 @@ class Ending:
         return None
 
     def keep(self, record: RunRecord) -> None:
-        """Put the ending on disk: from here on the run is concluded by it, whoever does that.
+        """Put the outcome on disk: from here on the run is concluded by it, whoever does that.
 
         Raises:
             RecordError: the disk refuses it.
@@ -86,7 +86,7 @@ class Ending:
 
 
 def take_room(record: RunRecord) -> None:
-    """Take the room for the ending before the run starts; RecordError when the disk has none."""
+    """Take the room for the outcome before the run starts; RecordError when the disk has none."""
     reserve(record.folder / SUPERVISOR_REPORT, REPORT_BYTES)
 
 

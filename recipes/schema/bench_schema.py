@@ -207,7 +207,7 @@ class MasterPart(Section):
 
     serial: Name
     expect: Literal["PASS", "FAIL"]
-    """Verdict that a bench in order gives it."""
+    """Verdict that a sound bench gives it."""
     every_s: Interval = 86400.0
     """How often it is measured at least."""
 

@@ -41,7 +41,7 @@ PICTURES: dict[str, str] = {
     "time.png": "Torque and angle of the locked shaft over time, with the states of the run and its alarm",
     "stiffness.png": "Stiffness over torque, with the stiffness metrics drawn in",
     "residuals.png": "Residuals of the fits",
-    "timing.png": "Histograms of lateness and work of the scans",
+    "timing.png": "Histograms of wake-up latency and work of the scans",
 }
 """What each picture of a run shows, for readers that do not see it."""
 

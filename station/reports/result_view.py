@@ -108,7 +108,7 @@ def timing_line(timing: Timing) -> str:
     share = missed / max(scans + missed, 1)
     return (
         f"{scans} scans of {timing.period_ns / 1e6:g} ms, {missed} missed ({share:.3%}), "
-        f"lateness {late.p50:.0f} µs typical, {late.p99:.0f} µs p99, {late.max:.0f} µs worst, "
+        f"wake-up latency {late.p50:.0f} µs typical, {late.p99:.0f} µs p99, {late.max:.0f} µs worst, "
         f"work {work.p50:.0f} µs, oldest sample {timing.oldest_sample_scans} scans"
     )
 

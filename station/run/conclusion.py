@@ -67,7 +67,7 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
 
     Raises:
         RecordError: something cannot be stored, or not be read back. The run has no verdict then and is not sealed:
-            it can be concluded again when the disk is in order.
+            it can be concluded again when the disk can be written again.
 
     """
     content, layout = read_from_disk(record.samples), record.layout()

@@ -32,7 +32,7 @@ TRUTH = "truth.csv"
 
 REAL_SPIN_NS = 100_000
 EMBEDDED_SPIN_NS = REAL_SPIN_NS if (os.cpu_count() or 1) > 1 else 0
-"""Spinning takes a tenth of a processor at 1 ms and makes p99 of the lateness ten times smaller (docs/determinism.md);
+"""Spinning takes a tenth of a processor at 1 ms and makes p99 of the latency ten times smaller (docs/determinism.md);
 beside an embedded bench on a single processor there is none to spare."""
 
 

@@ -84,7 +84,7 @@ def throttling(root: Path) -> Finding:
 
 
 DEEP_SLEEP_US = 50
-"""Time to wake from which on a sleep of the processor is seen in the lateness of a scan."""
+"""Time to wake from which on a sleep of the processor is seen in the wake-up latency of a scan."""
 
 SHORTEST_TIMER_MS = 1
 SLOW_CLOCKS = ("acpi_pm", "hpet", "jiffies", "pit")
@@ -145,7 +145,7 @@ def privilege(root: Path) -> Finding:
 
 
 def _as_answered(found: Finding, granted: Mapping[str, object]) -> Finding:
-    """Return a finding on privilege, not in order when the machine has refused what the scan process asked for."""
+    """Return a finding on privilege, not OK when the machine has refused what the scan process asked for."""
     details = granted.get("details")
     reasons = details if isinstance(details, Mapping) else {}
     refused = [f"{name} refused: {reasons.get(name, '')}" for name in ("fifo", "mlock") if not granted.get(name)]

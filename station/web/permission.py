@@ -234,7 +234,7 @@ CONDITIONS: tuple[Condition, ...] = (
         _previous_step_passed,
         may_be_bypassed=True,
     ),
-    Condition("recipe_in_order", "recipe and bench of the model are in order", _recipe_in_order),
+    Condition("recipe_in_order", "recipe and bench of the model are valid", _recipe_in_order),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
     Condition(
         "attempts_left", "the unit was not measured as often as its model allows", _attempts_left, may_be_bypassed=True

@@ -42,7 +42,7 @@ ReportOption = Annotated[
 
 
 def check(recipe: RecipeArgument, bench: BenchOption = None, as_json: JsonOption = False) -> None:
-    """Check a recipe and show its load profile, duration and peak torque. Exit code: 0 in order, 2 not."""
+    """Check a recipe and show its load profile, duration and peak torque. Exit code: 0 valid, 2 not."""
     from station.cli.measure import check as command_check
 
     raise typer.Exit(command_check.check(recipe, bench, as_json=as_json))

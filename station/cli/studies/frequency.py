@@ -50,7 +50,7 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
     A response in which no resonance can be fitted is printed without it, with the reason.
 
     Raises:
-        StationError, RecipeError, AnalysisError: bad input, or no line that passes the gate.
+        StationError, RecipeError, AnalysisError: bad input, or no line whose coherence passes.
 
     """
     if asked.out is not None:
@@ -73,7 +73,7 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
         "response": _response(found),
     }
     lines = f"{document['lines']} lines from {found.frequency_hz[0]:.4g} to {found.frequency_hz[-1]:.4g} Hz"
-    gate = f"{document['lines_used']} pass the gate (coherence {asked.coherence:g})"
+    gate = f"{document['lines_used']} have enough coherence (at least {asked.coherence:g})"
     blocks: list[str | Grid] = [f"{source.name}: {lines}, {gate}, {found.averages:.3g} averages", _stiffness(found)]
     try:
         one = fit_resonance(found)
@@ -165,7 +165,7 @@ SHOWN_LINES = 9
 
 
 def _stiffness(found: FrequencyResponse) -> Grid:
-    """Return the dynamic stiffness over frequency, of some of the lines that pass the gate."""
+    """Return the dynamic stiffness over frequency, of some of the lines whose coherence passes."""
     used = [row for row in _response(found) if row["used"]]
     shown = np.unique(np.linspace(0, len(used) - 1, SHOWN_LINES).round().astype(np.int64)).tolist()
     rows = [

@@ -46,7 +46,7 @@ def serve(
 
 @audit_app.command("verify")
 def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """Check that no line of the audit trail was changed, removed or added. Exit code: 0 in order, 1 not."""
+    """Check that no line of the audit trail was changed, removed or added. Exit code: 0 unchanged, 1 not."""
     from station.web.people import audit
 
     database = _database_of(data)
@@ -57,7 +57,7 @@ def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
         found = {"lines": head.lines, "head_sha256": head.sha256, "problems": problems}
         sys.stdout.write(json.dumps(found) + "\n")
     else:
-        lines = [*problems, f"{head.lines} lines, head {head.sha256}: {'NOT IN ORDER' if problems else 'in order'}"]
+        lines = [*problems, f"{head.lines} lines, head {head.sha256}: {'CHANGED' if problems else 'unchanged'}"]
         sys.stdout.write("\n".join(lines) + "\n")
     raise typer.Exit(1 if problems else 0)
 

@@ -51,7 +51,7 @@ def open_file(path: Path) -> BinaryIO:
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
-        raise OSError(EINVAL, "it is no file", str(path))
+        raise OSError(EINVAL, "it is not a file", str(path))
     return os.fdopen(handle, "rb")
 
 

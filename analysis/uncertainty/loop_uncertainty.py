@@ -45,12 +45,12 @@ On the virtual units that moves the spring constant and the wind-up by 1.4 to 1.
 LINE = "calibration_"
 """How the quantities of calibration lines begin."""
 
-OTHER_UNIT = ("other_unit", "how units differ from the mean of those whose lines are stored, at the reference torque")
-TRANSFER = ("transfer", "friction about zero torque and after reversals that the calibration leaves over")
+OTHER_UNIT = ("other_unit", "spread between the units of the stored calibration, at the reference torque")
+TRANSFER = ("transfer", "friction near zero torque and after reversals that the calibration does not describe")
 INTERRUPTED = ("interrupted", "steps of the wind-up where a ramp was interrupted")
-MASKED = ("masked", "stretch after a reversal that is masked, which a fit continues", "rectangular")
+MASKED = ("masked", "masked part after a reversal, replaced by the fit", "rectangular")
 CONVERSION = (
-    "conversion", "converted torque against the torque at the output, beyond lines, transfer and mask", "normal"
+    "conversion", "converted torque against the measured output torque, beyond the other contributions", "normal"
 )  # fmt: skip
 
 CONVERTS = (OTHER_UNIT[0], TRANSFER[0], MASKED[0])

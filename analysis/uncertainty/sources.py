@@ -113,11 +113,11 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
             limit(lambda sensor: sensor.gain_fraction, of_scale=False), shape(reading),
         ),
         ErrorSource(
-            f"{name}_zero", f"zero of the {words} torque sensor, what the tare left", "N·m", _rectangular,
+            f"{name}_zero", f"zero offset of the {words} torque sensor after the tare", "N·m", _rectangular,
             limit(lambda sensor: sensor.zero_fraction, of_scale=True), shape(lambda _: 1.0), retared=True,
         ),
         ErrorSource(
-            f"{name}_zero_moved", f"move of the zero of the {words} torque sensor in the run, beyond friction at rest",
+            f"{name}_zero_moved", f"shift of the zero of the {words} torque sensor during the run",
             "N·m", _rectangular, moved, shape(lambda _: 1.0),
         ),
         ErrorSource(
@@ -155,7 +155,7 @@ def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
             limit(lambda encoder: encoder.interpolation_rad), both(lambda encoder: encoder.line_rad),
         ),
         ErrorSource(
-            f"{name}_step", f"counts of the {words} encoder (rounding)", "arcsec", lambda _: "quantised",
+            f"{name}_step", f"resolution of the {words} encoder (rounding)", "arcsec", lambda _: "quantised",
             limit(lambda encoder: encoder.step_rad / 2.0),
             tuple(rounded(name, way) for way in roundings()),
         ),
@@ -182,46 +182,46 @@ SOURCES: tuple[ErrorSource, ...] = (
     *_angle_rows("angle_in", "input"),
     *_angle_rows("angle_out", "output"),
     ErrorSource(
-        "skew", "delay of the torque against the angle that is left", "s", _rectangular,
+        "skew", "remaining delay between torque and angle", "s", _rectangular,
         lambda figures, conditions: figures.skew_s if _timed(conditions) else None, (skew,),
     ),
     ErrorSource(
-        "skew_estimate", "delay of the torque against the angle, as estimated from cycles at different speed", "s",
+        "skew_estimate", "delay between torque and angle, estimated from cycles at different speeds", "s",
         lambda _: "normal", lambda _, conditions: conditions.u_skew_s or None, (skew,),
     ),
     ErrorSource(
-        "late", "delay of the torque against the wind-up that the turns of the load show, not corrected", "s",
+        "late", "delay of the torque at the turning points, not corrected", "s",
         lambda _: "normal", lambda _, conditions: abs(conditions.late_s) or None, (skew,),
     ),
     ErrorSource(
-        "locked_width", "angle of the locked shaft that comes back late, or a lock with friction: loop width", "arcmin",
+        "locked_width", "friction in the lock, or a late angle of the locked shaft: loop width", "arcmin",
         lambda _: "normal", lambda _, conditions: abs(conditions.locked_width_arcmin) or None,
         (_width, _lean),
     ),
     ErrorSource(
-        "creep", "creep of the wind-up with the torque, alike in every cycle", "arcmin/min", _rectangular,
+        "creep", "creep of the wind-up under torque, the same in every cycle", "arcmin/min", _rectangular,
         lambda figures, conditions: figures.drift_arcmin_per_min if _timed(conditions) else None, (creep,),
     ),
     ErrorSource(
-        "drift", "drift between the cycles, or what its correction may be wrong by", "arcmin/min",
+        "drift", "drift between the cycles, or the uncertainty of its correction", "arcmin/min",
         lambda _: "normal", lambda _, conditions: conditions.u_drift_arcmin_per_min or None, (drift,),
     ),
     ErrorSource(
-        "drift_unseen", "drift that a single cycle does not show: gap of the loop", "arcmin/min", _rectangular,
+        "drift_unseen", "drift that one cycle cannot show: gap of the loop", "arcmin/min", _rectangular,
         lambda _, conditions: conditions.unseen_drift_arcmin_per_min or None, (drift,),
     ),
     ErrorSource(
-        "fixture", "stiffness of the fixture that the wind-up is corrected by", "1", _rectangular,
+        "fixture", "stiffness of the fixture, by which the wind-up is corrected", "1", _rectangular,
         lambda figures, conditions: figures.fixture_fraction if conditions.fixture_corrected else None,
         (fixture,),
     ),
     ErrorSource(
-        "lock_width", "teeth at which the shaft is locked: loop width", "arcmin", _rectangular,
+        "lock_width", "angular position of the locked shaft: loop width", "arcmin", _rectangular,
         lambda figures, _: figures.lock_width_arcmin,
         (_width,),
     ),
     ErrorSource(
-        "lock_windup", "teeth at which the shaft is locked: wind-up", "1", _rectangular,
+        "lock_windup", "angular position of the locked shaft: wind-up", "1", _rectangular,
         lambda figures, _: figures.lock_windup_fraction,
         (lambda setting: Effect(angle_arcmin=setting.points.angle_arcmin),),
     ),

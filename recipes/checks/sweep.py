@@ -29,7 +29,7 @@ def check_sweep(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     """Frequencies in order, a torque on one side of zero, and a drive that can follow through the unit's friction."""
     sweeps = [(index, step) for index, step in enumerate(recipe.sequence) if isinstance(step, TorqueSweep)]
     for index, _ in sweeps[1:]:
-        hint = "Delete it, and measure it by a recipe of its own."
+        hint = "Delete it, and measure it with a separate recipe."
         yield Finding(("sequence", index, "torque_sweep"), "a second sweep", "one in a recipe", hint)
     for index, step in sweeps:
         option = ("sequence", index, step.kind)
@@ -61,7 +61,7 @@ def _shape(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
         yield "amplitude", found, allowed, "Take a smaller amplitude: through zero it is the backlash that is measured."
     if recipe.measurement.output_torque == "calibrated" or bench.sensors.torque_out is None:
         found = "a sweep, while the output torque is converted from the input torque"
-        hint = "Leave the sweep out here: as friction turns in every cycle, the conversion does not hold."
+        hint = "Delete the sweep: friction reverses in every cycle, so the conversion is not valid."
         yield "amplitude", found, "a sweep where the output torque is measured", hint
 
 
@@ -84,7 +84,7 @@ def _speed(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
             allowed += f", and the friction of {show(friction_nm, TORQUE, 3)} turns twice in a cycle"
         yield "to_frequency", found, allowed, "Lower the frequency or the amplitude."
     if step.amplitude_nm <= friction_nm:
-        found = f"{show(step.amplitude_nm, TORQUE)}, which the friction of the input side takes up"
+        found = f"{show(step.amplitude_nm, TORQUE)}, which is below the friction of the input side"
         allowed = f"above {show(friction_nm, TORQUE, 3)}, offset of loading_torque_ratio"
         yield "amplitude", found, allowed, "Raise it: the unit would hardly move."
     rate_nm_s = 2.0 * pi * step.to_frequency_hz * step.amplitude_nm

@@ -246,7 +246,7 @@ class Bench(Section):
             other, first = lines.setdefault(device.serial_port, (name, setting))
             if setting != first:
                 found = f"{_line_text(setting)} on {device.serial_port}, where {other} has {_line_text(first)}"
-                hint = "Devices on one serial line talk alike."
+                hint = "All devices on one serial line need the same settings."
                 raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=name)
         return self
 

@@ -115,7 +115,7 @@ def _files(data: Path) -> Iterator[Path]:
             if at_top and (name in LEFT_OUT or name.endswith(MADE_AGAIN)):
                 continue
             if path.is_symlink() or not path.is_file():
-                raise RecordError(f"{path}: is no file. A data folder holds files and folders alone; take it out")
+                raise RecordError(f"{path}: is not a file. A data folder holds only files and folders: move it out")
             yield path
 
 
@@ -174,7 +174,7 @@ def _read(file: Path, into: Path) -> Kept:
             for entry in archive:
                 content = archive.extractfile(entry)
                 if content is None or listed is not None:
-                    raise RecordError(f"{file}: {entry.name}: found no file, or one behind {LIST}; it is no backup")
+                    raise RecordError(f"{file}: {entry.name}: found no file, or one behind {LIST}; it is not a backup")
                 if entry.name == LIST:
                     listed = json.loads(content.read())
                     continue
@@ -197,7 +197,7 @@ def _read(file: Path, into: Path) -> Kept:
 def _extracted(file: Path, name: str, content: Any, into: Path) -> tuple[int, str]:
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
-        raise RecordError(f"{file}: {name!r} would lie outside the folder; it is no backup of ours")
+        raise RecordError(f"{file}: {name!r} would lie outside the folder; it is not a backup of this program")
     path = into.joinpath(*pure.parts)
     path.parent.mkdir(parents=True, exist_ok=True)
     size, digest = 0, hashlib.sha256()

@@ -240,7 +240,7 @@ class Store:
         by_serial = [run for run in self._named_by(name, names) if run.serial() == name]
         exact = name in names and self._is_run(name)
         if Path(name).is_dir() and not exact and not by_serial:
-            raise StationError(f"{name}: this folder is no run: it has no {MANIFEST}. See 'lostmotion list'")
+            raise StationError(f"{name}: this folder is not a run: it has no {MANIFEST}. See 'lostmotion list'")
         newest = next((one for one in reversed(names) if self._is_run(one)), None)
         if newest is None:
             raise StationError(f"{self.data}: holds no runs. Make one with 'lostmotion run', or name --data")

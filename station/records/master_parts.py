@@ -47,7 +47,7 @@ def _checked(store: Store, bench: str, part: MasterPart, now: datetime) -> Maste
     elif not timedelta(0) <= age <= timedelta(seconds=part.every_s):
         wrong = f"was last measured {ago}; due every {_hours(part.every_s)}"
     else:
-        right = f"read {manifest.verdict}, as it should ({ago}): what torques and angle have in common was right then"
+        right = f"read {manifest.verdict}, as it should ({ago}): torques and angles were measured correctly then"
         return MasterCheck(part.serial, True, f"{MASTER}{part.serial} {right}")  # noqa: FBT003
     return MasterCheck(part.serial, False, f"{MASTER}{part.serial} {wrong}")  # noqa: FBT003
 

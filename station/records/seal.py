@@ -229,7 +229,7 @@ def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted:
     if not entries and before is not None and manifest.chain is None:
         kept = index_kept(chain.data, before)
         if kept is None:
-            return [*named, f"{INDEX}: is not the one that was there when the chain began"]
+            return [*named, f"{INDEX}: differs from the one at the start of the chain"]
         if kept:
             return named + _against_index(record, manifest, kept)
         return named if run in before.unconcluded else [*named, f"{CHAIN}: does not name this run"]

@@ -216,9 +216,9 @@ def _master_notes(run: Manifest, state: str, verdict: str) -> list[str]:
     if right is None or state != "complete":
         return []
     if verdict == right:
-        return [f"{MASTER}{run.serial}: {right} is right, and that is what it read"]
-    wrong = "this bench may measure wrong. Measure nothing else on it before that is found"
-    return [f"{MASTER}{run.serial}: {right} is right, and it read {verdict}: {wrong}"]
+        return [f"{MASTER}{run.serial}: expected {right}, measured {right}"]
+    wrong = "this bench may measure wrong. Do not measure other units before the cause is found"
+    return [f"{MASTER}{run.serial}: expected {right}, measured {verdict}: {wrong}"]
 
 
 def _evaluate(

@@ -63,7 +63,7 @@ def cores(root: Path) -> Finding:
     count = len(list(root.glob("sys/devices/system/cpu/cpu[0-9]*")))
     found = f"{count} cores" if count else "the number of cores is not known"
     return Finding(
-        "cores", count >= 3, found, "the scan and an embedded virtual bench want a core each, the supervisor a third"
+        "cores", count >= 3, found, "the scan and an embedded virtual bench need a core each, the supervisor a third"
     )
 
 
@@ -123,7 +123,7 @@ def serial_latency(root: Path) -> Finding:
     timers = {path.parent.name: _text(path) for path in root.glob("sys/bus/usb-serial/devices/*/latency_timer")}
     slow = {name: timer for name, timer in timers.items() if timer.isdigit() and int(timer) > SHORTEST_TIMER_MS}
     told = ", ".join(f"{name} waits {timer} ms" for name, timer in sorted(slow.items()))
-    found = told or ("serial adapters pass on what they have" if timers else "no serial adapter on USB")
+    found = told or ("serial adapters forward data without delay" if timers else "no serial adapter on USB")
     names = " ".join(f"/sys/bus/usb-serial/devices/{name}/latency_timer" for name in sorted(slow))
     return Finding("serial adapter", not slow, found, f"echo 1 | tee {names}" if slow else "")
 

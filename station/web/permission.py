@@ -144,7 +144,7 @@ def unverified_note(one: Situation) -> str | None:
     """Return what the record says of a unit whose previous process step nobody has confirmed; None otherwise."""
     if one.previous_step is None or one.is_master_part or not one.previous_step.unverified:
         return None
-    return "unverified: the MES was away, so the previous process step of this unit was not confirmed"
+    return "unverified: the MES was not reachable, so the previous process step of this unit was not confirmed"
 
 
 def _recipe_in_order(one: Situation) -> str | None:
@@ -248,7 +248,7 @@ CONDITIONS: tuple[Condition, ...] = (
     Condition("bench_recovered", "the bench was brought back after a fault", _bench_recovered),
     Condition(
         "master_parts",
-        "each master part of the bench was measured when it was due, and read as it should",
+        "each master part of the bench was measured on time, with the expected verdict",
         _master_parts,
         may_be_bypassed=True,
     ),

@@ -88,7 +88,7 @@ class Me(BaseModel):
 
 MEANING = {
     200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not by this role", 404: "there is none",
-    NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "the station cannot do it: its disk, or too many requests",
+    NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "disk problem, or too many requests: try again",
 }  # fmt: skip
 
 
@@ -148,7 +148,7 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
 
 
 def _add_readings(app: FastAPI, station: Station) -> None:
-    @app.get("/api/now", summary="what the bench does", tags=["bench"], **_answers(200, 401, 503))
+    @app.get("/api/now", summary="state of the bench", tags=["bench"], **_answers(200, 401, 503))
     def now(token: CookieToken = None) -> Response:
         if _session(station, token) is None:
             return _not_entered()

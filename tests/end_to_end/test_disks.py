@@ -88,9 +88,7 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert here("conclude", folder.name, "--data", str(disk)).exit_code == 0
     shown = here("show", folder.name, "--data", str(disk), "--json").json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
-    assert any(
-        "the disk did not take the records, so the supervisor stopped the run" in one for one in shown["reasons"]
-    )
+    assert any("because records could not be written to disk, stopped the run" in one for one in shown["reasons"])
     assert shown["stopped_by"] == "disk"
     assert not any("ended in the middle" in one for one in shown["reasons"]), "the scan came to its end, and said so"
     proof = json.loads((folder / "timing.json").read_bytes())
@@ -115,7 +113,7 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
     ran = run.finish()
     result = ran.json
     assert (ran.exit_code, result["state"], result["verdict"]) == (4, "stopped", "NOT DECIDABLE")
-    assert any("the disk did not take the records" in one for one in result["reasons"])
+    assert any("records could not be written to disk" in one for one in result["reasons"])
     assert result["timing"]["disk"]["refused"] >= 1
     assert read_back(ran.record, result["timing"]["scans"]).problems == ()
 
@@ -268,6 +266,6 @@ def test_a_slow_disk_is_made_up_for_from_the_ring_or_its_loss_is_told(tmp_path, 
     assert most_waiting >= min(capacity, 300), "the slow flush never held anything up"
     assert longest_s < 0.4, "the slow disk held the supervisor"
     assert (missing > 0) is lost
-    assert ("found no room" in because) is lost
+    assert ("records were lost" in because) is lost
     report = check_bytes((tmp_path / "samples.bin").read_bytes(), 1500)
     assert bool(report.problems) is lost, "what is missing is told"

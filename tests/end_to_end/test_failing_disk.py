@@ -94,9 +94,7 @@ def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ram
     assert done.exit_code == 0, done.err
     shown = done.json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
-    assert any(
-        "the disk did not take the records, so the supervisor stopped the run" in one for one in shown["reasons"]
-    )
+    assert any("because records could not be written to disk, stopped the run" in one for one in shown["reasons"])
     # what the supervisor had written, but the disk had not yet taken for good, is lost as in a power cut: one gap,
     # and told
     gaps = read_back(folder).problems

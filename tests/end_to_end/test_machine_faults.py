@@ -80,7 +80,7 @@ def test_a_supervisor_that_is_killed_leaves_a_run_that_unloads_itself(tmp_path, 
 def test_a_disk_that_is_full_stops_the_run_and_costs_no_record(tmp_path, capsys):
     found = held("disk-full", tmp_path, capsys)
     assert [row["fault"] for row in found.said["acted"]] == ["machine.disk full"]
-    assert "the disk did not take the records" in found.result["reasons"][0]
+    assert "records could not be written to disk" in found.result["reasons"][0]
     assert found.result["timing"]["disk"]["refused"] >= 1
     assert found.result["timing"]["disk"]["most_waiting"] > 150, "the ring held what the disk did not take"
 

@@ -87,7 +87,7 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
             ("natural frequency", figure(one.natural_frequency_hz, "Hz"), f"± {one.u_natural_frequency_hz:.2g}"),
             ("damping ratio", figure(one.damping_ratio, "", 4), f"± {one.u_damping_ratio:.2g}"),
             ("dynamic stiffness", figure(stiffness, "N·m/arcmin"), f"± {u_stiffness:.2g}"),
-            ("inertia that this belongs to", figure(one.inertia_kg_m2, "kg·m²", 4), ""),
+            ("inertia for this frequency", figure(one.inertia_kg_m2, "kg·m²", 4), ""),
             ("delay of the angle", figure(1e3 * one.delay_s, "ms", 4), f"± {1e3 * one.u_delay_s:.2g}"),
         ]
         blocks.append(Grid(("", "", "standard u"), rows, right=(1,)))

@@ -92,7 +92,7 @@ def _loaded(path: Path, content: bytes) -> BenchKey:
     try:
         private = load_pem_private_key(content, None)
     except (ValueError, TypeError) as error:
-        raise RecordError(f"{path}: is no private key: {error}. Restore the key of this bench") from error
+        raise RecordError(f"{path}: is not a private key: {error}. Restore the key of this bench") from error
     if not isinstance(private, Ed25519PrivateKey):
         raise RecordError(f"{path}: is not an Ed25519 key. Restore the key of this bench")
     return BenchKey(private)

@@ -54,11 +54,11 @@ class RingReader(MappedRing):
     def stopped_because(self) -> str:
         """Say the same as the subject of a sentence; empty when nothing here says so."""
         texts = {
-            StopCause.DISK: "the disk did not take the records, so the supervisor",
+            StopCause.DISK: "the supervisor, because records could not be written to disk,",
             StopCause.DESK_SILENT: "the scan process, because the supervisor process ended,",
             StopCause.DESK_GONE: "the scan process, because the supervisor process ended,",
             StopCause.RECORDS_LOST: (
-                f"{self.lost} records found no room, because they were not taken in time, so the scan process"
+                f"the scan process, because {self.lost} records were lost (the supervisor was too slow),"
             ),
         }
         return texts.get(self.stop_cause, "")

@@ -82,7 +82,7 @@ class Guide:
             self._say("left as it is: lock, drive and torque were not touched")
             self._leave(ring)
             return
-        self._say("  acknowledged, reset asked for")
+        self._say("  acknowledged, reset requested")
         self._tries += 1
         self._ordered_s = time.monotonic()
         self._shown = None

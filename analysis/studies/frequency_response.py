@@ -107,8 +107,11 @@ def frequency_response(
     explained = np.abs(response) ** 2 * s_xx
     used = excited & (coherence >= least_coherence) & (explained >= least_coherence * (explained + noise))
     if not used.any():
+        alone = excited & (coherence >= least_coherence)
+        among = f"; {int(alone.sum())} reach it alone, but not with their neighbours" if alone.any() else ""
         raise AnalysisError(
-            f"frequency response: no line reaches a coherence of {least_coherence:g} (best {coherence.max():.3f}); "
+            f"frequency response: no line reaches a coherence of {least_coherence:g} "
+            f"(best {coherence.max():.3f}{among}); "
             "raise the amplitude of the chirp, or lower the coherence limit"
         )
     u_relative = np.sqrt(noise / np.maximum(2.0 * averages * explained, 1e-300))

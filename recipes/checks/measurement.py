@@ -141,7 +141,7 @@ def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding
     if curve is None:
         return
     allowed, hint = (
-        "a blank test in date",
+        "a blank test that is not overdue",
         "Repeat the blank test on this bench and enter 'lostmotion blank' in its file.",
     )
     test = f"the fixture's blank test '{curve.id}' of bench '{name}'"

@@ -71,7 +71,9 @@ def _shape(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
         yield "amplitude", found, "a sweep where the output torque is measured", hint
 
 
-def reached_nm(step: TorqueSweep, frequency_hz: float, friction_nm: float, efficiency: float, slew_nm_s: float) -> float:
+def reached_nm(
+    step: TorqueSweep, frequency_hz: float, friction_nm: float, efficiency: float, slew_nm_s: float
+) -> float:
     """Amplitude of the output torque [N·m] that the torque loop reaches at a frequency, of the one that is planned.
 
     A cycle is played through step by step, as it is once it repeats. friction_nm: of the input side, as output torque;

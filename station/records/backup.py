@@ -64,7 +64,9 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
         raise StationError(f"{file}: lies in the folder that it is to hold. Choose a place on another disk")
     on = [run.id for run in Store(data).newest(5) if _is_on(run)]
     if on:
-        raise StationError(f"run {on[-1]} is on, or not concluded. Wait for its end, or 'lostmotion conclude --all'")
+        raise StationError(
+            f"run {on[-1]} is in progress, or not concluded. Wait for its end, or 'lostmotion conclude --all'"
+        )
     part = file.with_name(f".{file.name}.part")
     try:
         with part.open("xb") as stream:

@@ -35,7 +35,7 @@ def master_parts(store: Store, bench: Bench, now: datetime) -> tuple[MasterCheck
 def _checked(store: Store, bench: str, part: MasterPart, now: datetime) -> MasterCheck:
     newest = _newest(store, bench, part.serial)
     if newest is None:
-        why = f"was never measured on this bench; due every {_hours(part.every_s)}"
+        why = f"was never measured on this bench; needed every {_hours(part.every_s)}"
         return MasterCheck(part.serial, False, f"{MASTER}{part.serial} {why}")  # noqa: FBT003
     run, manifest = newest
     age = now - datetime.fromisoformat(manifest.started)

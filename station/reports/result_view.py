@@ -233,7 +233,7 @@ def verdict_panel(result: Result) -> Panel:
         body.append(f"\n{left.text}: ", style="bold").append(left.next_action)
         way_back = way_back_command(result)
         if way_back:
-            body.append("\nThis command brings the bench back step by step, and asks before it moves: ").append(
+            body.append("\nThis command recovers the bench step by step, and asks before it moves: ").append(
                 way_back, style="bold"
             )
     return Panel(body, border_style=style.split()[-1], padding=(0, 1))

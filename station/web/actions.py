@@ -246,7 +246,7 @@ def unconfirmed_run(station: Station) -> str:
 
 def _stop_run(call: Call, _given: Nothing) -> dict[str, Any]:
     if not call.station.running.stop():
-        raise NotNowError([("no_run", "No run is on.")])
+        raise NotNowError([("no_run", "No run is in progress.")])
     return {}
 
 

@@ -117,7 +117,7 @@ def may_be_bad(run: RunRecord) -> bool:
 
 
 def _bench_free(one: Situation) -> str | None:
-    return "A run is on. Wait for its result, then scan again." if one.busy else None
+    return "A run is in progress. Wait for its result, then scan again." if one.busy else None
 
 
 def _model_known(one: Situation) -> str | None:
@@ -190,7 +190,7 @@ def _bench_recovered(one: Situation) -> str | None:
     except StationError as error:
         return f"The newest run cannot be read: {error}"
     if state in ("fault", INTERRUPTED, NOT_CONCLUDED):
-        return f"Run {name} ended with '{state}'. A technician brings the bench back with 'lostmotion recover'."
+        return f"Run {name} ended with '{state}'. A technician recovers the bench with 'lostmotion recover'."
     return None
 
 
@@ -226,7 +226,7 @@ def _clock_plausible(one: Situation) -> str | None:
 
 
 CONDITIONS: tuple[Condition, ...] = (
-    Condition("bench_free", "no run is on", _bench_free),
+    Condition("bench_free", "no run is in progress", _bench_free),
     Condition("model_known", "the serial number is one of a known model", _model_known),
     Condition(
         "previous_step_passed",
@@ -245,7 +245,7 @@ CONDITIONS: tuple[Condition, ...] = (
         _retest_reason,
         may_be_bypassed=True,
     ),
-    Condition("bench_recovered", "the bench was brought back after a fault", _bench_recovered),
+    Condition("bench_recovered", "the bench was recovered after a fault", _bench_recovered),
     Condition(
         "master_parts",
         "each master part of the bench was measured on time, with the expected verdict",

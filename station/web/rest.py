@@ -87,7 +87,7 @@ class Me(BaseModel):
 
 
 MEANING = {
-    200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not by this role", 404: "there is none",
+    200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not allowed for this role", 404: "there is none",
     NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "disk problem, or too many requests: try again",
 }  # fmt: skip
 
@@ -182,7 +182,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             return JSONResponse(said("run", str(error)), NOT_NOW)
 
     @app.get(
-        "/api/audit", summary="the newest lines of the audit trail, and its head", tags=["audit"],
+        "/api/audit", summary="the newest lines of the audit trail, and the hash of the last one", tags=["audit"],
         **_answers(200, 401, 403, 422, 503),
     )  # fmt: skip
     def audit_lines(token: CookieToken = None, newest: Annotated[int, Query(ge=1, le=MOST_LINES)] = 100) -> Response:

@@ -143,7 +143,7 @@ def lines(report: dict[str, Any]) -> list[str]:
     bench = f"{report['bench']}{' (embedded)' if report['embedded'] else ''}"
     out = [
         f"{report['scans']} scans of {report['period_ns'] / 1e6:g} ms in {seconds:.1f} s on bench {bench}",
-        f"controller idle, absolute deadlines in whole nanoseconds, spin tail {report['spin_ns'] // 1000} µs",
+        f"controller idle, busy-wait before each deadline {report['spin_ns'] // 1000} µs",
         "",
         f"{'µs':17}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>10}",
     ]
@@ -168,7 +168,7 @@ def lines(report: dict[str, Any]) -> list[str]:
         out.append(f"  scan {one['scan']}: {one['lateness_us']:.0f} µs late, {_parts(one)}")
     out += ["", *footing(report)]
     realtime = report["realtime"]
-    out += ["", "asked of the machine"]
+    out += ["", "requested from the system"]
     out += [f"  {'granted' if realtime[name] else 'refused'}  {name}: {d}" for name, d in realtime["details"].items()]
     out += ["", "what stands in the way"]
     against = [row for row in report["machine"] if not row["in_order"]]

@@ -171,8 +171,8 @@ class Metric(NamedTuple):
 
     @property
     def narrowed_by_delay(self) -> bool:
-        """Say whether a torque that lags makes it smaller: it is read between the branches."""
-        return self.branches in (WIDTH, UNLOAD)
+        """Say whether a delay makes it smaller: it is read between the branches, or from one side of zero to the other."""
+        return self.branches in (WIDTH, UNLOAD) or self.band is not None
 
 
 def _segment(number: int, torques: str) -> Metric:

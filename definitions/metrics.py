@@ -171,7 +171,7 @@ class Metric(NamedTuple):
 
     @property
     def narrowed_by_delay(self) -> bool:
-        """Say whether a delay makes it smaller: it is read between the branches, or from one side of zero to the other."""
+        """Say whether a delay makes it smaller: read between the branches, or from one side of zero to the other."""
         return self.branches in (WIDTH, UNLOAD) or self.band is not None
 
 

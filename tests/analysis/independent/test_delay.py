@@ -98,7 +98,7 @@ def test_torques_that_lag_are_seen_at_the_turns(disguise: str, lag_s: float) -> 
 
 @pytest.mark.parametrize("delay_s", [-0.3, -0.8, -1.0])
 def test_an_angle_that_is_late_makes_no_lost_motion_pass(delay_s: float) -> None:
-    """0.42 arcmin read 0.24 to 0.27 and passed a limit of 0.37: the turns scattered, and that was taken for no delay."""
+    """0.42 arcmin read 0.24 to 0.27 and passed a limit of 0.37: its turns scattered, taken for no delay."""
     wanted = MetricWanted("lost_motion", max=truth(RV40, "lost_motion", 1, BENCH.peak * RV40.rated_nm) / 1.15)
     result = judged(RV40, BENCH, Defect(delay_s=delay_s), without_segments, wanted)
     assert result.metrics[0].headline.value < wanted.max

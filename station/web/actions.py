@@ -10,7 +10,7 @@ import hashlib
 import hmac
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
 from typing import Any, Literal, NamedTuple
@@ -22,6 +22,7 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.bypasses import LONGEST_HOURS, BypassError, add_bypass, bypasses_now, end_bypass
+from station.web.evaluations import Evaluations
 from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.mes.settings import MesSettings
 from station.web.models import Models
@@ -157,6 +158,13 @@ class Station:
     """Further options of `lostmotion run`, as the server was started with them."""
     mes: MesSettings | None = None
     """The MES of the plant; None: none is asked or told."""
+    evaluations: Evaluations = field(default_factory=Evaluations)
+    """The process that makes reports and loops of stored runs."""
+
+    def close(self) -> None:
+        """Close what is open of it; a run that is on goes on."""
+        self.evaluations.close()
+        self.database.close()
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from sqlalchemy import Connection, Table, delete, insert
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
+from station.atomic_file import seen_text
 from station.documents.manifest import Manifest
 from station.documents.ratio import RatioRecord
 from station.documents.result import MetricValue, Result, SideValue
-from station.durable import seen_text
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
@@ -50,7 +50,7 @@ def rows_of(run: RunRecord, chain: Chain) -> Rows:
         concluded = sealed is not None or is_sealed(manifest)
         altered = alterations(run, samples=False, chain=chain, trusted=frozenset(signers))
         if sealed is not None and not is_sealed(manifest):
-            altered = altered or (f"{MANIFEST}: is not yet the one with which the run was concluded",)
+            altered = altered or (f"{MANIFEST}: is still being written. Look again in a moment",)
         result = run.read(Result, RESULT) if concluded and not altered else None
         found = _attempt_rows(name, run, manifest, created)
         if concluded:

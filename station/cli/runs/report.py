@@ -8,8 +8,8 @@ import tempfile
 import webbrowser
 from pathlib import Path
 
+from station.atomic_file import write_atomic
 from station.cli.out_file import refuse_records, writing
-from station.durable import write_durable
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import NOT_CONCLUDED
@@ -37,7 +37,7 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
     _refuse_unwritable(folder)
     html, pdf = made_report(run, keep=out is None)
     for file, content in ((HTML, html), (PDF, pdf)):
-        write_durable(folder / file, content)
+        write_atomic(folder / file, content)
     paths = {"html": str(folder / HTML), "pdf": str(folder / PDF)}
     if as_json:
         sys.stdout.write(json.dumps({"run": run.id, **paths}, ensure_ascii=False) + "\n")

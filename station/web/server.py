@@ -17,6 +17,7 @@ from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
 from station.web.pages.operator import add_pages
+from station.web.pages.recipes import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
@@ -78,6 +79,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
     add_results(station)
+    add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
     return Guard(app, hosts_of(served, port))
 

@@ -207,9 +207,19 @@ class MasterPart(Section):
 
     serial: Name
     expect: Literal["PASS", "FAIL"]
-    """Verdict that a bench in order gives it."""
+    """Verdict that a sound bench gives it."""
     every_s: Interval = 86400.0
     """How often it is measured at least."""
+
+
+class TorqueControl(Section):
+    """How the torque of a ramp is controlled. gain: integral gain in 1/s, 2π times the crossover frequency of the loop.
+
+    It belongs to drive, couplings and sensors of this bench: `lostmotion bench tune` measures it.
+    """
+
+    gain_per_s: Annotated[float, Field(gt=0, le=1000)] = 15.0
+    """Crossover at 2.4 Hz; 2.4 to 4 Hz is a decade below the first resonance of the virtual bench."""
 
 
 class PaceOfBench(Section):
@@ -230,6 +240,7 @@ class Bench(Section):
     remote_io: ModbusDevice
     sensors: Sensors
     fixture: Fixture
+    torque_control: TorqueControl = TorqueControl()
     pace: PaceOfBench | None = None
     """A virtual bench on wires that waits for the scan; a bench without it lives by its own clock."""
     calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
@@ -246,7 +257,7 @@ class Bench(Section):
             other, first = lines.setdefault(device.serial_port, (name, setting))
             if setting != first:
                 found = f"{_line_text(setting)} on {device.serial_port}, where {other} has {_line_text(first)}"
-                hint = "Devices on one serial line talk alike."
+                hint = "All devices on one serial line need the same settings."
                 raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=name)
         return self
 

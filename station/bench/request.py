@@ -30,8 +30,8 @@ from recipes import (
     warnings,
 )
 from recipes.compiler.compiler import compile_program
+from station.atomic_file import refused
 from station.bench.assemble import channels, drive_profile, modbus_profile
-from station.durable import refused
 from station.errors import StationError
 from station.records.run_record import RunRecord
 

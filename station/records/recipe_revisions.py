@@ -30,7 +30,7 @@ from pydantic import ValidationError
 from recipes import RecipeError, open_regular, shipped_recipes
 from recipes.schema.recipe_schema import Header
 from recipes.text.yaml_source import LARGEST_FILE, parse_source, read_bytes
-from station.durable import open_file, refused, sync_folder, write_durable
+from station.atomic_file import open_file, refused, sync_folder, write_atomic
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import (
@@ -292,7 +292,7 @@ def _keep(path: Path, content: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise refused(path, error) from error
-    write_durable(path, content)
+    write_atomic(path, content)
 
 
 def ask_release(data: Path, name: str, revision: int, sha256: str, person: str) -> Revision:

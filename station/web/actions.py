@@ -280,7 +280,7 @@ def unconfirmed_run(station: Station) -> str:
 
 def _stop_run(call: Call, _given: Nothing) -> dict[str, Any]:
     if not call.station.running.stop():
-        raise NotNowError([("no_run", "No run is on.")])
+        raise NotNowError([("no_run", "No run is in progress.")])
     return {}
 
 
@@ -356,7 +356,7 @@ def _disable_person(call: Call, given: Named) -> dict[str, Any]:
 
 def _reset_person(call: Call, given: FreshPassword) -> dict[str, Any]:
     if given.name == call.person.name:
-        raise AccountError("name: change the own password by change_password")
+        raise AccountError("name: use change_password for your own password")
     reset_person(call.connection, given.name, given.password)
     return {"name": given.name}
 
@@ -396,7 +396,7 @@ ACTIONS: dict[str, Action] = {
         Action("disable_person", "close an account", ADMIN, Named, _disable_person, ("name",)),
         Action("reset_person", "open an account again with a first password", ADMIN, FreshPassword, _reset_person,
                ("name",)),
-        Action("change_password", "change the own password", EVERYBODY, NewPassword, _change_password,
+        Action("change_password", "change your own password", EVERYBODY, NewPassword, _change_password,
                with_first_password=True),
         Action("leave", "end the session", EVERYBODY, Nothing, _leave, with_first_password=True),
     )

@@ -139,7 +139,7 @@ def may_be_bad(run: RunRecord) -> bool:
 
 
 def _bench_free(one: Situation) -> str | None:
-    return "A run is on. Wait for its result, then scan again." if one.busy else None
+    return "A run is in progress. Wait for its result, then scan again." if one.busy else None
 
 
 def _model_known(one: Situation) -> str | None:
@@ -166,7 +166,7 @@ def unverified_note(one: Situation) -> str | None:
     """Return what the record says of a unit whose previous process step nobody has confirmed; None otherwise."""
     if one.previous_step is None or one.is_master_part or not one.previous_step.unverified:
         return None
-    return "unverified: the MES was away, so the previous process step of this unit was not confirmed"
+    return "unverified: the MES was not reachable, so the previous process step of this unit was not confirmed"
 
 
 def _recipe_in_order(one: Situation) -> str | None:
@@ -222,7 +222,7 @@ def _bench_recovered(one: Situation) -> str | None:
     except StationError as error:
         return f"The newest run cannot be read: {error}"
     if state in ("fault", INTERRUPTED, NOT_CONCLUDED):
-        return f"Run {name} ended with '{state}'. A technician brings the bench back with 'lostmotion recover'."
+        return f"Run {name} ended with '{state}'. A technician recovers the bench with 'lostmotion recover'."
     return None
 
 
@@ -258,7 +258,7 @@ def _clock_plausible(one: Situation) -> str | None:
 
 
 CONDITIONS: tuple[Condition, ...] = (
-    Condition("bench_free", "no run is on", _bench_free),
+    Condition("bench_free", "no run is in progress", _bench_free),
     Condition("model_known", "the serial number is one of a known model", _model_known),
     Condition(
         "previous_step_passed",
@@ -266,7 +266,7 @@ CONDITIONS: tuple[Condition, ...] = (
         _previous_step_passed,
         may_be_bypassed=True,
     ),
-    Condition("recipe_in_order", "recipe and bench of the model are in order", _recipe_in_order),
+    Condition("recipe_in_order", "recipe and bench of the model are valid", _recipe_in_order),
     Condition("recipe_released", "a second person has released the recipe as it is", _recipe_released),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
     Condition(
@@ -278,10 +278,10 @@ CONDITIONS: tuple[Condition, ...] = (
         _retest_reason,
         may_be_bypassed=True,
     ),
-    Condition("bench_recovered", "the bench was brought back after a fault", _bench_recovered),
+    Condition("bench_recovered", "the bench was recovered after a fault", _bench_recovered),
     Condition(
         "master_parts",
-        "each master part of the bench was measured when it was due, and read as it should",
+        "each master part of the bench was measured on time, with the expected verdict",
         _master_parts,
         may_be_bypassed=True,
     ),

@@ -88,8 +88,8 @@ class Me(BaseModel):
 
 
 MEANING = {
-    200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not by this role", 404: "there is none",
-    NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "the station cannot do it: its disk, or too many requests",
+    200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not allowed for this role", 404: "there is none",
+    NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "disk problem, or too many requests: try again",
 }  # fmt: skip
 
 
@@ -150,7 +150,7 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
 
 
 def _add_readings(app: FastAPI, station: Station) -> None:
-    @app.get("/api/now", summary="what the bench does", tags=["bench"], **_answers(200, 401, 503))
+    @app.get("/api/now", summary="state of the bench", tags=["bench"], **_answers(200, 401, 503))
     def now(token: CookieToken = None) -> Response:
         if _session(station, token) is None:
             return _not_entered()
@@ -184,7 +184,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             return JSONResponse(said("run", str(error)), NOT_NOW)
 
     @app.get(
-        "/api/audit", summary="the newest lines of the audit trail, and its head", tags=["audit"],
+        "/api/audit", summary="the newest lines of the audit trail, and the hash of the last one", tags=["audit"],
         **_answers(200, 401, 403, 422, 503),
     )  # fmt: skip
     def audit_lines(token: CookieToken = None, newest: Annotated[int, Query(ge=1, le=MOST_LINES)] = 100) -> Response:

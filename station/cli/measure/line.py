@@ -92,7 +92,7 @@ class Line:
     def refuse(self, scanned: Sequence[str]) -> None:
         """Say that what was scanned during a run was not taken."""
         for text in scanned:
-            self._say(f"REFUSED  {text.strip()[:60]!r} was scanned while a run was on. Scan it again")
+            self._say(f"REFUSED  {text.strip()[:60]!r} was scanned during a run. Scan it again")
 
     def _measure(self, wanted: Wanted) -> None:
         now = situation_of(

@@ -15,8 +15,8 @@ from lostmotion_command import here
 from run_copies import alone
 from stored_runs import metric, store_run
 
+from station.atomic_file import as_json
 from station.cli.runs.show import stored_result
-from station.durable import as_json
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import FIELDS, entry_of, signed_entry
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, own_key

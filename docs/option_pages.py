@@ -19,6 +19,7 @@ from recipes.schema.bench_schema import (
     ModbusDevice,
     PaceOfBench,
     Sensors,
+    TorqueControl,
     TorqueSensor,
 )
 from recipes.schema.calibration_schema import (
@@ -121,7 +122,7 @@ RECIPE_STEPS = {
 BENCH_SECTIONS = {
     "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
     "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
-    "pace": PaceOfBench, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit, "calibrations: units: lines (each)": UnitLine,
+    "pace": PaceOfBench, "torque_control": TorqueControl, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit, "calibrations: units: lines (each)": UnitLine,
     "master_parts (each)": MasterPart,
 }  # fmt: skip
 """Sections of a bench file, by their names there."""

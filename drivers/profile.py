@@ -124,7 +124,7 @@ class DriveProfile:
     protections: DriveProtections = DriveProtections()
     homing_method: Literal[0, 35, 37] = 37
     startup: tuple[StartupObject, ...] = ()
-    tried_on_hardware: bool = True
+    tried_on_hardware: bool = False
 
     @property
     def torque_pdo(self) -> ReceivePdo:

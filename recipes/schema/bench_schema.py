@@ -212,6 +212,16 @@ class MasterPart(Section):
     """How often it is measured at least."""
 
 
+class TorqueControl(Section):
+    """How the torque of a ramp is controlled. gain: integral gain in 1/s, 2π times the crossover frequency of the loop.
+
+    It belongs to drive, couplings and sensors of this bench: `lostmotion bench tune` measures it.
+    """
+
+    gain_per_s: Annotated[float, Field(gt=0, le=1000)] = 15.0
+    """Crossover at 2.4 Hz; 2.4 to 4 Hz is a decade below the first resonance of the virtual bench."""
+
+
 class PaceOfBench(Section):
     """Where a virtual bench that was started by itself waits for the scan; real hardware has no such thing."""
 
@@ -230,6 +240,7 @@ class Bench(Section):
     remote_io: ModbusDevice
     sensors: Sensors
     fixture: Fixture
+    torque_control: TorqueControl = TorqueControl()
     pace: PaceOfBench | None = None
     """A virtual bench on wires that waits for the scan; a bench without it lives by its own clock."""
     calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()

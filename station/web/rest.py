@@ -45,6 +45,7 @@ from station.web.people.accounts import (
     is_name,
     session_of,
 )
+from station.web.rest_recipes import add_recipes
 from station.web.rest_runs import CookieToken, add_runs
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
@@ -113,6 +114,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         return None
 
     add_runs(app, station, refuse, _answers)
+    add_recipes(app, station, refuse, _answers)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)
         needed = any(one.is_required() for one in row.needs.model_fields.values())

@@ -209,7 +209,7 @@ class VirtualBench:
             self.servers[name].answer_waiting()
 
     def tell(self, state: str, scan: int, entered: int) -> None:
-        """Take from the desk where the controller is; a scan that leads says it itself, and sooner."""
+        """Take from the supervisor where the controller is; a scan that leads says it itself, and sooner."""
         if not self.time.led:
             self.drive.faults.tell(state, scan, entered)
 

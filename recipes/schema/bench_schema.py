@@ -207,7 +207,7 @@ class MasterPart(Section):
 
     serial: Name
     expect: Literal["PASS", "FAIL"]
-    """Verdict that a bench in order gives it."""
+    """Verdict that a sound bench gives it."""
     every_s: Interval = 86400.0
     """How often it is measured at least."""
 
@@ -257,7 +257,7 @@ class Bench(Section):
             other, first = lines.setdefault(device.serial_port, (name, setting))
             if setting != first:
                 found = f"{_line_text(setting)} on {device.serial_port}, where {other} has {_line_text(first)}"
-                hint = "Devices on one serial line talk alike."
+                hint = "All devices on one serial line need the same settings."
                 raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=name)
         return self
 

@@ -73,7 +73,7 @@ def parse_scenario(raw: bytes, path: str) -> Scenario:
 
 
 LACKING: dict[str, tuple[frozenset[tuple[str, str]], str, str]] = {
-    WALL: (NOT_BY_WALL_CLOCK, "a fault that the wall clock can have", "leave --wall-clock out, or --wires"),
+    WALL: (NOT_BY_WALL_CLOCK, "a fault that is possible by the wall clock", "leave --wall-clock out, or --wires"),
     SCAN: (frozenset(), "", ""),
     VIRTUAL: (ONLY_OVER_WIRES, "a fault that is not for wires only", "run it over wires"),
 }

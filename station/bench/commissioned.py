@@ -17,10 +17,10 @@ from definitions.commissioning import STEPS, Step, concerns
 from drivers.modbus.part_fields import PART_FIELDS
 from drivers.profile import DriveProfile, DriveProfileHeader, ModbusProfile
 from recipes import Bench
+from station.atomic_file import write_atomic
 from station.bench.assemble import File, FileAt, drive_profile, modbus_profile
 from station.documents.commissioning import Protocol, StepDone
 from station.documents.reading import plain, read_document
-from station.durable import write_durable
 from station.errors import StationError
 
 ENDING = ".commissioning.json"
@@ -63,7 +63,7 @@ def add_to_protocol(bench_file: Path, bench: Bench, done: StepDone) -> None:
     """Put a step that was done behind the others; RecordError when the protocol is damaged or cannot be written."""
     protocol = read_protocol(bench_file, bench)
     whole = replace(protocol, steps=(*protocol.steps, done))
-    write_durable(protocol_path(bench_file), json.dumps(plain(whole), ensure_ascii=False, indent=1).encode() + b"\n")
+    write_atomic(protocol_path(bench_file), json.dumps(plain(whole), ensure_ascii=False, indent=1).encode() + b"\n")
 
 
 def parts_of(bench: Bench, profiles: Mapping[str, File]) -> dict[str, str]:

@@ -31,10 +31,10 @@ from recipes import (
     warnings,
 )
 from recipes.compiler.compiler import compile_program
+from station.atomic_file import refused
 from station.bench.assemble import channels, drive_profile, modbus_profile
 from station.bench.commissioned import is_virtual_drive, watchdogs_measured
 from station.documents.commissioning import StepDone
-from station.durable import refused
 from station.errors import StationError
 from station.records.run_record import RunRecord
 
@@ -234,17 +234,17 @@ def _stored_source(path: Path) -> Source:
         raise refused(path, error, "read") from error
 
 
-def load_job(recipe_name: str, bench_name: str | None, day: date | None = None) -> Job:
+def load_job(recipe_name: str | Source, bench_name: str | None, day: date | None = None) -> Job:
     """Load recipe, bench and profiles and check them against each other; every file is read exactly once.
 
-    `day` is the one that calibrations have to be in date on, today by default.
+    The recipe is named, or was read already. `day` is the one that calibrations have to be in date on, else today.
 
     Raises:
         RecipeError: with all problems of both files, or all that speaks against the pair.
 
     """
     job = _loaded(
-        lambda: Source.read(find_recipe(recipe_name)),
+        lambda: recipe_name if isinstance(recipe_name, Source) else Source.read(find_recipe(recipe_name)),
         lambda recipe: None if bench_name is None and recipe is None else Source.read(_bench_file(bench_name, recipe)),
         day,
     )

@@ -65,11 +65,17 @@ class Browsed(NamedTuple):
     figures: tuple[Figure, ...]
 
 
-def browse(
-    bench: OnWires, part: str, seconds: float, told: Callable[[Row, float | None], None], without: Sequence[str] = ()
+def browse(  # noqa: PLR0917 - what is looked at, and who is told
+    bench: OnWires,
+    part: str,
+    seconds: float,
+    begun: Callable[[], None],
+    told: Callable[[Row, float | None], None],
+    without: Sequence[str] = (),
 ) -> Browsed:
-    """Read the block of a device again and again; `told` is called for each torque that has moved by 1 % more.
+    """Read the block of a device again and again for at most `seconds`.
 
+    begun: called after the first look. told: called for each torque that has moved by 1 % of its full scale more.
     Ends early when every torque was pressed on; `without`: channels that nobody can press on.
 
     Raises:
@@ -86,6 +92,8 @@ def browse(
             looks.append(by_hand.block(part))
             for field, value in pressed.look(looks[-1]) if pressed else ():
                 told(_row(profile, field, looks), value)
+            if len(looks) == 1:
+                begun()
             pause(LOOK_EVERY_S)
     rows = [_row(profile, field, looks) for field in profile.read.fields]
     findings = list(_word_orders(profile, rows))

@@ -28,10 +28,10 @@ from station.records.samples.check import sound_table
 from station.records.samples.samples import samples_bytes
 from station.records.samples.table import Table
 from station.run.conclusion import conclude
-from station.run.desk import Desk
-from station.run.ending import Ending
 from station.run.new_record import Wanted, new_record
+from station.run.outcome import RunOutcome
 from station.run.pacing import pacing_of
+from station.run.supervisor import Supervisor
 
 FOLDER = "commissioning"
 """Below the runs: where the records of these runs lie."""
@@ -93,12 +93,12 @@ def try_out(  # noqa: PLR0917 - a run, and who is told of it
     record = new_record(data / FOLDER, job, wanted, notes=[f"commissioning: {plan.step}"])
     with contextlib.closing(record.lock):
         try:
-            ending = Desk(job, record, _nothing, say, pacing=pacing).run(None, None)
+            outcome = Supervisor(job, record, _nothing, say, pacing=pacing).run(None, None)
         except BenchFaultError as error:
             record.samples.touch()
-            conclude(record, job, Ending.refused_by(record, error))
+            conclude(record, job, RunOutcome.refused_by(record, error))
             raise
-        result = conclude(record, job, ending).result
+        result = conclude(record, job, outcome).result
     return Tried(job, record, result, sound_table(samples_bytes(record), record.layout()))
 
 

@@ -66,7 +66,7 @@ NOT_IN_THE_MATRIX = {
 PROOFS = {
     ("process.scan", "stop"): Traces(missed=59),
     ("process.scan", "kill"): Traces(scan_died=True),
-    ("process.desk", "kill"): Traces(desk_killed=True),
+    ("process.desk", "kill"): Traces(supervisor_killed=True),
     ("machine.disk", "full"): Traces(disk_refused=True),
     ("machine.clock", "step"): Traces(clock_jumped_s=60.1),
 }

@@ -116,13 +116,16 @@ def registers(
     tell = teller(as_json=as_json)
     if part == AMPLIFIER:
         may_begin(bench, "registers")
-        tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
+
+    def begun() -> None:
+        if part == AMPLIFIER:
+            tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
 
     def pressed(row: Row, value: float | None) -> None:
         tell(f"  {row.field.name} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
 
     with bench.alone():
-        seen = browse(bench, part, seconds, pressed, without)
+        seen = browse(bench, part, seconds, begun, pressed, without)
     rows = [
         (
             str(row.address),

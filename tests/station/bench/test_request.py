@@ -10,8 +10,8 @@ import pytest
 import recipes.text.yaml_source
 from definitions.protections import BY_NAME, NOT_TRIED, UNPROVEN, missing_text
 from recipes import RecipeError, find_bench, load_recipe
+from station.atomic_file import as_json
 from station.bench.request import DRIVER_PROFILES, load_job
-from station.durable import as_json
 from station.records.program_file import plain_program, program_differences
 from station.run.process_specs import compiled
 from station.scan.scan_spec import SpecError, read_program

@@ -72,14 +72,22 @@ def check_bus(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
 
 
 def check_line(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
-    """An amplifier on a serial line gets a sample over it within a period."""
-    device, period_s = bench.amplifier, recipe.sampling.period_s
+    """An amplifier on a serial line gets a sample over it within a period, and every other device when it is asked."""
+    sensors, period_s = bench.sensors, recipe.sampling.period_s
+    if bench.amplifier is not None:
+        channels = (sensors.torque_in, sensors.torque_out, sensors.angle_in, sensors.angle_out)
+        # one register for each channel and for the sample counter: what the profile reads is that or more
+        yield from _over_a_line(bench.amplifier, 1 + sum(one is not None for one in channels), period_s)
+    sources = [] if bench.channels is None else list(bench.channels.by_name.values())
+    for device in bench.devices:
+        every_s = max(period_s, device.poll_every_s)
+        yield from _over_a_line(device, sum(one.device == device.name for one in sources), every_s)
+
+
+def _over_a_line(device: ModbusDevice, registers: int, period_s: float) -> Iterator[Finding]:
     if device.transport != "rtu":
         return
-    sensors = bench.sensors
-    channels = (sensors.torque_in, sensors.torque_out, sensors.angle_in, sensors.angle_out)
-    # one register for each channel and for the sample counter: what the profile reads is that or more
-    needed_s = line_s(device, 1 + sum(channel is not None for channel in channels))
+    needed_s = line_s(device, registers)
     if period_s < needed_s:
         found = f"{show(period_s, PERIOD)}, though one sample over {device.serial_port} takes at least "
         found += f"{show(needed_s, PERIOD, 4)} at {device.baudrate} baud: request, reply and the silence after each"

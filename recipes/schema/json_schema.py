@@ -12,7 +12,8 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from recipes.schema.bench_schema import Bench
-from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
+from recipes.schema.modbus_profile_schema import ModbusProfileFile
+from recipes.schema.profile_schema import DriveProfileFile
 from recipes.schema.recipe_schema import Recipe
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

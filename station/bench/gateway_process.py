@@ -35,8 +35,7 @@ def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_paren
         registers = modbus_profile(FileAt(profiles[there.profile]))
         return ModbusTarget(there.host, there.port, there.unit_id, registers)
 
-    parts: dict[str, ModbusDevice] = {"amplifier": bench.amplifier, "brake": bench.brake, "remote_io": bench.remote_io}
-    devices = {name: device(name, there) for name, there in parts.items()}
+    devices = {name: device(name, there) for name, there in bench.modbus_devices.items()}
     drive = bench.drive
     return GatewayConfig(can_config(bench), drive.node_id, drive.controller_node_id, devices, end_with_parent)
 

@@ -30,12 +30,15 @@ from recipes import (
     warnings,
 )
 from recipes.compiler.compiler import compile_program
-from station.bench.assemble import channels, drive_profile, modbus_profile
+from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.measuring import channel_problems, channels, channels_not_proven, missing_of_brake
 from station.durable import refused
 from station.errors import StationError
 from station.records.run_record import RunRecord
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
+
+PART_NAMES = {"amplifier": "Amplifier", "brake": "Brake", "remote_io": "Remote I/O"}
 
 TRACE_ENDINGS = (".csv", ".parquet", ".tdms")
 """By which a name is that of a file, and not of a stored run."""
@@ -102,9 +105,7 @@ class Job:
     @property
     def profile_names(self) -> tuple[str, ...]:
         """Device profiles that the bench file names, each once."""
-        bench = self.bench
-        names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
-        return tuple(dict.fromkeys(names))
+        return self.bench.profile_names
 
     @cached_property
     def profile_paths(self) -> dict[str, Path]:
@@ -129,13 +130,14 @@ class Job:
     @cached_property
     def not_proven(self) -> tuple[str, ...]:
         """What the devices of this bench cannot prove, a sentence each: it stands in every result."""
-        bench = self.bench
-        parts = {"Amplifier": bench.amplifier, "Brake": bench.brake, "Remote I/O": bench.remote_io}
-        return tuple(
-            f"{part}: no identity in profile {device.profile}. Only its address says which device answers."
-            for part, device in parts.items()
+        said = [
+            f"{PART_NAMES.get(name, name)}: no identity in profile {device.profile}. Only its address says which device"
+            " answers."
+            for name, device in self.bench.modbus_devices.items()
             if modbus_profile(self.profile_sources[device.profile]).identity is None
-        )
+        ]
+        said += missing_of_brake(modbus_profile(self.profile_sources[self.bench.brake.profile]))
+        return (*said, *channels_not_proven(self.bench))
 
 
 def find_profile(name: str, bench_path: Path) -> Path:
@@ -217,19 +219,30 @@ def load_job(recipe_name: str, bench_name: str | None, day: date | None = None) 
 
 
 def _told(one: DriverProblem, path: Path, part: str) -> Problem:
-    hint = one.next_step[:1].upper() + one.next_step[1:]
-    return Problem(str(path), 0, 0, part, f"a profile that {one.what}: {one.found}", one.expected, f"{hint}.")
+    found = f"a profile that {one.what}: {one.found}"
+    return Problem(str(path), 0, 0, part, found, one.expected, f"{_begun(one.next_step)}.")
+
+
+def _begun(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _check_parts(job: Job) -> None:
     """Refuse device profiles that do not deliver what their parts of the bench need; RecipeError with all of them."""
-    names = {part: getattr(job.bench, part).profile for part in PART_FIELDS}
-    profiles = {part: modbus_profile(job.profile_sources[name]) for part, name in names.items()}
+    names = {name: device.profile for name, device in job.bench.modbus_devices.items()}
+    profiles = {name: modbus_profile(job.profile_sources[profile]) for name, profile in names.items()}
+    parts = {part: profiles[part] for part in PART_FIELDS if part in profiles}
     problems = [
-        _told(one, job.profile_sources[name].path, part)
-        for part, name in names.items()
-        for one in part_problems(profiles, channels(job.bench))
+        _told(one, job.profile_sources[names[part]].path, part)
+        for part in parts
+        for one in part_problems(parts, channels(job.bench))
         if one.where.startswith(f"{part} ")
+    ]
+    measuring = {name: profile for name, profile in profiles.items() if name not in PART_FIELDS}
+    path = str(job.bench_source.path)
+    problems += [
+        Problem(path, 0, 0, "channels", f"{one.found} in {one.where}", one.expected, f"{_begun(one.next_step)}.")
+        for one in channel_problems(job.bench, measuring)
     ]
     if problems:
         raise RecipeError(problems)

@@ -62,7 +62,9 @@ def example_server_config() -> ServerConfig:
     """Return the default bench on free loopback ports."""
     return ServerConfig(
         bench=example_bench_config(),
-        amplifier=ModbusPort(modbus_profile(profile("virtual-amplifier")), unit_id=1),
-        brake=ModbusPort(modbus_profile(profile("virtual-brake")), unit_id=2),
-        remote_io=ModbusPort(modbus_profile(profile("virtual-remote-io")), unit_id=3),
+        devices={
+            "amplifier": ModbusPort(modbus_profile(profile("virtual-amplifier")), unit_id=1),
+            "brake": ModbusPort(modbus_profile(profile("virtual-brake")), unit_id=2),
+            "remote_io": ModbusPort(modbus_profile(profile("virtual-remote-io")), unit_id=3),
+        },
     )

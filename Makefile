@@ -28,7 +28,7 @@ help:
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code, and the JSON Schemas"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
-	@echo "make kill-tests  SIGKILL scan and desk at 100 random moments each (KILLS=N), nothing may be lost"
+	@echo "make kill-tests  SIGKILL scan and supervisor at 100 random moments each (KILLS=N), nothing may be lost"
 	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"
 	@echo "make fuzz    coverage-guided fuzzing of every input (FUZZ_SECONDS=N each)"
 	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from benchmarks import analysis_speed, monte_carlo_speed, virtual_time
-from benchmarks.wakeups import HEAD, ROOT, Lateness, cyclictest, full_scan, in_child, of_report
+from benchmarks.wakeups import HEAD, ROOT, WakeUpLatency, cyclictest, full_scan, in_child, of_report
 from recipes.checks.bus_load import bus_us
 from station.timing.rates import HEAD as RATES_HEAD
 from station.timing.rates import limit, measured
@@ -37,7 +37,7 @@ def stress() -> Iterator[None]:
 
 
 def wakeups(seconds: float, title: str) -> dict[str, Any]:
-    """Print lateness of cyclictest, of plain Python, and of the scan with and without a spin tail."""
+    """Print wake-up latency of cyclictest, of plain Python, and of the scan with and without a spin tail."""
     print(f"\n{title}")
     print(HEAD)
     base = cyclictest(seconds)
@@ -55,7 +55,7 @@ def wakeups(seconds: float, title: str) -> dict[str, Any]:
         print(late.row(base) + missed, flush=True)
     after = cyclictest(seconds)
     if base is not None and after is not None:
-        print(Lateness("cyclictest again", after.p50, after.p99, after.p999, after.largest).row(base))
+        print(WakeUpLatency("cyclictest again", after.p50, after.p99, after.p999, after.largest).row(base))
     return report
 
 

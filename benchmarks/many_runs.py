@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+from station.atomic_file import as_json
 from station.documents.reading import plain
-from station.durable import as_json
 from station.records.chain.chain_file import writing_to
 from station.records.chain.entries import CREATED, SEALED
 from station.records.run_record import RunRecord

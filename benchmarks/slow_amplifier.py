@@ -24,9 +24,9 @@ from analysis.trace.trace import Trace
 from controller.controller import Controller
 from definitions.image import Image, Orders, State
 from definitions.units import RAD_PER_ARCMIN
+from station.atomic_file import Appender
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import Job, load_job
-from station.durable import Appender
 from station.records.samples.table import Table, table_of
 from station.results.evaluation import evaluate_trace, method_of, segment_table, trace_of, wanted_of
 from station.run.virtual_recorder import VirtualRecorder

@@ -22,10 +22,10 @@ from benchmarks.coverage_study import HEAD, line, wanted
 from benchmarks.simulated.coverage import Pair, coverage
 from controller.controller import Controller
 from definitions.image import State
+from station.atomic_file import Appender
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.figures import figures_of
 from station.bench.request import Job, load_job
-from station.durable import Appender
 from station.records.samples.table import table_of
 from station.results.evaluation import method_of, trace_of
 from station.run.virtual_recorder import VirtualRecorder

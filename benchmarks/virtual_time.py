@@ -10,10 +10,10 @@ import time
 from pathlib import Path
 
 from controller.controller import Controller
+from station.atomic_file import Appender
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import load_job
 from station.bench.virtual_unit import FIXED_SEED
-from station.durable import Appender
 from station.results.replay import replay
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector

@@ -22,8 +22,8 @@ LARGEST_US = 20_000
 
 
 @dataclass(frozen=True)
-class Lateness:
-    """Wake-up lateness of one way to wait [µs]."""
+class WakeUpLatency:
+    """Wake-up latency of one way to wait [µs]."""
 
     name: str
     p50: float
@@ -31,7 +31,7 @@ class Lateness:
     p999: float
     largest: float
 
-    def row(self, base: Lateness | None) -> str:
+    def row(self, base: WakeUpLatency | None) -> str:
         """Return it as a row, with p99 and p99.9 as multiples of those of `base`."""
         figures = "".join(f"{value:9.1f}" for value in (self.p50, self.p99, self.p999, self.largest))
         if base is None or base is self:
@@ -40,13 +40,13 @@ class Lateness:
         return f"  {self.name:34}{figures}" + "".join(f"{ratio:9.2f}" for ratio in ratios)
 
 
-HEAD = f"  {'lateness in µs':34}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9}{'p99/c':>9}{'p99.9/c':>9}"
+HEAD = f"  {'wake-up latency in µs':34}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9}{'p99/c':>9}{'p99.9/c':>9}"
 
 
-def of_counts(name: str, counts: Counts) -> Lateness:
+def of_counts(name: str, counts: Counts) -> WakeUpLatency:
     """Return the figures of a histogram of ours."""
     found = [counts.percentile_us(percent) for percent in (50.0, 99.0, 99.9)]
-    return Lateness(name, found[0], found[1], found[2], counts.largest_ns / 1000.0)
+    return WakeUpLatency(name, found[0], found[1], found[2], counts.largest_ns / 1000.0)
 
 
 @dataclass(frozen=True)
@@ -77,10 +77,10 @@ class Histogram:
         """How many wake-ups there were."""
         return sum(count for _, count in self.counted) + self.beyond
 
-    def lateness(self, name: str) -> Lateness:
+    def lateness(self, name: str) -> WakeUpLatency:
         """Return percentiles and maximum."""
         p50, p99, p999 = (_percentile(self.counted, self.total, percent) for percent in (50.0, 99.0, 99.9))
-        return Lateness(name, p50, p99, p999, self.largest_us)
+        return WakeUpLatency(name, p50, p99, p999, self.largest_us)
 
 
 def cyclictest_command(seconds: float) -> list[str] | None:
@@ -92,7 +92,7 @@ def cyclictest_command(seconds: float) -> list[str] | None:
     return [*command, f"-l{round(seconds * 1e9 / PERIOD_NS)}", f"-h{LARGEST_US}"]
 
 
-def cyclictest(seconds: float) -> Lateness | None:
+def cyclictest(seconds: float) -> WakeUpLatency | None:
     """Return what cyclictest sees; None where it is missing or refused."""
     command = cyclictest_command(seconds)
     if command is None:
@@ -111,11 +111,11 @@ def _percentile(counted: list[tuple[int, int]], total: int, percent: float) -> f
     return float(LARGEST_US)
 
 
-def in_child(kind: str, seconds: float) -> Lateness:
+def in_child(kind: str, seconds: float) -> WakeUpLatency:
     """Run a loop of ours in a process of its own: what it asks of the machine it asks for good."""
     command = [sys.executable, "-m", "benchmarks.wakeups", kind, str(seconds)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)  # noqa: S603
-    return Lateness(**json.loads(done.stdout))
+    return WakeUpLatency(**json.loads(done.stdout))
 
 
 def full_scan(seconds: float, *, period_us: int = 1000, spin_us: int | None = None) -> dict[str, Any]:
@@ -130,10 +130,10 @@ def full_scan(seconds: float, *, period_us: int = 1000, spin_us: int | None = No
     return report
 
 
-def of_report(name: str, report: dict[str, Any]) -> Lateness:
-    """Return the lateness in a report of `lostmotion timing`."""
+def of_report(name: str, report: dict[str, Any]) -> WakeUpLatency:
+    """Return the wake-up latency in a report of `lostmotion timing`."""
     late = report["lateness_us"]
-    return Lateness(name, late["p50"], late["p99"], late["p999"], late["max"])
+    return WakeUpLatency(name, late["p50"], late["p99"], late["p999"], late["max"])
 
 
 def _plain(seconds: float) -> Counts:

@@ -6,7 +6,8 @@ counts, is asked only when one is beyond.
 
 from __future__ import annotations
 
-from operator import attrgetter, gt
+from functools import reduce
+from operator import attrgetter, gt, or_
 from typing import Any, NamedTuple
 
 from controller.conditions import Measured
@@ -39,6 +40,8 @@ class BeyondLimits:
             for fault in FAULTS
             if fault.limit and fault.limit.channel
         ]
+        self.bits = reduce(or_, (one.bit for one in channels))
+        """Bits of all faults that `present` may answer with."""
         self._of_image = tuple(one for one in channels if one.of_image)
         self._measured = tuple(one for one in channels if not one.of_image)
         self._image_limits = tuple(one.limit for one in self._of_image)
@@ -46,7 +49,7 @@ class BeyondLimits:
         self._image_values = attrgetter(*(one.name for one in self._of_image))
         self._measured_values = attrgetter(*(one.name for one in self._measured))
 
-    def present(self, image: Image, measured: Measured) -> int:
+    def present(self, image: Image, measured: Measured, *_: object) -> int:
         """Return the bits of the faults whose channel is beyond its limit, whether an interlock is live or not."""
         # A magnitude is no smaller than the value or the age that counts: where none is beyond, nothing is looked at.
         bits = 0

@@ -1,9 +1,9 @@
 """The conditions that interlocks look for: what one scan has measured, and which conditions are present in it.
 
-`present` answers with a mask, bit n for fault number n. It sees the image, what was measured from it, the limits and
-the program; it keeps nothing and decides nothing: `controller.interlocks` says where each condition counts, and judges.
-One test for each condition, in a function for each kind of them: a call for each would be most of a scan's time. What
-is a channel against a limit, and no more, has no test here: `controller.beyond_limits` reads it off the fault table.
+A test answers with a mask, bit n for fault number n. It sees the image, what was measured from it, the limits and the
+program; it keeps nothing and decides nothing: `controller.interlocks` says where each condition counts, and judges.
+There is one for each kind of conditions (`KINDS`): a call for each condition would be most of a scan's time. What is a
+channel against a limit, and no more, has no test here: `controller.beyond_limits` reads it off the fault table.
 
 Ages are judged less the periods that the controller itself missed: nobody asked the devices in that time. A hold-up has
 a condition of its own.
@@ -11,7 +11,9 @@ a condition of its own.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf, isfinite
+from typing import NamedTuple
 
 from definitions.faults import bit_of
 from definitions.image import (
@@ -105,12 +107,7 @@ class Measured:
         self.mode_expected = self.request_age_scans = 0
 
 
-def present(i: Image, m: Measured, li: Limits, p: Program) -> int:
-    """Return the bits of all conditions that are present, whether an interlock is live for them or not."""
-    return _surroundings(i) | _connections(i, m, li) | _drive(i, m) | _load(i, m, li, p) | _sensors(i, m, li, p)
-
-
-def _surroundings(i: Image) -> int:
+def _surroundings(i: Image, *_: object) -> int:
     """People: what they open and press."""
     bits = 0
     if i.io_age_scans != AGE_NEVER:
@@ -123,7 +120,7 @@ def _surroundings(i: Image) -> int:
     return bits
 
 
-def _connections(i: Image, m: Measured, li: Limits) -> int:
+def _connections(i: Image, m: Measured, li: Limits, *_: object) -> int:
     """Links that are down, and values that grow too old."""
     bits, lost = 0, i.links_lost
     if lost & _CAN:
@@ -143,7 +140,7 @@ def _connections(i: Image, m: Measured, li: Limits) -> int:
     return bits
 
 
-def _drive(i: Image, m: Measured) -> int:
+def _drive(i: Image, m: Measured, *_: object) -> int:
     """What the drive says of itself, and what it does otherwise than it was ordered."""
     bits = 0
     if i.drive_state in _DRIVE_FAULTS:
@@ -228,3 +225,38 @@ def _angles_disagree(i: Image, m: Measured, li: Limits, p: Program) -> bool:
     turned_rad = m.fastest_rad_s * scans * p.period_s
     torque_nm = m.torque_in_nm if p.loading_input else m.torque_out_nm
     return abs(m.drive_apart_rad) > li.angle_agreement_rad + turned_rad + abs(torque_nm) * li.coupling_rad_per_nm
+
+
+Test = Callable[[Image, Measured, Limits, Program], int]
+"""Returns the bits of the conditions that are present, whether an interlock is live for them or not."""
+
+
+class Kind(NamedTuple):
+    """Conditions that are looked for together: by which test, and the bits that it may answer with."""
+
+    test: Test
+    bits: int
+
+
+KINDS = (
+    Kind(_surroundings, ESTOP | GUARD_OPEN | OPERATOR_QUICK_STOP),
+    Kind(
+        _connections,
+        CAN_LOST | AMPLIFIER_LOST | BRAKE_LINK_LOST | REMOTE_IO_LOST | DRIVE_DATA_STALE | SAMPLE_LATE | SAMPLE_FROZEN,
+    ),
+    Kind(
+        _drive,
+        DRIVE_FAULT
+        | DRIVE_EMERGENCY
+        | DRIVE_DROPPED_OUT
+        | DRIVE_MODE_REFUSED
+        | DRIVE_INTERNAL_LIMIT
+        | DRIVE_NOT_FOLLOWING,
+    ),
+    Kind(_load, TORQUE_OUT_TRIP | LOCK_SLIP | BRAKE_CURRENT_LOST | BRAKE_STAYS_CLOSED),
+    Kind(
+        _sensors,
+        SENSOR_NOT_A_NUMBER | SENSOR_SATURATED | SAMPLE_NOT_READY | TORQUE_CHANNELS_DISAGREE | ANGLE_CHANNELS_DISAGREE,
+    ),
+)
+"""Each kind with all of its bits: where none of them is live, its test is not asked."""

@@ -54,6 +54,6 @@ class HeldLock:
             measured.lock_motion_limit_rad = limits.lock_slip_rad
             context.notes.append(f"lock proven by the {measured.controlled_nm:.1f} N·m that it holds")
         elif self._waited > self.PATIENCE * self.HOLD_SCANS:
-            context.notes.append("the lock does not hold what is stored: release the unit by hand")
+            context.notes.append("the lock slips under the residual torque: release the unit by hand")
             return Outcome(fault="unload_failed")
         return RUNNING

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controller.beyond_limits import BeyondLimits
-from controller.conditions import Measured, present
+from controller.conditions import KINDS, Kind, Measured
 from controller.debounce import debounce_scans, leaks
 from definitions.faults import FAULT_BY_ID, FAULTS, bit_of
 from definitions.image import Image, State
@@ -62,9 +62,11 @@ class Watch:
     def __init__(self, program: Program) -> None:
         self._program = program
         self._limits = program.limits
-        self._beyond_limits = BeyondLimits(program.limits)
+        beyond_limits = BeyondLimits(program.limits)
+        kinds = (*KINDS, Kind(beyond_limits.present, beyond_limits.bits))
         faults = [FAULT_BY_ID[row.fault] for row in INTERLOCKS]
         self._live = {state: sum(bit_of(row.fault) for row in INTERLOCKS if state in row.live_in) for state in State}
+        self._tests = {state: [kind.test for kind in kinds if kind.bits & live] for state, live in self._live.items()}
         self._rows = {f.number: Debounced(debounce_scans(f, program), int(f.reaction)) for f in faults}
         self._leaking = sum(1 << fault.number for fault in faults if leaks(fault))
         self._counts = [0] * 64
@@ -74,7 +76,9 @@ class Watch:
 
     def look(self, image: Image, measured: Measured, state: State) -> int:
         """Evaluate the live interlocks; the strongest reaction of all active ones (`Reaction` as int)."""
-        found = present(image, measured, self._limits, self._program) | self._beyond_limits.present(image, measured)
+        limits, program, found = self._limits, self._program, 0
+        for test in self._tests[state]:
+            found |= test(image, measured, limits, program)
         found &= self._live[state]
         if found:
             return self._weigh(found)

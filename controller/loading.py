@@ -146,7 +146,7 @@ class Loading:
         if not context.sample_is_fresh(image):  # what is stored is not known
             return RUNNING if self._waited <= context.program.enable_scans else Outcome(fault="unload_failed")
         if not context.lock_proven:
-            context.notes.append("no drive on a lock that is not proven: release the unit by hand")
+            context.notes.append("drive not enabled, because the lock is not verified: release the unit by hand")
             return Outcome(fault="unload_failed")
         context.drive_mode = DriveMode.CYCLIC_SYNC_TORQUE
         context.drive_torque_nm = 0.0

@@ -40,7 +40,7 @@ class Readiness:
             if age > limit
         ]
         if image.sample_status:
-            missing.append("measuring amplifier with sound sensor channels")
+            missing.append("measuring amplifier without sensor fault")
         if image.drive_nmt_state != NmtState.OPERATIONAL:
             missing.append("servo drive in the operational state")
         if not missing:

@@ -284,14 +284,14 @@ _ROWS = (
         "stiffness_low", "Stiffness against the catalogue, softer side", NUMBER, 0.5,
         "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
         "softer side",
-        "the loop is softer than the recipe declares this unit, by more than any defect",
+        "the loop is far softer than the stiffness in the recipe: no defect explains that",
         CHECK_SCALES, at_least=True,
     ),
     Check(
         "stiffness_high", "Stiffness against the catalogue, stiffer side", NUMBER, 1.5,
         "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
         "stiffer side",
-        "the loop is stiffer than any unit of this kind",
+        "the loop is far stiffer than the stiffness in the recipe",
         CHECK_SCALES,
     ),
     Check(
@@ -304,8 +304,8 @@ _ROWS = (
     Check(
         "width_growth", "Growth of the width with the load", FRACTION, 10.0,
         "growth of the loop's width from 30 % to 70 % of the peak torque, of the width; the larger side",
-        "the loop opens towards its turns, which no friction does: the wind-up creeps back against its torque, or an "
-        "angle is wrong",
+        "the loop gets wider towards its turning points, which friction cannot cause: the wind-up creeps back "
+        "against its torque, or an angle is wrong",
         "let unit and bench come to rest before measuring, check lock, couplings and encoders, and measure again",
         settable=SHARES,
     ),
@@ -335,7 +335,7 @@ _ROWS = (
     ),
     Check(
         "calibrated_zero", "Zero offset by the calibration", FRACTION, 95.0,
-        "output torque at which the calibration finds no load, of the largest that is sought, where it converts the "
+        "output torque at which the calibration finds no load, relative to the widest search, where it converts the "
         "torque",
         "the zero of the output torque was not found",
         "tare the output torque sensor at rest and without load, and calibrate again",
@@ -356,10 +356,10 @@ _ROWS = (
         settable=SHARES,
     ),
     Check(
-        "torque_bend", "Bend of the torque ratio", FRACTION, 1.0,
+        "torque_bend", "Curvature of the torque ratio", FRACTION, 1.0,
         "change of the slope of T_out over T_in with the load, loading, beyond the declared gains of both sensors and "
         "the scatter of the points",
-        "a torque channel is bent: its gain changes with the load",
+        "a torque channel is not linear: its gain changes with the load",
         "calibrate both torque channels over their range, and check their mounting for side loads",
         settable=SHARES,
     ),

@@ -217,7 +217,7 @@ FAULTS: tuple[Fault, ...] = (
           limit=Limit("speed_rad_s", SPEED, Range(0.0, 6000.0, beyond_least=True), channel="speed_rad_s")),
     Fault(23, "over_travel", R.QUICK_STOP, 0, "Loaded shaft turned too far",
           "Lock slipping, coupling broken, a broken unit, or an angle sensor that jumps or counts backwards",
-          "Check lock, couplings, unit and angle sensor; 'lostmotion recover' counts angles anew for the way back",
+          "Check lock, couplings, unit and angle sensor; 'lostmotion recover' counts the angles from zero again",
           live_in=ALWAYS,
           limit=Limit("travel_rad", TRAVEL, Range(0.0, 36_000.0, beyond_least=True), channel="travel_rad")),
     Fault(24, "lock_slip", R.UNLOAD, 2, "Lock slipped: the locked shaft turned",

@@ -11,6 +11,9 @@ RegisterType = Literal["u16", "i16", "u32", "i32", "f32"]
 FieldType = Literal["u16", "i16", "u32", "i32", "f32", "bit"]
 """Types of values that a Modbus device has: of its registers, and of its coils and discrete inputs."""
 
+ByteType = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
+"""Types of values that begin at a byte of a CAN frame."""
+
 BIT = "bit"
 """Type of a coil or discrete input."""
 

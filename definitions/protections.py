@@ -38,7 +38,7 @@ DRIVE_PROTECTIONS: tuple[Protection, ...] = (
                "A dead controller is noticed by the time-out of set-points alone"),
     Protection("setpoint_timeout", "time-out of set-points",
                (("rpdo_timeout", "0x1400:5"),),
-               "Read back before every run. Some stacks watch no synchronous PDO",
+               "Read back before every run. Some drives do not supervise synchronous PDOs",
                "A scan that stands still is noticed by the controller's heartbeat alone"),
     Protection("drive_heartbeat", "heartbeat of the drive",
                (("producer_heartbeat", "0x1017"),),

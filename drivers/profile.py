@@ -1,4 +1,4 @@
-"""Device profiles: the object mapping of a CiA 402 drive, the register map of a Modbus device.
+"""Device profiles: the object mapping of a CiA 402 drive, the register map of a Modbus device, frames of CAN sensors.
 
 Plain data, with the names that profile files use: those files are checked where they are read
 (`recipes.schema.profile_schema`, `modbus_profile_schema`), and what they may hold is said there.
@@ -128,7 +128,7 @@ class DriveProfile:
     protections: DriveProtections = DriveProtections()
     homing_method: Literal[0, 35, 37] = 37
     startup: tuple[StartupObject, ...] = ()
-    tried_on_hardware: bool = True
+    tried_on_hardware: bool = False
 
     @property
     def torque_pdo(self) -> ReceivePdo:
@@ -231,3 +231,28 @@ class ModbusProfile:
     read: ReadBlock
     write: WriteBlock | None
     read_also: tuple[ReadBlock, ...] = ()
+
+
+@dataclass(frozen=True)
+class CanField:
+    """A value in a frame: `bits` bits, `shift` of them above the lowest; number × scale + zero.
+
+    `order`: little counts from the lowest bit of the first byte on, big from the lowest of the last one.
+    """
+
+    name: str
+    shift: int
+    bits: int
+    kind: Literal["unsigned", "signed", "float"]
+    order: Order
+    scale: float = 1.0
+    zero: float = 0.0
+
+
+@dataclass(frozen=True)
+class CanFrame:
+    """A frame of a sensor: its identifier of 11 bits, its length in bytes, and what is in it."""
+
+    identifier: int
+    size: int
+    fields: tuple[CanField, ...]

@@ -12,6 +12,7 @@ import can
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, Image, Orders
 from drivers.can.bus import CanLink, open_can
 from drivers.can.other_controller import refuse_other_controller
+from drivers.can.sensors import SensorFrame, identifier_problems, start_sensors
 from drivers.config import ModbusConfig, WireBenchConfig
 from drivers.errors import DriverError, ModbusError, Problem, ProfileError
 from drivers.modbus.device import ModbusDevice
@@ -74,6 +75,11 @@ class WireBench:
         """Lines with their devices in the order of their turns: those that measure are always the first."""
         self._measuring_lines = len({id(device.line) for device in self.amplifiers})
         self._most_calls = CALLS_A_LINE * (self._measuring_lines + 1)
+        if problems := identifier_problems(
+            config.can_sensors, config.drive.profile, config.drive.node_id, config.drive.controller_node_id
+        ):
+            raise ProfileError(*problems)
+        self._can_frames = [(sensor.name, SensorFrame(one)) for sensor in config.can_sensors for one in sensor.frames]
         self._composed = self._compose(measuring) if config.sources else None
         self._image = WireImage(
             self._composed or self.amplifiers[0], self.brake, self.remote_io, config.brake_fixed_current_a
@@ -83,7 +89,7 @@ class WireBench:
     def _compose(self, measuring: list[tuple[str, ModbusDevice]]) -> ComposedSample:
         """Return the sample of channels from several devices; ProfileError when one names a field that is not there."""
         config = self.config
-        feeds: list[tuple[str, ModbusDevice]] = measuring
+        feeds: list[tuple[str, ModbusDevice | SensorFrame]] = [*measuring, *self._can_frames]
         if problems := source_problems(config.sources, [(name, feed.names) for name, feed in feeds]):
             raise ProfileError(*problems)
         sources = [
@@ -156,8 +162,11 @@ class WireBench:
             raise
         self._link = link
         verified = set_up_drive(link, self.config.drive, self.config.period_ns)
+        if problems := start_sensors(link, self.config.can_sensors, verified):
+            raise DriverError(*problems)
         heartbeat_scans = in_scans(self.config.drive.controller_heartbeat_s, self.config.period_ns)
-        self._drive = CanDrive(link, self.config.drive, heartbeat_scans)
+        listeners = {frame.identifier: frame for _, frame in self._can_frames}
+        self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners)
         self._image.opened()
         return [f"{self.config.can.where}: open", *verified]
 
@@ -276,6 +285,10 @@ class WireBench:
                 f"{name}.malformed": sum(block.malformed for block in blocks),
                 f"{name}.orders_clamped": sum(block.writer.clamped for block in blocks),
             }
+        for name in dict.fromkeys(name for name, _ in self._can_frames):
+            frames = [frame for other, frame in self._can_frames if other == name]
+            counts[f"{name}.frames"] = sum(frame.frames for frame in frames)
+            counts[f"{name}.malformed"] = sum(frame.malformed for frame in frames)
         return counts
 
 

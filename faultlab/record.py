@@ -12,8 +12,8 @@ from station.records.clocks import VIRTUAL
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import pack
 from station.run.conclusion import conclude
-from station.run.ending import Ending
 from station.run.new_record import Wanted, new_record
+from station.run.outcome import RunOutcome
 from virtual_bench.faults.scenario import Scenario
 
 
@@ -40,4 +40,4 @@ def keep(
     with record.samples.open("wb") as stream:
         for sequence, (scan, image, orders) in enumerate(scans):
             stream.write(pack((sequence, scan, 0, 0), image, orders))
-    return record.folder, conclude(record, job, Ending(written=len(run.scans))).result
+    return record.folder, conclude(record, job, RunOutcome(written=len(run.scans))).result

@@ -20,8 +20,8 @@ import numpy as np
 
 from controller.context import Event
 from controller.sample import tared_nm
-from faultlab.desk import Left, needs_desk_of_its_own, run_apart, run_here
 from faultlab.run import FaultRun, Kept
+from faultlab.supervisor import Left, needs_supervisor_of_its_own, run_apart, run_here
 from station.bench.assemble_virtual import load_scenario
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
@@ -31,9 +31,9 @@ from station.records.run_record import RESULT, RunRecord
 from station.records.samples.check import check_bytes
 from station.records.samples.samples import samples_bytes
 from station.records.samples.scan_record import RECORD_BYTES, unpack
-from station.run.desk import BENCH_LOG
 from station.run.faults.machine_faults import deed_of
 from station.run.process_specs import TRUTH
+from station.run.supervisor import BENCH_LOG
 from virtual_bench.devices.process_lines import ACTED, NOT_SEEN
 from virtual_bench.faults.scenario import Fault
 from virtual_bench.faults.schedule import never_due, never_met
@@ -70,14 +70,14 @@ def run_over_wires(
     """Run a scenario over wires; its record is kept below `data`.
 
     Without a unit the bench is one on a cable, and a gateway on the way to it brings the faults about. Faults of the
-    machine reach a desk in a process of its own.
+    machine reach a supervisor in a process of its own.
 
     Raises:
         StationError: the record cannot be written.
 
     """
     scenario = load_scenario(scenario_path)
-    if needs_desk_of_its_own(scenario):
+    if needs_supervisor_of_its_own(scenario):
         left = run_apart(job, unit, scenario_path, data)
     else:
         left = run_here(job, unit, scenario_path, data, say, pacing=pacing)

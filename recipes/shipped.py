@@ -73,7 +73,7 @@ def default_bench(recipe: Recipe) -> tuple[Path, Bench]:
         and (not bench.bench.models or model in bench.bench.models)
     ]
     if not fitting:
-        found = f"'{recipe.loading}' for {model}, which no virtual bench takes"
+        found = f"'{recipe.loading}' for {model}, for which there is no virtual bench"
         hint = "Name a bench file with --bench."
         raise RecipeError([recipe.problem(("loading",), found, "the side and model of a virtual bench", hint)])
     return max(fitting, key=lambda item: bool(item[1].bench.models))

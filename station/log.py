@@ -1,4 +1,4 @@
-"""The log of a run: JSON lines beside its record, written by the desk and never by the scan."""
+"""The log of a run: JSON lines beside its record, written by the supervisor and never by the scan."""
 
 from __future__ import annotations
 

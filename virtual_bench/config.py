@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from drivers.profile import DriveProfile, ModbusProfile
+from drivers.profile import CanFrame, DriveProfile, ModbusProfile
 
 Side = Literal["input", "output"]
 
@@ -188,6 +188,16 @@ class ModbusPort:
 
 
 @dataclass(frozen=True)
+class CanSensorPort:
+    """A sensor on the CAN bus: what it sends and how often, None for with every SYNC. `shows` as of a `ModbusPort`."""
+
+    node_id: int | None  # of a CANopen node, which NMT has to start
+    frames: tuple[CanFrame, ...]
+    every_s: float | None
+    shows: tuple[Shown, ...]
+
+
+@dataclass(frozen=True)
 class PaceServer:
     """Let a scan lead; port 0 takes a free one. `from_rest`: nothing moves before the first scan, however late it is.
 
@@ -206,6 +216,7 @@ class ServerConfig:
     bench: BenchConfig
     devices: Mapping[str, ModbusPort]  # amplifier, brake, remote_io and others, in the order of the bench file
     can: Socketcand | CanBus | SlcanPort = field(default_factory=Socketcand)
+    can_sensors: tuple[CanSensorPort, ...] = ()
     scenario: Path | None = None
     end_with_parent: bool = False  # ends when its standard input is closed
     pace: PaceServer | None = None  # None: by the wall clock, whatever a scan does

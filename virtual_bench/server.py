@@ -14,7 +14,7 @@ import gc
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,8 @@ from typing import Any
 from definitions.image import State
 from drivers.pace import FromBench, ToBench
 from virtual_bench.bench_time import BenchTime
-from virtual_bench.config import CanBus, ModbusPort, ServerConfig, SlcanPort, Socketcand
+from virtual_bench.config import CanBus, CanSensorPort, ModbusPort, ServerConfig, Shown, SlcanPort, Socketcand
+from virtual_bench.devices.can_sensors import CanSensor
 from virtual_bench.devices.drive_node import DriveNode
 from virtual_bench.devices.modbus_rtu import RtuLine
 from virtual_bench.devices.modbus_servers import Device, ModbusServer
@@ -42,6 +43,8 @@ from virtual_bench.wires.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
 POWER_ON_NS = 100_000_000  # a bench that waits for its first scan has been on for a while
+COUNTED = ("sample_counter", "sample_time_us")
+"""What begins anew where it does not fit a register."""
 DEVICE_CYCLE_NS = 1_000_000  # of the remote I/O, which counts its cycles
 
 
@@ -84,6 +87,9 @@ class VirtualBench:
         )
         self._brake_max_a = bench.brake.max_current_a
         self.servers = {name: self._serve(name, self._device(name, port)) for name, port in config.devices.items()}
+        self.sensors = [
+            CanSensor(port, partial(self._read_sensor, port), self._send, self.time) for port in config.can_sensors
+        ]
         self.serial_lines: dict[str, RtuLine] = {}
 
     def advance(self) -> None:
@@ -171,6 +177,7 @@ class VirtualBench:
             server.requests = server.bytes_sent = 0
         self.time.lead()
         self.drive.begin_heartbeats()
+        self.begin_sensors()
         self.can.flush()
 
     def wait_again(self) -> None:
@@ -217,12 +224,12 @@ class VirtualBench:
     def _take_waiting(self) -> None:
         waiting, self._frames_waiting = self._frames_waiting, []
         for cob_id, data in waiting:
-            self.drive.receive(cob_id, data)
+            self._take_frame(cob_id, data)
         for server in self.servers.values():
             server.answer_waiting()
 
     def tell(self, state: str, scan: int, entered: int) -> None:
-        """Take from the desk where the controller is; a scan that leads says it itself, and sooner."""
+        """Take from the supervisor where the controller is; a scan that leads says it itself, and sooner."""
         if not self.time.led:
             self.drive.faults.tell(state, scan, entered)
 
@@ -242,7 +249,17 @@ class VirtualBench:
             self.pace.arrived()
             return
         self.advance()
+        self._take_frame(cob_id, data)
+
+    def _take_frame(self, cob_id: int, data: bytes) -> None:
         self.drive.receive(cob_id, data)
+        for sensor in self.sensors:
+            sensor.receive(cob_id, data)
+
+    def begin_sensors(self) -> None:
+        """Let the sensors on CAN send from now on."""
+        for sensor in self.sensors:
+            sensor.begin()
 
     def _read_amplifier(self) -> dict[str, float]:
         sample = self.plant.sample()
@@ -257,10 +274,22 @@ class VirtualBench:
         }
 
     def _read_measuring(self, port: ModbusPort) -> dict[str, float]:
-        sample = self._read_amplifier()
-        shown = {one.field: (sample[one.channel] - one.zero) / one.scale for one in port.shows}
         blocks = (port.registers.read, *port.registers.read_also)
-        return {field.name: 0.0 for block in blocks for field in block.fields} | sample | shown
+        types = {field.name: field.type for block in blocks for field in block.fields}
+        values = self._shown(types, port.shows)
+        for one in port.shows:
+            if one.channel in COUNTED and types[one.field] == "u16":
+                values[one.field] = int(values[one.field]) & 0xFFFF
+        return values
+
+    def _read_sensor(self, port: CanSensorPort) -> dict[str, float]:
+        return self._shown([field.name for frame in port.frames for field in frame.fields], port.shows)
+
+    def _shown(self, names: Iterable[str], shows: Iterable[Shown]) -> dict[str, float]:
+        """Return what the fields of a device show; 0 in those that nobody names."""
+        sample = self._read_amplifier()
+        shown = {one.field: (sample[one.channel] - one.zero) / one.scale for one in shows}
+        return dict.fromkeys(names, 0.0) | sample | shown
 
     def _read_brake(self) -> dict[str, float]:
         return {
@@ -313,6 +342,7 @@ async def run(
         gc.collect()
         gc.freeze()
         bench.advance()
+        bench.begin_sensors()
         (announce or print_ready)(ready)
         while not stop.is_set():
             bench.tick()

@@ -28,8 +28,8 @@ UNTIMED = (
     "the time (t_s)"
 )
 UNBOUNDED = (
-    "a torque that lags makes it smaller, and nothing tells whether it does ({}); record turns of the load without "
-    "leaving out rows, two or more"
+    "a torque that lags makes this value smaller, and the delay could not be measured ({}); record two turning "
+    "points or more, without leaving out rows"
 )
 OF_CYCLES = (NOISE[0], SCATTER[0], "drift", "drift_unseen")
 """Rows of a budget that more cycles make smaller."""
@@ -43,18 +43,18 @@ class _Doubt(NamedTuple):
 
 
 _GAP = _Doubt(
-    "if the gap of the loop is none of the unit's: with a slip at the turn undone",
+    "if the gap of the loop is not caused by the unit. Without that gap",
     "check lock, couplings and encoder, and measure again",
 )
 _CONVERSION = _Doubt(
-    "by the torque that was converted: by the torque measured at the output",
-    "the torque ratio is not that of this unit, so calibrate it, or write 'output_torque: reaction'",
+    "with the converted torque. With the torque measured at the output",
+    "the torque ratio is wrong for this unit: calibrate it, or write 'output_torque: reaction'",
 )
 
 
 _INTERRUPTED = _Doubt(
-    "with the steps that interrupted ramps left in it: without them",
-    "find out what held the ramps, and measure again",
+    "with the steps at interrupted ramps. Without them",
+    "find the cause of the interruptions, and measure again",
 )
 
 
@@ -145,13 +145,13 @@ def _from_loops(row: Metric, ask: Ask, loops: Sequence[Loop], measurement: Measu
     """Read each cycle's value from its loop."""
     estimate = ESTIMATORS[row.id]
     if not loops:
-        return _Measured((), None, "there is no loop")
+        return _Measured((), None, "the trace has no loop to evaluate")
     try:
         values = tuple(float(estimate(loop, ask)) for loop in loops)
     except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
         return _Measured((), None, str(error))
     if not all(math.isfinite(value) for value in values):
-        return _Measured((), None, f"the loop gives {', '.join(f'{value:g}' for value in values)}, which is no number")
+        return _Measured((), None, f"the result is not a finite number ({', '.join(f'{value:g}' for value in values)})")
     unit = "arcmin" if row.graded else row.unit  # a grade is read from an angle
     # A magnitude is taken of the mean: about zero those of single cycles and of moved loops would never cancel.
     turn = -1.0 if row.magnitude and sum(values) < 0.0 else 1.0
@@ -212,7 +212,7 @@ def judged_spread(wanted: MetricWanted, row: Metric, found: SideValue, *, invali
     name = wanted.id if found.side == "both" else f"{wanted.id}, side {found.side}"
     unit = "" if row.unit == "1" else f" {row.unit}"
     if verdict is Verdict.FAIL:
-        why = f"a standard deviation over the cycles of {found.standard_deviation:.3g}{unit} is above the limit of "
+        why = f"standard deviation over the cycles {found.standard_deviation:.3g}{unit}, above the limit of "
         why += f"{limit:g}{unit}: the unit does not repeat, or something is loose"
     else:
         why = f"a standard deviation needs two cycles or more; there is {len(found.per_cycle)}"
@@ -281,4 +281,4 @@ def _what_helps(budget: Budget) -> str:
     largest = budget.rows[0] if budget.rows else None
     if largest is None or largest.quantity in OF_CYCLES:
         return "measure more cycles"
-    return f"the largest part is {largest.text}, which does not become smaller with more cycles"
+    return f"the largest contribution is: {largest.text}; more cycles do not reduce it"

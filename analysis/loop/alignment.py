@@ -156,7 +156,7 @@ def align(trace: Trace, method: Method, estimated: SpeedSkew | None = None) -> t
     first = min(lags.values(), default=0.0)
     late = {name: lag - first for name, lag in lags.items() if lag - first > SAME_LAG_S}
     if not late:
-        text = f"time alignment: {how}; all channels lag alike, nothing to move"
+        text = f"time alignment: {how}; all channels have the same lag, no correction needed"
         return trace, Skew(0.0, 0.0, StageRecord("time alignment", text, figures))
     words = ", ".join(f"{name} by {lag * 1e3:.3g} ms" for name, lag in late.items())
     if method.alignment == "report" or trace.t_s is None:

@@ -64,7 +64,7 @@ def correct_drift(pairs: Pairs, blocks: Sequence[Blocks], method: Method) -> tup
     """
     estimate = _estimate(pairs, blocks)
     if estimate is None:
-        text = "drift: not to be seen in one cycle of a kind"
+        text = "drift: needs two cycles in the same direction and to the same torque"
         return pairs, Drift(None, None, None, corrected=False, record=StageRecord("drift", text))
     rate, error, cycle = estimate
     timed = all(one.t_s is not None for pair in pairs for one in pair)

@@ -186,8 +186,8 @@ def fit_record(loops: Sequence[Loop]) -> StageRecord:
     below, above = fit.mean.gaps_arcmin
     figures = {
         "break torque": Figure(fit.mean.break_nm, "N·m"),
-        "gap at the negative seam": Figure(below, "arcmin"),
-        "gap at the positive seam": Figure(above, "arcmin"),
+        "gap of the fits at the negative break torque": Figure(below, "arcmin"),
+        "gap of the fits at the positive break torque": Figure(above, "arcmin"),
         "rising branch from": Figure(fit.forward_end_nm[0], "N·m"),
         "rising branch to": Figure(fit.forward_end_nm[1], "N·m"),
         "falling branch from": Figure(fit.backward_end_nm[0], "N·m"),

@@ -132,7 +132,7 @@ def _virgin_quarter(runs: Sequence[Run]) -> StageRecord:
     """Say which runs are not evaluated: their role keeps them out of the branches and of the torque ratio."""
     dropped = [run for run in runs if run.role not in EVALUATED]
     roles = Counter(run.role for run in dropped)
-    text = f"not evaluated: {', '.join(roles)}" if dropped else "every run is evaluated"
+    text = f"not evaluated: {', '.join(roles)}" if dropped else "every ramp is evaluated"
     figures = {f"{role} runs": Figure(count, "1") for role, count in roles.items()}
     samples = sum(piece.stop - piece.start for run in dropped for piece in run.pieces)
     return StageRecord("virgin quarter", text, figures | {"samples": Figure(samples, "1")}, applied=bool(dropped))

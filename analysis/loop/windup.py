@@ -50,7 +50,7 @@ def measured_windup(trace: Trace, method: Method) -> Windup:
         _refuse_lock_as_windup(trace)
     if alone or trace.windup_made:
         made = trace.channel("angle_out_rad", "the wind-up") * ARCMIN_PER_RAD
-        return Windup(made, "given", _record("wind-up as given: nothing is taken out of it any more"))
+        return Windup(made, "given", _record("wind-up as given, no further correction"))
     if angle_in is not None and angle_out is not None:
         windup = angle_out * -ARCMIN_PER_RAD
         windup += angle_in * to_output
@@ -107,7 +107,7 @@ def correct_fixture(pairs: Pairs, angles: Angles, method: Method) -> tuple[Pairs
         why = "both shafts' angles" if angles == "both" else "the wind-up as given"
         return pairs, StageRecord("fixture", f"fixture: nothing to subtract from {why}")
     if method.fixture == "report":
-        return pairs, StageRecord("fixture", f"{text}: no, the method only reports it", figures)
+        return pairs, StageRecord("fixture", f"{text}: not applied, the method only reports it", figures)
 
     def deflection(one: BranchSamples) -> FloatArray:
         if curve is not None and curve.angles == angles:

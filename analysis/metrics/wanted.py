@@ -26,7 +26,7 @@ def definition(wanted: MetricWanted) -> Metric:
         if found is not None and found not in allowed:
             raise AnalysisError(f"metric {wanted.id}: {name}: found '{found}'; allowed: {', '.join(allowed) or 'none'}")
     if wanted.fit is not None and wanted.variant == "direct":
-        raise AnalysisError(f"metric {wanted.id}: fit: found '{wanted.fit}' with variant direct, which reads no fit")
+        raise AnalysisError(f"metric {wanted.id}: fit: found '{wanted.fit}' with variant direct, which uses no fit")
     for name, chosen, most in (("band", wanted.band, 1.0), ("torque", wanted.torque_nm, math.inf)):
         if chosen is not None and name not in row.free:
             raise AnalysisError(

@@ -265,7 +265,7 @@ def trust(fit: RobustFit, place: FloatArray, names: list[str]) -> tuple[FloatArr
     jacobian, count = fit.jacobian, len(names)
     size = np.sqrt(np.square(jacobian).sum(axis=0))
     dead = size <= NO_INFLUENCE * size.max(initial=0.0)
-    refused = [Refusal(names[index], "", 0.0, "does not move the torque") for index in np.flatnonzero(dead[:count])]
+    refused = [Refusal(names[index], "", 0.0, "has no effect on the torque") for index in np.flatnonzero(dead[:count])]
     alive = np.flatnonzero(~dead)
     scaled = jacobian[:, alive] / size[alive]
     bread, meat = _covariances(scaled, fit, place)
@@ -279,7 +279,7 @@ def trust(fit: RobustFit, place: FloatArray, names: list[str]) -> tuple[FloatArr
             if abs(together) > MOST_CORRELATION:
                 # the one that the loop moves less for the same step is the one to give up
                 weak, strong = (left, right) if u[left] >= u[right] else (right, left)
-                reason = f"cannot be told from {names[strong]}: correlation {together:+.3f}"
+                reason = f"cannot be separated from {names[strong]}: correlation {together:+.3f}"
                 refused.append(Refusal(names[weak], names[strong], together, reason))
     return u[:count], correlation[:count, :count], tuple(refused)
 

@@ -100,7 +100,7 @@ def model_from_json(text: str, source: str = "model file") -> ReducerModel:
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise AnalysisError(f"{source}: no JSON: {error}; expected a file written by the model export") from error
+        raise AnalysisError(f"{source}: not JSON: {error}; expected a file written by the model export") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("version") != VERSION:
         raise AnalysisError(f"{source}: expected a JSON object with format '{FORMAT}' and version {VERSION}")
     entries = document.get("parameters")

@@ -1,7 +1,7 @@
 """Frequency response of a reducer from a torque chirp, and its natural frequency and damping with a load.
 
 H1 = S_xy / S_xx of wind-up over torque does not see noise of the angle; the coherence says how much of the angle the
-torque explains, and is a gate. Source: J. Bendat and A. Piersol, "Random Data", 9.1.
+torque explains, and decides which lines are used. Source: J. Bendat and A. Piersol, "Random Data", 9.1.
 The resonance is fitted by complex least squares: one degree of freedom, compliance form,
 H = C / (1 − (f/f₀)² + 2iζ f/f₀) · exp(−2πi f τ), with τ the delay of the angle behind the torque. Magnitude and phase
 count together, each line by its own uncertainty.
@@ -45,7 +45,7 @@ NOISE_FLOOR = 1e-4
 class FrequencyResponse:
     """Compliance H [arcmin/(N·m)] per line: frequency [Hz], coherence 0…1, relative standard uncertainty of |H|.
 
-    used: lines whose coherence passes the gate and that the torque excites; averages: independent segments.
+    used: lines whose coherence passes its limit and that the torque excites; averages: independent segments.
     """
 
     frequency_hz: FloatArray
@@ -70,7 +70,7 @@ def frequency_response(
     period_s: the chirp repeats with this period; then segments are whole periods without a window, the first one is
     left out (it holds the transient), and there is no leakage. None cuts into 12 half overlapping segments under a Hann
     window. Raises AnalysisError for lengths that differ, samples that are not equally spaced, fewer than 3 segments, a
-    band beyond half the sample rate, or no line that passes the gate.
+    band beyond half the sample rate, or no line whose coherence passes.
     """
     t, x, y = (np.asarray(row, dtype=np.float64) for row in (t_s, torque_nm, angle_arcmin))
     step = _checked_step(t, x, y)
@@ -102,13 +102,16 @@ def frequency_response(
     response = np.divide(s_xy, s_xx, out=np.zeros_like(s_xy), where=excited)
     coherence = np.divide(np.abs(s_xy) ** 2, s_xx * s_yy, out=np.zeros_like(s_xx), where=excited & (s_yy > 0.0))
     coherence = np.clip(coherence, 0.0, 1.0)
-    # with few averages the coherence of one line scatters: noise is judged with its neighbours, or luck passes the gate
+    # with few averages the coherence of one line scatters: noise is judged with its neighbours, or luck passes
     noise = _smooth(s_yy * (1.0 - coherence)) * averages / (averages - 1.0)
     explained = np.abs(response) ** 2 * s_xx
     used = excited & (coherence >= least_coherence) & (explained >= least_coherence * (explained + noise))
     if not used.any():
+        alone = excited & (coherence >= least_coherence)
+        among = f"; {int(alone.sum())} reach it alone, but not with their neighbours" if alone.any() else ""
         raise AnalysisError(
-            f"frequency response: no line reaches a coherence of {least_coherence:g} (best {coherence.max():.3f}); "
+            f"frequency response: no line reaches a coherence of {least_coherence:g} "
+            f"(best {coherence.max():.3f}{among}); "
             "raise the amplitude of the chirp, or lower the coherence limit"
         )
     u_relative = np.sqrt(noise / np.maximum(2.0 * averages * explained, 1e-300))
@@ -184,7 +187,7 @@ class Resonance:
 
 
 def fit_resonance(found: FrequencyResponse) -> Resonance:
-    """Fit one resonance to the lines that passed the gate.
+    """Fit one resonance to the lines that passed.
 
     Uncertainties are enlarged by the residual where the model fits worse than the noise. Raises AnalysisError for fewer
     than 8 lines, no resonance between the first and the last of them, or a fit that does not end.

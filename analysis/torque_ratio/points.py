@@ -55,8 +55,8 @@ def doubts(fit: RatioFit, rows: IntArray) -> Sequence[str]:
     found = []
     if fit.slope < LEAST_SLOPE:
         found.append(
-            f"slope {fit.slope:.4g}: a reducer gives more torque than it takes, {LEAST_SLOPE:g} times or more; look "
-            "whether the columns are exchanged, a sensor stands still, or one of them counts the other way"
+            f"slope {fit.slope:.4g}: a reducer gives more torque than it takes, {LEAST_SLOPE:g} times or more; check "
+            "whether the columns are exchanged, a sensor is stuck, or one has the wrong sign"
         )
     row = _comes_down(fit.outputs_nm)
     if row is not None:

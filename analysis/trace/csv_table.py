@@ -143,7 +143,7 @@ def _text(file: Path, raw: bytes) -> tuple[str, str]:
     except UnicodeDecodeError as error:
         if encoding:
             raise TableError(
-                file, f"bytes that are no {encoding.upper()} at {error.start}", TABLE, "save it again"
+                file, f"bytes that are not {encoding.upper()} at {error.start}", TABLE, "save it again"
             ) from None
         encoding, text = "cp1252", _windows_text(raw, file)
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
@@ -154,7 +154,7 @@ def _text(file: Path, raw: bytes) -> tuple[str, str]:
     if turned:
         found = f"the character U+{ord(turned[0]):04X}, which turns the direction of writing"
         line = text.count("\n", 0, turned.start()) + 1
-        raise TableError(file, found, "text that reads as it stands", "delete it", line=line)
+        raise TableError(file, found, "text without such characters", "delete it", line=line)
     return text, encoding or "utf-8"
 
 

@@ -20,7 +20,7 @@ from analysis.loop.branches import Branch, made_rising
 from analysis.loop.loop import Loop
 from analysis.torque_ratio.quadrants import QUADRANTS, TorqueLine
 from analysis.trace.units import FloatArray
-from analysis.uncertainty.circumstances import Circumstances, Points, line_name
+from analysis.uncertainty.conditions import MeasurementConditions, Points, line_name
 from analysis.uncertainty.figures import LineCovariance, SensorFigures
 from analysis.uncertainty.shapes import NOTHING, Effect, Setting, Shape
 from analysis.uncertainty.sources import ErrorSource
@@ -60,25 +60,25 @@ def moved(branch: Branch, amount: float, torque_nm: FloatArray | float, angle_ar
     return made_rising(torque, branch.angle_arcmin + amount * angle_arcmin, np.ones(torque.size))
 
 
-def moves_of(source: ErrorSource, loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> list[Move]:
+def moves_of(source: ErrorSource, loop: Loop, conditions: MeasurementConditions, figures: SensorFigures) -> list[Move]:
     """Return what each component of a source does to a loop."""
-    stored = circumstances.converted and source.retared and not circumstances.lines_of_this_run
+    stored = conditions.converted and source.retared and not conditions.lines_of_this_run
     parts = (("measuring",), ("calibrating",)) if stored else (("measuring", "calibrating"),)
-    return [_move(shape, loop, circumstances, figures, part) for shape in source.shapes for part in parts]
+    return [_move(shape, loop, conditions, figures, part) for shape in source.shapes for part in parts]
 
 
 def _move(
-    shape: Shape, loop: Loop, circumstances: Circumstances, figures: SensorFigures, during: tuple[str, ...]
+    shape: Shape, loop: Loop, conditions: MeasurementConditions, figures: SensorFigures, during: tuple[str, ...]
 ) -> Move:
     """Return what an error does that is there while measuring, while calibrating, or all the time."""
-    calibrating = circumstances.converted and "calibrating" in during
-    lines = line_moves(shape, circumstances, figures) if calibrating else {}
+    calibrating = conditions.converted and "calibrating" in during
+    lines = line_moves(shape, conditions, figures) if calibrating else {}
     parts = []
-    for points in circumstances.points_of(loop):
-        effect = shape(Setting(points, circumstances, figures)) if "measuring" in during else NOTHING
-        corrected = circumstances.corrects(points.direction)
+    for points in conditions.points_of(loop):
+        effect = shape(Setting(points, conditions, figures)) if "measuring" in during else NOTHING
+        corrected = conditions.corrects(points.direction)
         torque = (
-            _converted(effect, points, lines, corrected=corrected) if circumstances.converted else effect.torque_out_nm
+            _converted(effect, points, lines, corrected=corrected) if conditions.converted else effect.torque_out_nm
         )
         parts.append((torque, effect.angle_arcmin))
     return Move(parts[0], parts[1])
@@ -108,11 +108,11 @@ def by_changed_lines(changes: Mapping[str, LineMove], points: Points) -> FloatAr
     return changed
 
 
-def line_moves(shape: Shape, circumstances: Circumstances, figures: SensorFigures) -> dict[str, LineMove]:
+def line_moves(shape: Shape, conditions: MeasurementConditions, figures: SensorFigures) -> dict[str, LineMove]:
     """Return what one unit of an error does to each calibration line: the line is fitted again to moved points."""
     found = {}
-    for name, points in circumstances.line_points.items():
-        effect = shape(Setting(points, circumstances, figures))
+    for name, points in conditions.line_points.items():
+        effect = shape(Setting(points, conditions, figures))
         torque_in = points.torque_in_nm
         if torque_in is None:
             continue
@@ -122,11 +122,11 @@ def line_moves(shape: Shape, circumstances: Circumstances, figures: SensorFigure
     return found
 
 
-def covariance_of(name: str, circumstances: Circumstances, figures: SensorFigures) -> LineCovariance | None:
+def covariance_of(name: str, conditions: MeasurementConditions, figures: SensorFigures) -> LineCovariance | None:
     """Return the covariance of a line: of the fit when it was measured in this run, else as declared; or None."""
-    if circumstances.quadrants is None:
+    if conditions.quadrants is None:
         return None
-    fit = circumstances.quadrants.fits.get(name)
+    fit = conditions.quadrants.fits.get(name)
     if fit is None:
         return figures.calibration.get(name)
     return LineCovariance(fit.u_offset_nm, fit.u_slope, fit.correlation)
@@ -139,22 +139,24 @@ def components(line: LineCovariance) -> tuple[LineMove, LineMove]:
     return along, across
 
 
-def covariance_moves(name: str, line: LineCovariance, loop: Loop, circumstances: Circumstances) -> tuple[Move, ...]:
+def covariance_moves(
+    name: str, line: LineCovariance, loop: Loop, conditions: MeasurementConditions
+) -> tuple[Move, ...]:
     """Return what one standard uncertainty of each component of a line does to a loop of converted torque."""
-    branches = circumstances.points_of(loop)
+    branches = conditions.points_of(loop)
     return tuple(
         Move(*((by_changed_lines({name: change}, points), 0.0) for points in branches)) for change in components(line)
     )
 
 
-def u_torque_nm(name: str, line: LineCovariance, circumstances: Circumstances) -> float:
+def u_torque_nm(name: str, line: LineCovariance, conditions: MeasurementConditions) -> float:
     """Return the standard uncertainty [N·m] of a line's torque at the reference torque."""
-    ratio_line: TorqueLine = getattr(circumstances.quadrants, name)
+    ratio_line: TorqueLine = getattr(conditions.quadrants, name)
     sign = 1.0 if name.endswith("positive") else -1.0
-    torque_in = (sign * circumstances.method.reference_nm - ratio_line.offset_nm) / ratio_line.slope
+    torque_in = (sign * conditions.method.reference_nm - ratio_line.offset_nm) / ratio_line.slope
     return math.hypot(*(change.offset_nm + change.slope * torque_in for change in components(line)))
 
 
-def quadrants_used(circumstances: Circumstances) -> tuple[str, ...]:
+def quadrants_used(conditions: MeasurementConditions) -> tuple[str, ...]:
     """Name the lines that a loop was converted by: all four, or none."""
-    return QUADRANTS if circumstances.converted else ()
+    return QUADRANTS if conditions.converted else ()

@@ -24,7 +24,7 @@ from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
 from analysis.uncertainty.budget import Budget, Entry, beyond, combined
 from analysis.uncertainty.chain import Move, covariance_moves, covariance_of, moves_of, quadrants_used, u_torque_nm
-from analysis.uncertainty.circumstances import Circumstances
+from analysis.uncertainty.conditions import MeasurementConditions
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
 from analysis.uncertainty.monte_carlo import Drawn, drawn_loops, monte_carlo
@@ -45,12 +45,12 @@ On the virtual units that moves the spring constant and the wind-up by 1.4 to 1.
 LINE = "calibration_"
 """How the quantities of calibration lines begin."""
 
-OTHER_UNIT = ("other_unit", "how units differ from the mean of those whose lines are stored, at the reference torque")
-TRANSFER = ("transfer", "friction about zero torque and after reversals that the calibration leaves over")
+OTHER_UNIT = ("other_unit", "spread between the units of the stored calibration, at the reference torque")
+TRANSFER = ("transfer", "friction near zero torque and after reversals that the calibration does not describe")
 INTERRUPTED = ("interrupted", "steps of the wind-up where a ramp was interrupted")
-MASKED = ("masked", "stretch after a reversal that is masked, which a fit continues", "rectangular")
+MASKED = ("masked", "masked part after a reversal, replaced by the fit", "rectangular")
 CONVERSION = (
-    "conversion", "converted torque against the torque at the output, beyond lines, transfer and mask", "normal"
+    "conversion", "converted torque against the measured output torque, beyond the other contributions", "normal"
 )  # fmt: skip
 
 CONVERTS = (OTHER_UNIT[0], TRANSFER[0], MASKED[0])
@@ -75,38 +75,38 @@ class UsedSource(NamedTuple):
     moves: tuple[Move, ...]
 
 
-def used_sources(loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> tuple[UsedSource, ...]:
+def used_sources(loop: Loop, conditions: MeasurementConditions, figures: SensorFigures) -> tuple[UsedSource, ...]:
     """Return the sources that enter a loop, in the order of their table, calibration lines last."""
     found = []
     for source in SOURCES:
-        declared = source.declared(figures, circumstances)
+        declared = source.declared(figures, conditions)
         if declared is None:
             continue
         limit, distribution = declared
-        moves = tuple(moves_of(source, loop, circumstances, figures))
+        moves = tuple(moves_of(source, loop, conditions, figures))
         if any(move.moves_anything for move in moves):
             u = declared.u
             found.append(UsedSource(source.id, source.text, source.unit, distribution, limit, u, u, moves))
-    for name in quadrants_used(circumstances):
-        line = covariance_of(name, circumstances, figures)
+    for name in quadrants_used(conditions):
+        line = covariance_of(name, conditions, figures)
         if line is not None:
-            u = u_torque_nm(name, line, circumstances)
-            moves = covariance_moves(name, line, loop, circumstances)
+            u = u_torque_nm(name, line, conditions)
+            moves = covariance_moves(name, line, loop, conditions)
             text = f"calibration line, {name.replace('_', ' ')}, at the reference torque"
             found.append(UsedSource(f"{LINE}{name}", text, "N·m", "normal", 1.0, u, 1.0, moves))
-    u, moves = unit_moves(loop, circumstances, figures)
+    u, moves = unit_moves(loop, conditions, figures)
     if u > 0.0:
         found.append(UsedSource(*OTHER_UNIT, "N·m", "normal", 1.0, u, 1.0, moves))
-    u, moves = transfer_moves(loop, circumstances, figures)
+    u, moves = transfer_moves(loop, conditions, figures)
     if u > 0.0:
         found.append(UsedSource(*TRANSFER, "N·m", "normal", 1.0, u, 1.0, moves))
-    u, moves = interruption_moves(loop, circumstances)
+    u, moves = interruption_moves(loop, conditions)
     if u > 0.0:
         found.append(UsedSource(*INTERRUPTED, "arcmin", "normal", 1.0, u, 1.0, moves))
     return tuple(found)
 
 
-def interruption_moves(loop: Loop, circumstances: Circumstances) -> tuple[float, tuple[Move, ...]]:
+def interruption_moves(loop: Loop, conditions: MeasurementConditions) -> tuple[float, tuple[Move, ...]]:
     """Return the standard uncertainty [arcmin] of the steps that interruptions leave in the mean cycle, and its moves.
 
     A step that is known and not corrected counts as it is (GUM F.2.4.5, note): whether the unit keeps it, or goes back
@@ -114,8 +114,8 @@ def interruption_moves(loop: Loop, circumstances: Circumstances) -> tuple[float,
     """
     still = (0.0, 0.0)
     sizes, moves = [], []
-    for one in circumstances.interruptions:
-        size = math.hypot(one.step_arcmin or 0.0, one.u_arcmin) / circumstances.cycles
+    for one in conditions.interruptions:
+        size = math.hypot(one.step_arcmin or 0.0, one.u_arcmin) / conditions.cycles
         branch = loop.forward if one.direction > 0 else loop.backward
         step, all_of_it = (0.0, size * after(branch.torque_nm, one, one.direction)), (0.0, size)
         moves += [Move(step, still), Move(still, all_of_it)] if one.direction > 0 else [
@@ -176,15 +176,15 @@ class LoopUncertainty:
     """
 
     def __init__(
-        self, loop: Loop, circumstances: Circumstances, figures: SensorFigures, *,
+        self, loop: Loop, conditions: MeasurementConditions, figures: SensorFigures, *,
         by_output: Sequence[Loop] = (), draws: int = 0,
     ) -> None:  # fmt: skip
         self.smooth = smoothed(loop)
-        self.used = used_sources(self.smooth, circumstances, figures)
+        self.used = used_sources(self.smooth, conditions, figures)
         self._pairs = [[(move.applied(self.smooth, one.scale), move.applied(self.smooth, -one.scale))
                         for move in one.moves] for one in self.used]  # fmt: skip
-        self._shorter = _shorter(self.smooth, circumstances.masked_nm)
-        self._noisy = noisy_loops(loop, circumstances, figures)
+        self._shorter = _shorter(self.smooth, conditions.masked_nm)
+        self._noisy = noisy_loops(loop, conditions, figures)
         self._by_output = by_output
         drawn = [Drawn(one.distribution, one.limit, one.moves) for one in self.used]
         self._drawn = drawn_loops(self.smooth, drawn, draws) if draws else []
@@ -262,17 +262,17 @@ SEED = 1
 """The same loop has the same uncertainty whenever it is evaluated."""
 
 
-def noisy_loops(loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> list[Loop]:
+def noisy_loops(loop: Loop, conditions: MeasurementConditions, figures: SensorFigures) -> list[Loop]:
     """Return the loop as one cycle might have shown it with other noise; empty when no noise is declared."""
     random = np.random.default_rng(SEED)
-    angle_sd = _angle_noise(circumstances, figures)
-    sensor = figures.torque_in if circumstances.converted else figures.torque_out
+    angle_sd = _angle_noise(conditions, figures)
+    sensor = figures.torque_in if conditions.converted else figures.torque_out
     torque_sd = 0.0 if sensor is None else sensor.noise_fraction * sensor.full_scale_nm
     if torque_sd == 0.0 and angle_sd == 0.0:
         return []
     laid_out = [
-        _even(loop.forward, circumstances, 1, torque_sd, angle_sd),
-        _even(loop.backward, circumstances, -1, torque_sd, angle_sd),
+        _even(loop.forward, conditions, 1, torque_sd, angle_sd),
+        _even(loop.backward, conditions, -1, torque_sd, angle_sd),
     ]
     found = []
     for _ in range(NOISY_LOOPS):
@@ -289,24 +289,24 @@ def noisy_loops(loop: Loop, circumstances: Circumstances, figures: SensorFigures
 
 
 def _even(
-    branch: Branch, circumstances: Circumstances, direction: int, torque_sd: float, angle_sd: float
+    branch: Branch, conditions: MeasurementConditions, direction: int, torque_sd: float, angle_sd: float
 ) -> tuple[Branch, FloatArray | float, float]:
     """Lay a branch out in blocks evenly in time; return it with the noise of a block's torque and wind-up."""
-    samples = (circumstances.forward if direction > 0 else circumstances.backward).samples
+    samples = (conditions.forward if direction > 0 else conditions.backward).samples
     size = -(-samples // MOST_BLOCKS)
     torque = np.linspace(branch.torque_nm[0], branch.torque_nm[-1], -(-samples // size))
     even = Branch(torque, np.interp(torque, branch.torque_nm, branch.angle_arcmin))
-    slope = circumstances.points(even, direction).slope if circumstances.converted else 1.0
+    slope = conditions.points(even, direction).slope if conditions.converted else 1.0
     return even, slope * torque_sd / math.sqrt(size), angle_sd / math.sqrt(size)
 
 
-def _angle_noise(circumstances: Circumstances, figures: SensorFigures) -> float:
+def _angle_noise(conditions: MeasurementConditions, figures: SensorFigures) -> float:
     """Standard deviation of one sample of the wind-up, arcmin: as declared or, where that is more, as seen."""
     variance = 0.0
     for name, encoder, scale in (
-        ("angle_in", figures.angle_in, circumstances.method.ratio),
+        ("angle_in", figures.angle_in, conditions.method.ratio),
         ("angle_out", figures.angle_out, 1.0),
     ):
-        if encoder is not None and name in circumstances.encoders:
+        if encoder is not None and name in conditions.encoders:
             variance += (encoder.noise_rad * ARCMIN_PER_RAD / scale) ** 2
-    return max(math.sqrt(variance), circumstances.noise_seen_arcmin)
+    return max(math.sqrt(variance), conditions.noise_seen_arcmin)

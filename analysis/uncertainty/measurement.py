@@ -21,7 +21,7 @@ from analysis.loop.stages import StageRecord
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.budget import Budget, Entry, combined, of_scatter, only
 from analysis.uncertainty.chain import components, covariance_of, line_moves
-from analysis.uncertainty.circumstances import Circumstances, circumstances_of
+from analysis.uncertainty.conditions import MeasurementConditions, conditions_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures, TorqueChannel
 from analysis.uncertainty.loop_uncertainty import LoopUncertainty
@@ -49,14 +49,14 @@ class Measurement:
     """Errors of one measurement: how it was made, and what is declared of its sensors (None: nothing)."""
 
     def __init__(
-        self, loop: Loop, circumstances: Circumstances, figures: SensorFigures | None, *,
+        self, loop: Loop, conditions: MeasurementConditions, figures: SensorFigures | None, *,
         by_output: Sequence[Loop] = (), draws: int = 0,
     ) -> None:  # fmt: skip
-        self._circumstances = circumstances
+        self._circumstances = conditions
         self._draws = draws
         self._figures = figures
         self._loops = (
-            None if figures is None else LoopUncertainty(loop, circumstances, figures, by_output=by_output, draws=draws)
+            None if figures is None else LoopUncertainty(loop, conditions, figures, by_output=by_output, draws=draws)
         )
 
     def of_loops(self, estimate: Callable[[Loop], float], values: Sequence[float], unit: str) -> Budget | None:
@@ -98,8 +98,8 @@ def measurement_of(
     Carlo beside the budget; 0 for none. late_s: delay of the torque behind the wind-up that the measurement shows.
     zero_shifts_nm: moves of the torque zeroes that were read again after the run.
     """
-    circumstances = circumstances_of(found, late_s=late_s, zero_shifts_nm=zero_shifts_nm)
-    measurement = Measurement(found.loops[0], circumstances, figures, by_output=by_output, draws=draws)
+    conditions = conditions_of(found, late_s=late_s, zero_shifts_nm=zero_shifts_nm)
+    measurement = Measurement(found.loops[0], conditions, figures, by_output=by_output, draws=draws)
     text = WITHOUT_FIGURES if figures is None else WITH_FIGURES if measurement.timed else WITHOUT_TIME
     return measurement, StageRecord("uncertainty", text)
 
@@ -108,27 +108,27 @@ FIT = ("line_fit", "scatter of the points about the fitted line", "normal")
 
 
 def ratio_budget(
-    name: str, unit: str, circumstances: Circumstances, figures: SensorFigures | None, *,
+    name: str, unit: str, conditions: MeasurementConditions, figures: SensorFigures | None, *,
     of_slope: bool, value: float = 0.0, draws: int = 0,
 ) -> Budget | None:  # fmt: skip
     """Return the budget of offset or slope of a calibration line, by the line's name; None for one of no known origin.
 
     Without figures it is the scatter about the line alone. draws: of Monte Carlo about the value, 0 for none.
     """
-    covariance = covariance_of(name, circumstances, SensorFigures() if figures is None else figures)
+    covariance = covariance_of(name, conditions, SensorFigures() if figures is None else figures)
     if covariance is None:
         return None
     fit = _Drawn("normal", 1.0, tuple(move.slope if of_slope else move.offset_nm for move in components(covariance)))
     u_fit = covariance.u_slope if of_slope else covariance.u_offset_nm
     fitted = Entry(*FIT, u_fit, unit, u_fit)
-    if figures is None or not circumstances.lines_of_this_run:
+    if figures is None or not conditions.lines_of_this_run:
         return _with_draws(only(fitted), [fit], value, draws)
     entries, drawn = [fitted], [fit]
     for source in SOURCES:
-        declared = source.declared(figures, circumstances)
+        declared = source.declared(figures, conditions)
         if declared is None:
             continue
-        moves = [line_moves(shape, circumstances, figures)[name] for shape in source.shapes]
+        moves = [line_moves(shape, conditions, figures)[name] for shape in source.shapes]
         parts = [move.slope if of_slope else move.offset_nm for move in moves]
         if any(parts):
             part = declared.u * (parts[0] if len(parts) == 1 else math.hypot(*parts))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.trace.units import FloatArray
-from analysis.uncertainty.circumstances import AngleName, Circumstances, Points
+from analysis.uncertainty.conditions import AngleName, MeasurementConditions, Points
 from analysis.uncertainty.figures import AngleFigures, SensorFigures
 from definitions.units import RAD_PER_ARCMIN
 
@@ -35,7 +35,7 @@ class Setting(NamedTuple):
     """What an error meets: points of one branch, how they were measured, and what is declared."""
 
     points: Points
-    circumstances: Circumstances
+    conditions: MeasurementConditions
     figures: SensorFigures
 
 
@@ -46,7 +46,7 @@ Shape = Callable[[Setting], Effect]
 def lens(setting: Setting) -> FloatArray:
     """Hysteresis of a sensor: none at the turning points, full in the middle; falling torque reads high."""
     points = setting.points
-    part: FloatArray = -points.direction * (1.0 - np.square(points.torque_nm / setting.circumstances.peak_nm))
+    part: FloatArray = -points.direction * (1.0 - np.square(points.torque_nm / setting.conditions.peak_nm))
     return part
 
 
@@ -69,7 +69,7 @@ def creep(setting: Setting) -> Effect:
     points = setting.points
     if not points.rate_nm_s:
         return NOTHING
-    seconds = (setting.circumstances.peak_nm - np.abs(points.torque_nm)) / points.rate_nm_s
+    seconds = (setting.conditions.peak_nm - np.abs(points.torque_nm)) / points.rate_nm_s
     return Effect(angle_arcmin=-seconds / 60.0)
 
 
@@ -81,7 +81,7 @@ def drift(setting: Setting) -> Effect:
 
 def fixture(setting: Setting) -> Effect:
     """Wind-up of the whole fixture, by its curve or its stiffness; nothing where neither is known."""
-    method, torque = setting.circumstances.method, setting.points.torque_nm
+    method, torque = setting.conditions.method, setting.points.torque_nm
     if method.fixture_curve is not None:
         return Effect(angle_arcmin=method.fixture_curve.at(torque))
     stiffness = method.fixture_stiffness_nm_per_arcmin
@@ -95,7 +95,7 @@ def encoder_of(figures: SensorFigures, name: AngleName) -> AngleFigures | None:
 
 def _turned_arcmin(setting: Setting, name: AngleName, stretch: float = 1.0) -> FloatArray:
     """Angle that the shaft of an encoder has turned, at the output; stretch: of what the fixture gives way by."""
-    method, locked = setting.circumstances.method, name == setting.circumstances.locked
+    method, locked = setting.conditions.method, name == setting.conditions.locked
     stiffness = (method.lock_nm_per_arcmin if locked else method.fixture_stiffness_nm_per_arcmin) or math.inf
     turned: FloatArray = setting.points.torque_nm * (stretch / stiffness)
     return turned if locked else turned + setting.points.angle_arcmin
@@ -107,7 +107,7 @@ def repeating(
     """Error of an encoder that repeats with its own angle, per arcsec at its shaft."""
 
     def shape(setting: Setting) -> Effect:
-        method, encoder = setting.circumstances.method, encoder_of(setting.figures, name)
+        method, encoder = setting.conditions.method, encoder_of(setting.figures, name)
         if encoder is None:
             return NOTHING
         scale = method.ratio if name == "angle_in" else 1.0
@@ -149,7 +149,7 @@ def rounded(name: AngleName, way: Rounding) -> Shape:
         encoder = encoder_of(setting.figures, name)
         if encoder is None:
             return NOTHING
-        scale = setting.circumstances.method.ratio if name == "angle_in" else 1.0
+        scale = setting.conditions.method.ratio if name == "angle_in" else 1.0
         stretch = 1.0 + way.stretch * setting.figures.fixture_fraction
         angle = _turned_arcmin(setting, name, stretch) * (RAD_PER_ARCMIN * scale)
         wave = np.sin(2.0 * math.pi * angle / encoder.line_rad + way.phase)

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from analysis.trace.units import FloatArray
-from analysis.uncertainty.circumstances import AngleName, Circumstances
+from analysis.uncertainty.conditions import AngleName, MeasurementConditions
 from analysis.uncertainty.distributions import DISTRIBUTIONS, STATED_BY
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueChannel, TorqueFigures
 from analysis.uncertainty.shapes import (
@@ -59,13 +59,13 @@ class ErrorSource(NamedTuple):
     text: str
     unit: str
     distribution: Callable[[SensorFigures], str]
-    limit: Callable[[SensorFigures, Circumstances], float | None]
+    limit: Callable[[SensorFigures, MeasurementConditions], float | None]
     shapes: tuple[Shape, ...]
     retared: bool = False
 
-    def declared(self, figures: SensorFigures, circumstances: Circumstances) -> Declared | None:
+    def declared(self, figures: SensorFigures, conditions: MeasurementConditions) -> Declared | None:
         """Return what is declared of this source; None where nothing of it enters."""
-        found = self.limit(figures, circumstances)
+        found = self.limit(figures, conditions)
         return Declared(found, self.distribution(figures)) if found else None
 
 
@@ -84,19 +84,19 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
         return _rectangular(figures) if sensor is None else STATED_BY[sensor.stated_by]
 
     def limit(fraction: Callable[[TorqueFigures], float], *, of_scale: bool) -> Callable[..., float | None]:
-        def found(figures: SensorFigures, circumstances: Circumstances) -> float | None:
+        def found(figures: SensorFigures, conditions: MeasurementConditions) -> float | None:
             sensor = sensor_of(figures)
-            unused = name == "torque_in" and circumstances.quadrants is None
+            unused = name == "torque_in" and conditions.quadrants is None
             if sensor is None or unused:
                 return None
             return fraction(sensor) * (sensor.full_scale_nm if of_scale else 1.0)
 
         return found
 
-    def moved(figures: SensorFigures, circumstances: Circumstances) -> float | None:
+    def moved(figures: SensorFigures, conditions: MeasurementConditions) -> float | None:
         channel: TorqueChannel = "torque_in_nm" if name == "torque_in" else "torque_out_nm"
-        declared, moved_nm = figures.zero_move_nm(channel), circumstances.zero_shifts_nm.get(channel)
-        unused = name == "torque_in" and circumstances.quadrants is None
+        declared, moved_nm = figures.zero_move_nm(channel), conditions.zero_shifts_nm.get(channel)
+        unused = name == "torque_in" and conditions.quadrants is None
         if declared is None or moved_nm is None or unused:
             return None
         return max(0.0, abs(moved_nm) - declared[0]) or None
@@ -113,11 +113,11 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
             limit(lambda sensor: sensor.gain_fraction, of_scale=False), shape(reading),
         ),
         ErrorSource(
-            f"{name}_zero", f"zero of the {words} torque sensor, what the tare left", "N·m", _rectangular,
+            f"{name}_zero", f"zero offset of the {words} torque sensor after the tare", "N·m", _rectangular,
             limit(lambda sensor: sensor.zero_fraction, of_scale=True), shape(lambda _: 1.0), retared=True,
         ),
         ErrorSource(
-            f"{name}_zero_moved", f"move of the zero of the {words} torque sensor in the run, beyond friction at rest",
+            f"{name}_zero_moved", f"shift of the zero of the {words} torque sensor during the run",
             "N·m", _rectangular, moved, shape(lambda _: 1.0),
         ),
         ErrorSource(
@@ -131,9 +131,9 @@ def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
     """Error over a turn, error within a line, and rounding of one encoder."""
 
     def limit(value_rad: Callable[[AngleFigures], float]) -> Callable[..., float | None]:
-        def found(figures: SensorFigures, circumstances: Circumstances) -> float | None:
+        def found(figures: SensorFigures, conditions: MeasurementConditions) -> float | None:
             encoder = encoder_of(figures, name)
-            if encoder is None or name not in circumstances.encoders:
+            if encoder is None or name not in conditions.encoders:
                 return None
             return value_rad(encoder) * ARCSEC_PER_RAD
 
@@ -155,15 +155,15 @@ def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
             limit(lambda encoder: encoder.interpolation_rad), both(lambda encoder: encoder.line_rad),
         ),
         ErrorSource(
-            f"{name}_step", f"counts of the {words} encoder (rounding)", "arcsec", lambda _: "quantised",
+            f"{name}_step", f"resolution of the {words} encoder (rounding)", "arcsec", lambda _: "quantised",
             limit(lambda encoder: encoder.step_rad / 2.0),
             tuple(rounded(name, way) for way in roundings()),
         ),
     ]  # fmt: skip
 
 
-def _timed(circumstances: Circumstances) -> bool:
-    return circumstances.forward.timed and circumstances.backward.timed
+def _timed(conditions: MeasurementConditions) -> bool:
+    return conditions.forward.timed and conditions.backward.timed
 
 
 def _width(setting: Setting) -> Effect:
@@ -173,7 +173,7 @@ def _width(setting: Setting) -> Effect:
 
 def _lean(setting: Setting) -> Effect:
     """Lean both branches alike, half an arcmin at the largest torque: next to a turn a late angle has yet to turn."""
-    return Effect(angle_arcmin=0.5 * setting.points.torque_nm / setting.circumstances.peak_nm)
+    return Effect(angle_arcmin=0.5 * setting.points.torque_nm / setting.conditions.peak_nm)
 
 
 SOURCES: tuple[ErrorSource, ...] = (
@@ -182,46 +182,46 @@ SOURCES: tuple[ErrorSource, ...] = (
     *_angle_rows("angle_in", "input"),
     *_angle_rows("angle_out", "output"),
     ErrorSource(
-        "skew", "delay of the torque against the angle that is left", "s", _rectangular,
-        lambda figures, circumstances: figures.skew_s if _timed(circumstances) else None, (skew,),
+        "skew", "remaining delay between torque and angle", "s", _rectangular,
+        lambda figures, conditions: figures.skew_s if _timed(conditions) else None, (skew,),
     ),
     ErrorSource(
-        "skew_estimate", "delay of the torque against the angle, as estimated from cycles at different speed", "s",
-        lambda _: "normal", lambda _, circumstances: circumstances.u_skew_s or None, (skew,),
+        "skew_estimate", "delay between torque and angle, estimated from cycles at different speeds", "s",
+        lambda _: "normal", lambda _, conditions: conditions.u_skew_s or None, (skew,),
     ),
     ErrorSource(
-        "late", "delay of the torque against the wind-up that the turns of the load show, not corrected", "s",
-        lambda _: "normal", lambda _, circumstances: abs(circumstances.late_s) or None, (skew,),
+        "late", "delay of the torque at the turning points, not corrected", "s",
+        lambda _: "normal", lambda _, conditions: abs(conditions.late_s) or None, (skew,),
     ),
     ErrorSource(
-        "locked_width", "angle of the locked shaft that comes back late, or a lock with friction: loop width", "arcmin",
-        lambda _: "normal", lambda _, circumstances: abs(circumstances.locked_width_arcmin) or None,
+        "locked_width", "friction in the lock, or a late angle of the locked shaft: loop width", "arcmin",
+        lambda _: "normal", lambda _, conditions: abs(conditions.locked_width_arcmin) or None,
         (_width, _lean),
     ),
     ErrorSource(
-        "creep", "creep of the wind-up with the torque, alike in every cycle", "arcmin/min", _rectangular,
-        lambda figures, circumstances: figures.drift_arcmin_per_min if _timed(circumstances) else None, (creep,),
+        "creep", "creep of the wind-up under torque, the same in every cycle", "arcmin/min", _rectangular,
+        lambda figures, conditions: figures.drift_arcmin_per_min if _timed(conditions) else None, (creep,),
     ),
     ErrorSource(
-        "drift", "drift between the cycles, or what its correction may be wrong by", "arcmin/min",
-        lambda _: "normal", lambda _, circumstances: circumstances.u_drift_arcmin_per_min or None, (drift,),
+        "drift", "drift between the cycles, or the uncertainty of its correction", "arcmin/min",
+        lambda _: "normal", lambda _, conditions: conditions.u_drift_arcmin_per_min or None, (drift,),
     ),
     ErrorSource(
-        "drift_unseen", "drift that a single cycle does not show: gap of the loop", "arcmin/min", _rectangular,
-        lambda _, circumstances: circumstances.unseen_drift_arcmin_per_min or None, (drift,),
+        "drift_unseen", "drift that one cycle cannot show: gap of the loop", "arcmin/min", _rectangular,
+        lambda _, conditions: conditions.unseen_drift_arcmin_per_min or None, (drift,),
     ),
     ErrorSource(
-        "fixture", "stiffness of the fixture that the wind-up is corrected by", "1", _rectangular,
-        lambda figures, circumstances: figures.fixture_fraction if circumstances.fixture_corrected else None,
+        "fixture", "stiffness of the fixture, by which the wind-up is corrected", "1", _rectangular,
+        lambda figures, conditions: figures.fixture_fraction if conditions.fixture_corrected else None,
         (fixture,),
     ),
     ErrorSource(
-        "lock_width", "teeth at which the shaft is locked: loop width", "arcmin", _rectangular,
+        "lock_width", "angular position of the locked shaft: loop width", "arcmin", _rectangular,
         lambda figures, _: figures.lock_width_arcmin,
         (_width,),
     ),
     ErrorSource(
-        "lock_windup", "teeth at which the shaft is locked: wind-up", "1", _rectangular,
+        "lock_windup", "angular position of the locked shaft: wind-up", "1", _rectangular,
         lambda figures, _: figures.lock_windup_fraction,
         (lambda setting: Effect(angle_arcmin=setting.points.angle_arcmin),),
     ),

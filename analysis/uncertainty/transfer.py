@@ -23,7 +23,7 @@ from analysis.loop.loop import Loop
 from analysis.torque_ratio.quadrants import Leftovers, Quadrants, reversed_friction_nm, turn_lines
 from analysis.trace.units import FloatArray, IntArray
 from analysis.uncertainty.chain import LineMove, Move, by_changed_lines
-from analysis.uncertainty.circumstances import Circumstances, Points, line_name
+from analysis.uncertainty.conditions import MeasurementConditions, Points, line_name
 from analysis.uncertainty.figures import SensorFigures, UnitDeviation
 from analysis.uncertainty.scatter import student_factor
 from definitions.units import RAD_PER_ARCMIN
@@ -36,15 +36,17 @@ SEED = 3
 Part = tuple[FloatArray | float, FloatArray | float]
 
 
-def transfer_moves(loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> tuple[float, tuple[Move, ...]]:
+def transfer_moves(
+    loop: Loop, conditions: MeasurementConditions, figures: SensorFigures
+) -> tuple[float, tuple[Move, ...]]:
     """Return the standard uncertainty [N·m] of the conversion at one torque (root mean square) and its moves.
 
     A move is one standard uncertainty of a component. Zero and none without a conversion.
     """
-    quadrants = circumstances.quadrants
-    if not circumstances.converted or quadrants is None:
+    quadrants = conditions.quadrants
+    if not conditions.converted or quadrants is None:
         return 0.0, ()
-    if quadrants.left and circumstances.lines_of_this_run:
+    if quadrants.left and conditions.lines_of_this_run:
         return _measured(loop, quadrants, figures)
     return _stored(loop, quadrants)
 
@@ -113,22 +115,22 @@ def _stored(loop: Loop, quadrants: Quadrants) -> tuple[float, tuple[Move, ...]]:
     return largest, tuple(found)
 
 
-def unit_moves(loop: Loop, circumstances: Circumstances, figures: SensorFigures) -> tuple[float, tuple[Move, ...]]:
+def unit_moves(loop: Loop, conditions: MeasurementConditions, figures: SensorFigures) -> tuple[float, tuple[Move, ...]]:
     """Return the standard uncertainty [N·m] of the conversion at the reference torque, and its moves.
 
     A move is one standard uncertainty of a component. Zero and none where no units are declared, or where the lines
     are of the run itself.
     """
-    units, quadrants = figures.calibrated_units, circumstances.quadrants
-    if len(units) < 2 or not circumstances.converted or quadrants is None or circumstances.lines_of_this_run:
+    units, quadrants = figures.calibrated_units, conditions.quadrants
+    if len(units) < 2 or not conditions.converted or quadrants is None or conditions.lines_of_this_run:
         return 0.0, ()
     freedom = len(units) - 1
     scale = math.sqrt((1.0 + 1.0 / len(units)) / freedom) * student_factor(freedom) / 2.0
-    branches = circumstances.points_of(loop)
-    ratio = circumstances.method.ratio
+    branches = conditions.points_of(loop)
+    ratio = conditions.method.ratio
     changes = [[scale * _changed(unit, quadrants, points, ratio) for points in branches] for unit in units]
     moves = tuple(Move((rising, 0.0), (falling, 0.0)) for rising, falling in changes)
-    place = int(np.argmin(np.abs(branches[0].torque_nm - circumstances.method.reference_nm)))
+    place = int(np.argmin(np.abs(branches[0].torque_nm - conditions.method.reference_nm)))
     return math.hypot(*(float(rising[place]) for rising, _ in changes)), moves
 
 

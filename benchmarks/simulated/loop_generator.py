@@ -152,8 +152,9 @@ def _end_point(unit: Kind, side: int, peak_nm: float) -> float:
 
 
 def _asymmetry(unit: Kind, _: int, peak_nm: float) -> float:
+    """With its sign: positive where the positive side winds up more."""
     positive, negative, zero = (mean(unit, share * unit.rated_nm, peak_nm) for share in (1.0, -1.0, 0.0))
-    return abs(positive + negative - 2.0 * zero) * 30.0
+    return (positive + negative - 2.0 * zero) * 30.0
 
 
 BREAK, FIT_END, STEP_NM = 90.0 / 412.0, 420.0 / 412.0, 10.0

@@ -23,8 +23,8 @@ the unit: it is never *low*, the lock stays closed, and `lostmotion recover` bri
 *Lock* says what became of it, with the torque in the reducer when it was ordered open. Without brake current a powder
 brake holds nothing: after a power failure the unit turns back by itself, so keep clear of the shafts.
 
-What happens between the processes (a killed desk, a killed scan, everything at once) is drilled over real wires by
-`make kill-tests` and `make power-cuts`.
+What happens between the processes (a killed supervisor, a killed scan, everything at once) is drilled over real wires
+by `make kill-tests` and `make power-cuts`.
 
 """
 COLUMNS = (

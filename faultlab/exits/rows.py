@@ -7,7 +7,7 @@ from typing import NamedTuple
 from definitions.faults import FAULTS
 from definitions.image import Reaction
 from faultlab.rows import UNLOADING_S
-from station.scan.desk_watch import LONGEST_SILENCE_S
+from station.scan.supervisor_watch import LONGEST_SILENCE_S
 
 RATED_NM = 412.0
 LOAD_NM = 100.0
@@ -33,7 +33,7 @@ EXITS: tuple[Exit, ...] = (
     Exit("operator_stop", "Ctrl-C in a ramp", UNLOADING_S, CONTROLLER, "opened"),
     Exit("abort", "Ctrl-C twice in a ramp, 0.1 s apart", QUICK_S, DRIVE, "stays closed"),
     Exit(
-        "lost_desk",
+        "lost_supervisor",
         "no sign of life from the supervisor process",
         LONGEST_SILENCE_S + UNLOADING_S,
         CONTROLLER,

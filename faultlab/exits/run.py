@@ -26,8 +26,8 @@ from faultlab.matrix.matrix import scenario_of, undisturbed
 from faultlab.run import Bench
 from station.records.ring.ring import create
 from station.records.ring.writer import RingWriter
-from station.scan.desk_watch import LONGEST_SILENCE_S, DeskWatch
 from station.scan.scan_loop import Stop
+from station.scan.supervisor_watch import LONGEST_SILENCE_S, SupervisorWatch
 from virtual_bench.faults.scenario import Fault as Injected
 from virtual_bench.faults.scenario import When
 
@@ -78,14 +78,14 @@ def _abort(row: Exit) -> Measured:
     return _judged(row, bench, begin, bench.state, "commands STOP, QUICK_STOP")
 
 
-def _lost_desk(row: Exit) -> Measured:
+def _lost_supervisor(row: Exit) -> Measured:
     bench = _loaded()
     begin = len(bench.run.orders)
     with tempfile.TemporaryDirectory() as folder:
         path = create(Path(folder), 16)
         ring, stop = RingWriter(path), Stop()
         path.unlink()
-        watch = DeskWatch(ring, stop, round(bench.run.period_s * 1e9))
+        watch = SupervisorWatch(ring, stop, round(bench.run.period_s * 1e9))
         while not stop.wanted:
             watch.take_command()
             bench.go()
@@ -146,7 +146,7 @@ PROVOKE: dict[str, Callable[[Exit], Measured | None]] = {
     "finish": _finish,
     "operator_stop": _operator_stop,
     "abort": _abort,
-    "lost_desk": _lost_desk,
+    "lost_supervisor": _lost_supervisor,
     "lost_scan": _lost_scan,
     "power_failure": _power_failure,
     "operator_quick_stop": _quick_stop,

@@ -83,7 +83,7 @@ def measure_over_wires(
 
 def _disturbed(there: WireRun, row: Row) -> bool:
     alarms = there.run.alarms()
-    stopped = there.run.states[-1:] == ["stopped"]  # by the scan, because the desk was held up
+    stopped = there.run.states[-1:] == ["stopped"]  # by the scan, because the supervisor was held up
     return (
         bool(there.held_up)
         or stopped

@@ -66,7 +66,7 @@ def write_page(path: Path, cells: list[Cell], took_s: float) -> None:
     bad = sum(bool(cell.wrong) for cell in cells)
     path.write_text(
         f'<!doctype html><meta charset="utf-8"><title>Fault matrix</title><style>{STYLE}</style>'
-        f"<h1>Fault matrix</h1><p>{len(body)} faults, {len(cells)} cells, {took_s:.0f} s; outside their bounds: {bad}."
+        f"<h1>Fault matrix</h1><p>{len(body)} faults, {len(cells)} cells, {took_s:.0f} s; outside their limits: {bad}."
         f"</p><p>{LEGEND}</p><table><tr><th>fault, bound</th>{head}</tr>{''.join(body)}</table>\n",
         encoding="utf-8",
     )

@@ -47,7 +47,7 @@ def idle_limits(recipe: Recipe) -> Iterator[Finding]:
         row = METRICS[metric.id]
         floor, ceiling = row.usual.floor, row.usual.ceiling
         if ceiling is not None and metric.max is not None and metric.max >= ceiling:
-            allowed = f"a max below {_said(ceiling, metric)}, the largest there is"
+            allowed = f"a max below {_said(ceiling, metric)}, the largest possible value"
             yield _never(index, metric, "max", metric.max, allowed)
         alone = metric.max is None
         if alone and floor is not None and metric.min is not None and metric.min <= floor:

@@ -119,8 +119,8 @@ def check_stored_calibration(recipe: Recipe, bench: Bench, today: date) -> Itera
         found = f"'stored', but calibration '{newest.id}' of bench '{name}' was due on {newest.due.isoformat()}"
         yield Finding(option, found, "a calibration in date", hint)
     elif newest.made > today:
-        found = f"'stored', but calibration '{newest.id}' is from {newest.made.isoformat()}, a day to come"
-        yield Finding(option, found, "a calibration that was made", "Correct the date or the clock.")
+        found = f"'stored', but calibration '{newest.id}' is from {newest.made.isoformat()}, a date in the future"
+        yield Finding(option, found, "a calibration made today or before", "Correct the date or the clock.")
 
 
 def of_one_unit(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
@@ -141,7 +141,7 @@ def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding
     if curve is None:
         return
     allowed, hint = (
-        "a blank test in date",
+        "a blank test that is not overdue",
         "Repeat the blank test on this bench and enter 'lostmotion blank' in its file.",
     )
     test = f"the fixture's blank test '{curve.id}' of bench '{name}'"
@@ -149,9 +149,8 @@ def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding
         found = f"{test}, which was due on {curve.due.isoformat()}"
         yield Finding(option, found, allowed, hint)
     elif curve.made > today:
-        found = (
-            f"the fixture's blank test '{curve.id}' of bench '{name}' is from {curve.made.isoformat()}, a day to come"
-        )
+        day = curve.made.isoformat()
+        found = f"the fixture's blank test '{curve.id}' of bench '{name}' is from {day}, a date in the future"
         yield Finding(option, found, allowed, "Correct the date or the clock.")
     peak_nm = max((step.peak_torque_nm for step in recipe.sequence if isinstance(step, MEASURED)), default=0.0)
     low_nm, high_nm = curve.points[0].torque_nm, curve.points[-1].torque_nm
@@ -217,7 +216,7 @@ def check_ages(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     for name, age_s in (("sample_age", limits.sample_age_s), ("drive_age", limits.drive_age_s)):
         if age_s > drive.setpoint_timeout_s * ROUNDING:
             allowed = f"up to {show(drive.setpoint_timeout_s, PERIOD)}: {waits}"
-            hint = "Lower it: nobody may wait longer for the drive than the drive waits for its controller."
+            hint = "Lower it: it must not be longer than the drive's own time-out."
             yield Finding(("interlocks", name), show(age_s, PERIOD), allowed, hint)
     if drive.setpoint_timeout_s * ROUNDING < 2 * period_s:
         allowed = f"up to {show(drive.setpoint_timeout_s / 2, PERIOD)}: {waits}"

@@ -124,7 +124,7 @@ def check_brake(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
             yield Finding((*option, "proof_torque"), found, allowed, "A proof is a small torque, about 10 %.")
         given_rad = borne_nm / stiffness / ARCMIN_PER_RAD
         if recipe.loading == "input" and given_rad >= recipe.interlocks.lock_slip_rad:
-            found = f"{show(recipe.interlocks.lock_slip_rad, ANGLE)}, less than the fixture gives way at the peak"
+            found = f"{show(recipe.interlocks.lock_slip_rad, ANGLE)}, less than the fixture deflects at the peak torque"
             allowed = f"above {show(given_rad, ANGLE, 3)}"
             yield Finding(("interlocks", "lock_slip"), found, allowed, "Raise it: every run would trip.")
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import pi
+from collections.abc import Callable, Iterator
+from math import cos, pi, sin
 
 from definitions.units import DURATION, FREQUENCY, TORQUE
 from recipes.checks.expectations import Finding, windup_rad
@@ -22,6 +22,12 @@ LEAST_LINES = 4.0
 SLEW_SHARE = 0.8
 """Of the drive's slew that a planned sweep may take: the rest is for the control."""
 
+FOLLOWED = 0.9
+"""Share of the planned amplitude that the torque has to reach: a reducer's stiffness depends on the amplitude."""
+
+CYCLE_STEPS, PLAYED_CYCLES = 200, 4
+"""Steps of a cycle that is played through, and cycles until it repeats."""
+
 ROUNDING = 1.0 + 1e-9
 
 
@@ -29,7 +35,7 @@ def check_sweep(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     """Frequencies in order, a torque on one side of zero, and a drive that can follow through the unit's friction."""
     sweeps = [(index, step) for index, step in enumerate(recipe.sequence) if isinstance(step, TorqueSweep)]
     for index, _ in sweeps[1:]:
-        hint = "Delete it, and measure it by a recipe of its own."
+        hint = "Delete it, and measure it with a separate recipe."
         yield Finding(("sequence", index, "torque_sweep"), "a second sweep", "one in a recipe", hint)
     for index, step in sweeps:
         option = ("sequence", index, step.kind)
@@ -61,8 +67,32 @@ def _shape(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
         yield "amplitude", found, allowed, "Take a smaller amplitude: through zero it is the backlash that is measured."
     if recipe.measurement.output_torque == "calibrated" or bench.sensors.torque_out is None:
         found = "a sweep, while the output torque is converted from the input torque"
-        hint = "Leave the sweep out here: as friction turns in every cycle, the conversion does not hold."
+        hint = "Delete the sweep: friction reverses in every cycle, so the conversion is not valid."
         yield "amplitude", found, "a sweep where the output torque is measured", hint
+
+
+def reached_nm(
+    step: TorqueSweep, frequency_hz: float, friction_nm: float, efficiency: float, slew_nm_s: float
+) -> float:
+    """Amplitude of the output torque [N·m] that the torque loop reaches at a frequency, of the one that is planned.
+
+    A cycle is played through step by step, as it is once it repeats. friction_nm: of the input side, as output torque;
+    efficiency: of the loading line, 0…1. Loading, T_out = d − C, and unloading, T_out = d/η² + C, with d the drive's
+    torque in terms of the loading line: between the two the output torque stands, and the loop has to catch up.
+    """
+    mean_nm, amplitude_nm = step.peak_torque_nm - step.amplitude_nm, step.amplitude_nm
+    step_s = 1.0 / (frequency_hz * CYCLE_STEPS)
+    torque_nm, drive_nm = mean_nm, mean_nm + friction_nm
+    found: list[float] = []
+    for place in range(PLAYED_CYCLES * CYCLE_STEPS):
+        phase = 2.0 * pi * place / CYCLE_STEPS
+        error_nm = mean_nm + amplitude_nm * sin(phase) - torque_nm
+        rate_nm_s = 2.0 * pi * frequency_hz * amplitude_nm * cos(phase) + budget("gain_per_s") * error_nm
+        drive_nm += min(slew_nm_s, max(-slew_nm_s, rate_nm_s)) * step_s
+        torque_nm = min(drive_nm / efficiency**2 + friction_nm, max(drive_nm - friction_nm, torque_nm))
+        found.append(torque_nm)
+    last = found[-CYCLE_STEPS:]
+    return (max(last) - min(last)) / 2.0
 
 
 def _speed(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
@@ -71,20 +101,24 @@ def _speed(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
     at_input = recipe.loading == "input"
     slope = unit.loading_torque_ratio.slope if at_input else 1.0
     friction_nm = abs(unit.loading_torque_ratio.offset_nm) if at_input else 0.0
-    slew_nm_s = SLEW_SHARE * budget("slew_of_peak_per_s") * bench.max_loading_torque_nm * slope
-    most_hz = min(
-        slew_nm_s / (2.0 * pi * step.amplitude_nm),
-        # from turn to turn, in half a cycle: twice the amplitude, and twice the friction before the unit follows
-        slew_nm_s / (4.0 * (step.amplitude_nm + friction_nm)),
-    )
-    if step.to_frequency_hz > most_hz * ROUNDING:
+    efficiency = min(1.0, slope / unit.ratio) if at_input else 1.0
+    slew_nm_s = budget("slew_of_peak_per_s") * bench.max_loading_torque_nm * slope
+
+    def follows(frequency_hz: float) -> bool:
+        return (
+            2.0 * pi * frequency_hz * step.amplitude_nm <= SLEW_SHARE * slew_nm_s * ROUNDING
+            and reached_nm(step, frequency_hz, friction_nm, efficiency, slew_nm_s) >= FOLLOWED * step.amplitude_nm
+        )
+
+    if step.amplitude_nm > friction_nm and not follows(step.to_frequency_hz):
         found = f"{show(step.to_frequency_hz, FREQUENCY)} with an amplitude of {show(step.amplitude_nm, TORQUE)}"
-        allowed = f"up to {show(most_hz, FREQUENCY, 3)}: the drive changes the output torque by {slew_nm_s:.3g} N·m/s"
+        allowed = f"up to {show(_highest_hz(follows, step.to_frequency_hz), FREQUENCY, 3)}"
+        allowed += f": the drive changes the output torque by {slew_nm_s:.3g} N·m/s"
         if friction_nm:
             allowed += f", and the friction of {show(friction_nm, TORQUE, 3)} turns twice in a cycle"
         yield "to_frequency", found, allowed, "Lower the frequency or the amplitude."
     if step.amplitude_nm <= friction_nm:
-        found = f"{show(step.amplitude_nm, TORQUE)}, which the friction of the input side takes up"
+        found = f"{show(step.amplitude_nm, TORQUE)}, which is below the friction of the input side"
         allowed = f"above {show(friction_nm, TORQUE, 3)}, offset of loading_torque_ratio"
         yield "amplitude", found, allowed, "Raise it: the unit would hardly move."
     rate_nm_s = 2.0 * pi * step.to_frequency_hz * step.amplitude_nm
@@ -95,3 +129,12 @@ def _speed(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
     if limits.torque_rate_nm_s is not None and rate_nm_s >= limits.torque_rate_nm_s:
         found = f"{show(step.to_frequency_hz, FREQUENCY)}, which is {rate_nm_s:.3g} N·m/s"
         yield "to_frequency", found, f"below {limits.torque_rate_nm_s:g} N·m/s, interlocks.torque_rate", "Lower it."
+
+
+def _highest_hz(follows: Callable[[float], bool], too_high_hz: float) -> float:
+    """Return the highest frequency [Hz] at which the torque follows, by bisection below one at which it does not."""
+    low_hz, high_hz = 0.0, too_high_hz
+    for _ in range(12):
+        middle_hz = (low_hz + high_hz) / 2.0
+        low_hz, high_hz = (middle_hz, high_hz) if follows(middle_hz) else (low_hz, middle_hz)
+    return low_hz

@@ -17,7 +17,6 @@ BUDGETS: dict[str, tuple[float, str]] = {
     "window_of_rated": (0.02, "the reference runs ahead of the torque by no more than this"),
     "tolerance_of_rated": (0.005, "a target counts as reached within this"),
     "rate_acceleration_s": (0.15, "a ramp by torque comes to its full rate in this time"),
-    "gain_per_s": (15.0, "integral gain: crossover at 2.4 to 4 Hz, a decade below the first resonance"),
     "tare_spread_of_full_scale": (0.01, "noise of a healthy channel is a fiftieth of its full scale or less"),
     "agreement_of_rated": (0.25, "input and output torque fit together within this"),
     "agreement_ratio": (1.7, "and within this factor of the gear ratio: an unloading reducer multiplies by 1.4"),

@@ -83,7 +83,7 @@ def _control(recipe: Recipe, bench: Bench) -> TorqueControl:
         measure_ratio=calibrated and any(isinstance(step, Calibrate) for step in recipe.sequence),
         slope=slope if at_input else 1.0,
         offset_nm=offset_nm if at_input else 0.0,
-        gain_per_s=budget("gain_per_s"),
+        gain_per_s=bench.torque_control.gain_per_s,
         window_nm=budget("window_of_rated") * unit.rated_torque_nm,
         tolerance_nm=budget("tolerance_of_rated") * unit.rated_torque_nm,
         rate_acceleration_s=budget("rate_acceleration_s"),

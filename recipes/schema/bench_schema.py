@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from definitions.method import Loading
 from definitions.units import PERIOD, RAD_PER_ARCSEC
 from recipes.schema.calibration_schema import Calibration, Fixture
-from recipes.schema.channel_schema import CHANNELS, Channels
+from recipes.schema.channel_schema import CHANNELS, CanSensor, Channels
 from recipes.text.problems import one_of
 from recipes.text.quantity import show
 from recipes.text.section import (
@@ -231,9 +231,19 @@ class MasterPart(Section):
 
     serial: Name
     expect: Literal["PASS", "FAIL"]
-    """Verdict that a bench in order gives it."""
+    """Verdict that a sound bench gives it."""
     every_s: Interval = 86400.0
     """How often it is measured at least."""
+
+
+class TorqueControl(Section):
+    """How the torque of a ramp is controlled. gain: integral gain in 1/s, 2π times the crossover frequency of the loop.
+
+    It belongs to drive, couplings and sensors of this bench: `lostmotion bench tune` measures it.
+    """
+
+    gain_per_s: Annotated[float, Field(gt=0, le=1000)] = 15.0
+    """Crossover at 2.4 Hz; 2.4 to 4 Hz is a decade below the first resonance of the virtual bench."""
 
 
 class PaceOfBench(Section):
@@ -254,9 +264,11 @@ class Bench(Section):
     brake: BrakeDevice
     remote_io: ModbusDevice
     devices: Annotated[tuple[MeasuringDevice, ...], Field(max_length=MOST_MEASURING)] = ()
+    can_devices: Annotated[tuple[CanSensor, ...], Field(max_length=16)] = ()
     channels: Channels | None = None
     sensors: Sensors
     fixture: Fixture
+    torque_control: TorqueControl = TorqueControl()
     pace: PaceOfBench | None = None
     """A virtual bench on wires that waits for the scan; a bench without it lives by its own clock."""
     calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
@@ -272,7 +284,7 @@ class Bench(Section):
             other, first = lines.setdefault(device.serial_port, (name, setting))
             if setting != first:
                 found = f"{_line_text(setting)} on {device.serial_port}, where {other} has {_line_text(first)}"
-                hint = "Devices on one serial line talk alike."
+                hint = "All devices on one serial line need the same settings."
                 at = name if name in PARTS else "devices"
                 raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=at)
         return self
@@ -282,9 +294,10 @@ class Bench(Section):
         if self.channels is None and self.amplifier is None:
             hint = "Add the section 'amplifier', or 'channels' with the source of each measured channel."
             raise refusal("neither amplifier nor channels", "one of them", hint)
-        if self.channels is None and self.devices:
-            hint = "Add 'channels', which say what is measured by which device; or delete 'devices'."
-            raise refusal("devices without channels", "both or none", hint, at="devices")
+        if self.channels is None and (self.devices or self.can_devices):
+            hint = "Add 'channels', which say what is measured by which device; or delete the devices."
+            at = "devices" if self.devices else "can_devices"
+            raise refusal(f"{at} without channels", "both or none", hint, at=at)
         if self.channels is not None and self.amplifier is not None:
             hint = "Move it to 'devices', with a name, and name that in 'channels'."
             raise refusal("an amplifier beside channels", "one of the two", hint, at="amplifier")
@@ -294,11 +307,13 @@ class Bench(Section):
     def _sources_fit(self) -> Bench:
         if self.channels is None:
             return self
-        names = [one.name for one in self.devices]
-        for place, name in enumerate(names):
+        named = [(one.name, f"devices.{place}.name") for place, one in enumerate(self.devices)]
+        named += [(one.name, f"can_devices.{place}.name") for place, one in enumerate(self.can_devices)]
+        names = [name for name, _ in named]
+        for place, (name, at) in enumerate(named):
             if name in RESERVED or name in names[:place]:
                 allowed = f"a name that no other device has, and none of {', '.join(sorted(RESERVED))}"
-                raise refusal(f"'{name}'", allowed, at=f"devices.{place}.name")
+                raise refusal(f"'{name}'", allowed, at=at)
         sources = self.channels.by_name
         for name in CHANNELS:
             if (name in sources) != (getattr(self.sensors, name) is not None):
@@ -329,7 +344,8 @@ class Bench(Section):
     @property
     def profile_names(self) -> tuple[str, ...]:
         """Device profiles that the file names, each once: first that of the drive."""
-        return tuple(dict.fromkeys([self.drive.profile, *(one.profile for one in self.modbus_devices.values())]))
+        modbus = [one.profile for one in self.modbus_devices.values()]
+        return tuple(dict.fromkeys([self.drive.profile, *modbus, *(one.profile for one in self.can_devices)]))
 
     @property
     def sample_every_s(self) -> float:
@@ -349,7 +365,8 @@ class Bench(Section):
             on_the_line = {one.name for one in self.devices if one.line == device.line}
             asked = {(one.device, one.proof_field or one.field) for one in sources if one.device in on_the_line}
             slowest = max(slowest, device.poll_every_s, period_s * len(asked))
-        return slowest
+        named = {one.device for one in sources}
+        return max([slowest, *(one.update_every_s or period_s for one in self.can_devices if one.name in named)])
 
     def skew(self, period_s: float) -> float:
         """Limit of the difference between the delays of torque and angle in a scan of this period [s].

@@ -60,7 +60,7 @@ class FixtureCurve(Section):
     made: date
     due: date
     angles: Literal["both", "loaded"]
-    """Angles that the wind-up of the blank test was made of; only a wind-up of the same angles is corrected."""
+    """Angles that the blank test was evaluated from. Only a wind-up from the same angles is corrected."""
     points: Annotated[tuple[FixturePoint, ...], Field(min_length=2, max_length=1000)]
 
     @model_validator(mode="after")
@@ -141,7 +141,9 @@ class Fixture(Section):
             allowed = (
                 f"a curve of {show(stated / ALIKE, STIFFNESS)} to {show(stated * ALIKE, STIFFNESS)} from end to end"
             )
-            hint = "One of the two is of another fixture: enter 'lostmotion blank' and the stiffness that it shows."
+            hint = (
+                "One of the two belongs to another fixture: enter 'lostmotion blank' and the stiffness that it shows."
+            )
             raise refusal(found, allowed, hint, at="curve")
         return self
 
@@ -192,7 +194,7 @@ class Calibration(Section):
     load_negative: QuadrantLine
     unload_negative: QuadrantLine
     units: Annotated[tuple[CalibratedUnit, ...], Field(min_length=LEAST_UNITS, max_length=100)] | None = None
-    """Units that the lines are the mean of: how they differ says how wrong the lines may be for another one."""
+    """Units whose mean the lines are. Their spread is the uncertainty for another unit."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Calibration:
@@ -217,7 +219,9 @@ class Calibration(Section):
                 raise refusal(f"unit {first.serial} twice", "each unit once", "Leave one of them out.", at="units")
             if all(getattr(first, quadrant) == getattr(second, quadrant) for quadrant in QUADRANTS):
                 found = f"the same lines for unit {first.serial} and unit {second.serial}, to the last digit"
-                raise refusal(found, "lines of several units", "One unit stands there twice: leave it out.", at="units")
+                raise refusal(
+                    found, "lines of several units", "The same unit is listed twice: delete one entry.", at="units"
+                )
         return self
 
 

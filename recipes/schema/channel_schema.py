@@ -51,6 +51,19 @@ class ChannelSource(Section):
         return self.alive_field or self.field
 
 
+class CanSensor(Section):
+    """A sensor on the CAN bus of the drive that `channels` name; its profile is a YAML file or a DBC file.
+
+    node_id: of a CANopen node, which is started by NMT. update_every: how often it sends by itself; left out for one
+    that sends with every SYNC, which is every scan.
+    """
+
+    name: Name
+    profile: Name
+    node_id: Annotated[int, Field(ge=1, le=127)] | None = None
+    update_every_s: Age | None = None
+
+
 class Channels(Section):
     """Sources of the measured channels: of all sensors, or of none, where all are the amplifier's."""
 

@@ -27,7 +27,7 @@ class InterlockLimits(Section):
     """Limits that are watched in every scan."""
 
     torque_rate_nm_s: TorqueSlope | None = None
-    """The steepest ramp that a sequence may have: it is held against the sequence, and not watched."""
+    """Steepest ramp allowed in a sequence. Checked before the run, not watched during it."""
 
     @model_validator(mode="after")
     def _alarm_before_trip(self) -> InterlockLimits:

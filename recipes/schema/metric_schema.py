@@ -78,7 +78,11 @@ class MetricWanted(Section):
     def _spread_of_cycles(self) -> MetricWanted:
         limit, row, option = self.max_standard_deviation, METRICS[self.id], "max_standard_deviation"
         if limit is not None and (row.calibration or row.graded):
-            why = "it has one value a run" if row.calibration else "it goes in steps: limit the backlash behind it"
+            why = (
+                "it has one value a run"
+                if row.calibration
+                else "the grade is a whole number: limit the backlash instead"
+            )
             raise refusal(f"a {option} for {self.id}", f"none: {why}", "Delete it.", at=option)
         if limit is not None and not limit > 0.0:
             raise refusal(f"{limit:g} {row.unit}", "a standard deviation above 0", "Correct or delete it.", at=option)
@@ -98,7 +102,12 @@ class MetricWanted(Section):
                 hint = did_you_mean(chosen, choices) or "It is part of the definition."
                 raise refusal(f"{excerpt(chosen)} for {self.id}", allowed, hint, at=option)
         if self.fit is not None and self.variant == "direct":
-            raise refusal(f"'{self.fit}' with variant direct", "no fit", "Direct reads the branches: delete it.", "fit")
+            raise refusal(
+                f"'{self.fit}' with variant direct",
+                "no fit",
+                "Variant 'direct' uses no fit: delete this option.",
+                "fit",
+            )
         for option, given in (("band", self.band), ("torque", self.torque_nm)):
             if given is not None and option not in row.free:
                 allowed = one_of([name for name, other in METRICS.items() if option in other.free])

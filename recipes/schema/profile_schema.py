@@ -150,8 +150,8 @@ class DriveProfileFile(ProfileSection):
 
     homing_method: 37 or 35, by which the drive takes the position where it stands as its reference; 0 for a drive that
     does not home. write_sync_period: it needs the period of SYNC in 0x1006. startup: objects that this drive needs
-    written first. tried_on_hardware: a drive of this kind has run by this profile; where none has, every result says
-    so.
+    written first. tried_on_hardware: a drive of this kind has run by this profile, which somebody has to state; where
+    nobody has, every result says so.
     """
 
     profile: DriveProfileHeader
@@ -162,7 +162,7 @@ class DriveProfileFile(ProfileSection):
     protections: DriveProtections = DriveProtections()
     homing_method: Literal[0, 35, 37] = 37
     startup: tuple[StartupObject, ...] = Field(default=(), strict=False)
-    tried_on_hardware: bool = True
+    tried_on_hardware: bool = False
 
     @model_validator(mode="after")
     def _maps_what_is_needed(self) -> Self:

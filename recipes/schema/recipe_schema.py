@@ -68,14 +68,14 @@ class Measurement(Section):
         description="`declared` by the lags of the bench file, `two_speeds` by cycles of different speed, or `report`: "
         "nothing is moved",
     )
-    """How torque and angles are put on one clock."""
+    """How the delay between torque and angles is corrected."""
     reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)
     break_torque_nm: TorqueOfReference | None = None
-    """Of the six-segment fit, where the linear middle ends."""
+    """Six-segment fit: torque at which the linear middle segment ends."""
     break_torque_t1_nm: TorqueOfReference | None = None
-    """Of the three-segment stiffness, end of k1."""
+    """Three-segment stiffness: torque at which segment K1 ends."""
     break_torque_t2_nm: TorqueOfReference | None = None
-    """Of the three-segment stiffness, end of k2."""
+    """Three-segment stiffness: torque at which segment K2 ends."""
 
     @model_validator(mode="after")
     def _breaks_below_reference(self) -> Measurement:

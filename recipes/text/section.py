@@ -48,7 +48,7 @@ from recipes.text.problems import excerpt
 from recipes.text.quantity import QuantityError, convert, read_quantity, show
 
 UNIT_SUFFIX = re.compile(
-    r"_(nm_per_arcmin|nm_per_a|nm_s|nm|arcmin_min|arcmin|rad_s2|rad_s|rad|ns|hz|s|a|c|k|fraction|bits)$",
+    r"_(nm_per_arcmin|nm_per_a|per_s|nm_s|nm|arcmin_min|arcmin|rad_s2|rad_s|rad|ns|hz|s|a|c|k|fraction|bits)$",
 )
 """Units at the end of attribute names."""
 

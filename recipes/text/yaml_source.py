@@ -115,7 +115,7 @@ def _parsed(raw: bytes, path: str) -> Source:
     if turned := DIRECTION.search(text):
         line, column = _line_and_column(text[: turned.start()])
         found = f"the character U+{ord(turned[0]):04X}, which turns the direction of writing"
-        raise RecipeError([Problem(path, line, column, "", found, "text that reads as it stands", "Delete it.")])
+        raise RecipeError([Problem(path, line, column, "", found, "text without such characters", "Delete it.")])
     reader = _Reader(text, path)
     try:
         with warnings.catch_warnings():
@@ -130,7 +130,7 @@ def _parsed(raw: bytes, path: str) -> Source:
         raise RecipeError([problem]) from None
     except (YAMLError, ValueError, TypeError, LookupError, AttributeError, AssertionError, ArithmeticError):
         # The parser fails in many ways on bytes that are no YAML at all; none of them helps the reader.
-        raise _whole_file(path, "text that is no YAML", "a YAML document", "Is this the right file?") from None
+        raise _whole_file(path, "text that is not YAML", "a YAML document", "Is this the right file?") from None
     if data is None and not reader.problems:
         raise _whole_file(path, "an empty file", "a YAML document", "Copy a shipped file and edit it.")
     return Source(path, data, reader.marks, tuple(reader.problems), reader.complete)
@@ -255,7 +255,7 @@ def _decoded(raw: bytes, path: str) -> str:
             found = "a file in UTF-16"
         else:
             meant = bytes([byte]).decode("cp1252", errors="replace")
-            found = f"the byte 0x{byte:02X}, which is no UTF-8 (it is '{meant}' in Windows-1252)"
+            found = f"the byte 0x{byte:02X}, which is not UTF-8 (it is '{meant}' in Windows-1252)"
         problem = Problem(path, line, column, "", found, "text in UTF-8", "Save the file with the encoding UTF-8.")
         raise RecipeError([problem]) from None
 

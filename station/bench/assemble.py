@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel
 
@@ -14,37 +12,14 @@ from definitions.plain_data import exact
 from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
 from drivers.pace import PaceConfig
 from drivers.profile import DriveProfile, ModbusProfile
-from recipes import Bench, parse_document, read_bytes
+from recipes import Bench, parse_document
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.modbus_profile_schema import ModbusProfileFile
 from recipes.schema.profile_schema import DriveProfileFile
-from station.bench.measuring import blocks, channels, sources
+from station.bench.files import File
+from station.bench.measuring import blocks, can_sensors, channels, sources
 
 ProfileT = TypeVar("ProfileT")
-
-
-class File(Protocol):
-    """A file that was read: where it is, and its bytes."""
-
-    @property
-    def path(self) -> Path:
-        """Where it is."""
-
-    @property
-    def content(self) -> bytes:
-        """Its bytes."""
-
-
-@dataclass(frozen=True)
-class FileAt:
-    """A file that is read when it is asked for; RecipeError when it cannot be."""
-
-    path: Path
-
-    @property
-    def content(self) -> bytes:
-        """Its bytes, as they are now."""
-        return read_bytes(self.path)
 
 
 Ports = Mapping[str, Any]
@@ -78,6 +53,7 @@ def wire_config(
         brake_fixed_current_a=bench.brake.max_current_a,
         measuring=tuple(block for one in bench.devices for block in blocks(one.name, devices[one.name])),
         sources=sources(bench),
+        can_sensors=can_sensors(bench, profiles),
         modbus_devices=tuple(devices),
     )
 

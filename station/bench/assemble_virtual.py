@@ -10,8 +10,9 @@ from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
 from recipes.text.yaml_source import read_source
-from station.bench.assemble import FileAt, drive_profile, modbus_profile
-from station.bench.measuring import sources
+from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.files import FileAt
+from station.bench.measuring import can_sensors, sources
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
 from station.records.clocks import SCAN, VIRTUAL, WALL
 from virtual_bench.config import (
@@ -19,6 +20,7 @@ from virtual_bench.config import (
     BenchConfig,
     BrakeConfig,
     CanBus,
+    CanSensorPort,
     Catalogue,
     DriveConfig,
     ModbusPort,
@@ -75,7 +77,7 @@ def parse_scenario(raw: bytes, path: str) -> Scenario:
 
 
 LACKING: dict[str, tuple[frozenset[tuple[str, str]], str, str]] = {
-    WALL: (NOT_BY_WALL_CLOCK, "a fault that the wall clock can have", "leave --wall-clock out, or --wires"),
+    WALL: (NOT_BY_WALL_CLOCK, "a fault that is possible by the wall clock", "leave --wall-clock out, or --wires"),
     SCAN: (frozenset(), "", ""),
     VIRTUAL: (ONLY_OVER_WIRES, "a fault that is not for wires only", "run it over wires"),
 }
@@ -201,6 +203,7 @@ def server_config(
             return ModbusPort(registers, device.unit_id, rtu=True, serial_port=device.serial_port, shows=shows)
         return ModbusPort(registers, device.unit_id, device.host, device.port, shows=shows)
 
+    files = {name: FileAt(path) for name, path in profiles.items()}
     bus: Socketcand | CanBus | SlcanPort = CanBus(can.interface, can.channel, can.bitrate)
     if embedded or can.interface == "socketcand":
         bus = Socketcand(channel=can.channel) if embedded else Socketcand(can.host, can.port, can.channel)
@@ -210,6 +213,10 @@ def server_config(
         bench=virtual_config(bench, profiles, unit),
         devices={name: port(name, device) for name, device in bench.modbus_devices.items()},
         can=bus,
+        can_sensors=tuple(
+            CanSensorPort(sensor.node_id, sensor.frames, one.update_every_s, shown_by(bench, one.name))
+            for one, sensor in zip(bench.can_devices, can_sensors(bench, files), strict=True)
+        ),
         scenario=scenario,
         end_with_parent=embedded,
         pace=_pace(bench, embedded=embedded) if waits else None,

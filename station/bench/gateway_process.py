@@ -15,9 +15,10 @@ from pathlib import Path
 from drivers.errors import DriverError
 from recipes import Bench, RecipeError, load_bench
 from recipes.schema.bench_schema import ModbusDevice
-from station.bench.assemble import FileAt, can_config, modbus_profile
+from station.bench.assemble import can_config, modbus_profile
 from station.bench.assemble_virtual import load_scenario
 from station.bench.bench_lock import alone_on
+from station.bench.files import FileAt
 from station.bench.virtual_bench_process import FIFO_PRIORITY
 from station.errors import StationError
 from virtual_bench.devices.gateway import GatewayConfig, run_gateway

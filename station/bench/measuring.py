@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from definitions.device_proofs import unproven_text
-from drivers.config import ChannelConfig, ModbusConfig, NamedDevice
+from drivers.config import CanSensorConfig, ChannelConfig, ModbusConfig, NamedDevice
 from drivers.errors import Problem
 from drivers.modbus.part_fields import source_problems
 from drivers.profile import ModbusProfile
 from recipes import Bench
+from station.bench.can_profile import can_frames
+from station.bench.files import File
 
 CHANNEL_OF_SENSOR = {
     "torque_in": "torque_in_nm",
@@ -50,18 +52,36 @@ def blocks(name: str, device: ModbusConfig) -> Iterator[NamedDevice]:
         yield NamedDevice(name, replace(device, profile=replace(profile, read=block, read_also=(), write=None)))
 
 
-def channel_problems(bench: Bench, profiles: dict[str, ModbusProfile]) -> list[Problem]:
+def can_sensors(bench: Bench, profiles: Mapping[str, File]) -> tuple[CanSensorConfig, ...]:
+    """Return the sensors on CAN with the frames that they send; RecipeError with the problems of a profile."""
+    named: dict[str, set[str]] = {}
+    for source in sources(bench):
+        named.setdefault(source.device, set()).update({source.field, source.proof_field})
+    return tuple(
+        CanSensorConfig(
+            one.name, one.node_id, can_frames(profiles[one.profile], one.node_id, named.get(one.name, set()))
+        )
+        for one in bench.can_devices
+    )
+
+
+def channel_problems(
+    bench: Bench, profiles: Mapping[str, ModbusProfile], sensors: tuple[CanSensorConfig, ...]
+) -> list[Problem]:
     """Return the channels that name a field which their device does not deliver; profiles: of `devices`, by name."""
     delivered = [
         (name, [field.name for field in block.fields])
         for name, profile in profiles.items()
         for block in (profile.read, *profile.read_also)
     ]
+    delivered += [(one.name, [field.name for field in frame.fields]) for one in sensors for frame in one.frames]
     return source_problems(sources(bench), delivered)
 
 
 def channels_not_proven(bench: Bench) -> Iterator[str]:
     """Yield what is not proven of the measured channels, a sentence each."""
+    for sensor in bench.can_devices:
+        yield unproven_text(f"Sensor {sensor.name} on CAN", "can_identity")
     by_name = {} if bench.channels is None else bench.channels.by_name
     for name, source in by_name.items():
         if not source.proof_field:

@@ -12,6 +12,7 @@ from pathlib import Path
 import drivers
 from definitions.program import Program
 from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
+from drivers.can.sensors import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
 from drivers.servo_drive.objects import missing_protections
@@ -29,10 +30,19 @@ from recipes import (
     read_bytes,
     warnings,
 )
+from recipes.checks.bus_load import bus_findings
 from recipes.compiler.compiler import compile_program
+from station.atomic_file import refused
 from station.bench.assemble import drive_profile, modbus_profile
-from station.bench.measuring import channel_problems, channels, channels_not_proven, missing_of_brake
-from station.durable import refused
+from station.bench.bus_traffic import bus_frames
+from station.bench.can_profile import DBC
+from station.bench.measuring import (
+    can_sensors,
+    channel_problems,
+    channels,
+    channels_not_proven,
+    missing_of_brake,
+)
 from station.errors import StationError
 from station.records.run_record import RunRecord
 
@@ -117,12 +127,19 @@ class Job:
         """The device profiles, each read once and in order; RecipeError with the problems of all of them."""
         sources = {name: Source.read(path) for name, path in self.profile_paths.items()}
         problems: list[Problem] = []
+        on_modbus = {one.profile for one in self.bench.modbus_devices.values()}
         for name, source in sources.items():
-            read = drive_profile if name == self.bench.drive.profile else modbus_profile
             try:
-                read(source)
+                if name == self.bench.drive.profile:
+                    drive_profile(source)
+                elif name in on_modbus:
+                    modbus_profile(source)
             except RecipeError as error:
                 problems += error.problems
+        try:
+            can_sensors(self.bench, sources)
+        except RecipeError as error:
+            problems += error.problems
         if problems:
             raise RecipeError(problems)
         return sources
@@ -141,9 +158,12 @@ class Job:
 
 
 def find_profile(name: str, bench_path: Path) -> Path:
-    """Return a profile's file: from `profiles/` beside the bench file, from beside it, or the shipped one."""
-    beside = bench_path.parent
-    places = [beside / "profiles" / f"{name}.yaml", beside / f"{name}.yaml", DRIVER_PROFILES / f"{name}.yaml"]
+    """Return a profile's file: from `profiles/` beside the bench file, from beside it, or the shipped one.
+
+    That of a CAN sensor may be a DBC file.
+    """
+    folders = (bench_path.parent / "profiles", bench_path.parent, DRIVER_PROFILES)
+    places = [folder / f"{name}{ending}" for folder in folders for ending in (".yaml", DBC)]
     for place in places:
         if place.is_file():
             return place
@@ -183,7 +203,7 @@ def stored_job(run: RunRecord) -> Job:
         RecordError: run.json is damaged, or one of the files cannot be read now.
 
     """
-    for profile in sorted(run.folder.glob("profiles/*.yaml")):
+    for profile in sorted(run.folder.glob("profiles/*")):
         _stored_source(profile)
     return _loaded(
         lambda: _stored_source(run.folder / "recipe.yaml"),
@@ -200,17 +220,17 @@ def _stored_source(path: Path) -> Source:
         raise refused(path, error, "read") from error
 
 
-def load_job(recipe_name: str, bench_name: str | None, day: date | None = None) -> Job:
+def load_job(recipe_name: str | Source, bench_name: str | None, day: date | None = None) -> Job:
     """Load recipe, bench and profiles and check them against each other; every file is read exactly once.
 
-    `day` is the one that calibrations have to be in date on, today by default.
+    The recipe is named, or was read already. `day` is the one that calibrations have to be in date on, else today.
 
     Raises:
         RecipeError: with all problems of both files, or all that speaks against the pair.
 
     """
     job = _loaded(
-        lambda: Source.read(find_recipe(recipe_name)),
+        lambda: recipe_name if isinstance(recipe_name, Source) else Source.read(find_recipe(recipe_name)),
         lambda recipe: None if bench_name is None and recipe is None else Source.read(_bench_file(bench_name, recipe)),
         day,
     )
@@ -239,11 +259,19 @@ def _check_parts(job: Job) -> None:
         if one.where.startswith(f"{part} ")
     ]
     measuring = {name: profile for name, profile in profiles.items() if name not in PART_FIELDS}
-    path = str(job.bench_source.path)
+    path, sensors = str(job.bench_source.path), can_sensors(job.bench, job.profile_sources)
     problems += [
         Problem(path, 0, 0, "channels", f"{one.found} in {one.where}", one.expected, f"{_begun(one.next_step)}.")
-        for one in channel_problems(job.bench, measuring)
+        for one in channel_problems(job.bench, measuring, sensors)
     ]
+    drive = drive_profile(job.profile_sources[job.bench.drive.profile])
+    node_ids = job.bench.drive.node_id, job.bench.drive.controller_node_id
+    problems += [
+        Problem(path, 0, 0, "can_devices", f"{one.where}: {one.found}", one.expected, f"{_begun(one.next_step)}.")
+        for one in identifier_problems(sensors, drive, *node_ids)
+    ]
+    frames = list(bus_frames(job.recipe, job.bench, drive, sensors))
+    problems += [job.recipe.problem(*one) for one in bus_findings(job.recipe, job.bench, frames)]
     if problems:
         raise RecipeError(problems)
 

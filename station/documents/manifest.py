@@ -102,7 +102,7 @@ class BenchSource:
 class Unit:
     """The unit under test; on the virtual bench with its name there and the seed of the noise.
 
-    `master`: of a master part, the verdict that a bench in order gives it.
+    `master`: of a master part, the verdict that a sound bench gives it.
     """
 
     model: Name

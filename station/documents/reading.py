@@ -20,7 +20,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_typ
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from station.durable import open_file, refused
+from station.atomic_file import open_file, refused
 from station.errors import RecordError
 
 NEXT_STEP = "Restore the file from a backup, or move the run's folder out of the data folder"
@@ -113,7 +113,7 @@ def _wrong(kind: type, error: ValidationError) -> list[str]:
     said: dict[str, str] = {}
     for one in error.errors(include_url=False):
         if one["type"] == "json_invalid":
-            return [f"it is no JSON ({one['msg'].removeprefix('Invalid JSON: ')})"]
+            return [f"it is not JSON ({one['msg'].removeprefix('Invalid JSON: ')})"]
         place, allowed = _place(kind, one["loc"])
         found = "is missing" if one["type"] == "missing" else f"found {_shown(one['input'])}"
         said.setdefault(place, f"{place}: {found}; allowed is {_words(allowed)}".removeprefix(": "))

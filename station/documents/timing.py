@@ -82,7 +82,7 @@ class Disk:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanRow:
-    """One scan: what took most of its time, its lateness and the time of its parts [µs]."""
+    """One scan: what took most of its time, its wake-up latency and the time of its parts [µs]."""
 
     scan: int
     cause: Annotated[str, one_of(*CAUSE_NAMES)]

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from station.durable import refused, sync_folder
+from station.atomic_file import refused, sync_folder
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
@@ -64,7 +64,9 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
         raise StationError(f"{file}: lies in the folder that it is to hold. Choose a place on another disk")
     on = [run.id for run in Store(data).newest(5) if _is_on(run)]
     if on:
-        raise StationError(f"run {on[-1]} is on, or not concluded. Wait for its end, or 'lostmotion conclude --all'")
+        raise StationError(
+            f"run {on[-1]} is in progress, or not concluded. Wait for its end, or 'lostmotion conclude --all'"
+        )
     part = file.with_name(f".{file.name}.part")
     try:
         with part.open("xb") as stream:
@@ -115,7 +117,7 @@ def _files(data: Path) -> Iterator[Path]:
             if at_top and (name in LEFT_OUT or name.endswith(MADE_AGAIN)):
                 continue
             if path.is_symlink() or not path.is_file():
-                raise RecordError(f"{path}: is no file. A data folder holds files and folders alone; take it out")
+                raise RecordError(f"{path}: is not a file. A data folder holds only files and folders: move it out")
             yield path
 
 
@@ -174,7 +176,7 @@ def _read(file: Path, into: Path) -> Kept:
             for entry in archive:
                 content = archive.extractfile(entry)
                 if content is None or listed is not None:
-                    raise RecordError(f"{file}: {entry.name}: found no file, or one behind {LIST}; it is no backup")
+                    raise RecordError(f"{file}: {entry.name}: found no file, or one behind {LIST}; it is not a backup")
                 if entry.name == LIST:
                     listed = json.loads(content.read())
                     continue
@@ -197,7 +199,7 @@ def _read(file: Path, into: Path) -> Kept:
 def _extracted(file: Path, name: str, content: Any, into: Path) -> tuple[int, str]:
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
-        raise RecordError(f"{file}: {name!r} would lie outside the folder; it is no backup of ours")
+        raise RecordError(f"{file}: {name!r} would lie outside the folder; it is not a backup of this program")
     path = into.joinpath(*pure.parts)
     path.parent.mkdir(parents=True, exist_ok=True)
     size, digest = 0, hashlib.sha256()

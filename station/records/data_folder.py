@@ -11,9 +11,9 @@ import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from station.atomic_file import sync_folder
 from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess, Setup
 from station.documents.reading import plain
-from station.durable import sync_folder
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
 from station.records.chain.entries import CREATED
@@ -240,7 +240,7 @@ class Store:
         by_serial = [run for run in self._named_by(name, names) if run.serial() == name]
         exact = name in names and self._is_run(name)
         if Path(name).is_dir() and not exact and not by_serial:
-            raise StationError(f"{name}: this folder is no run: it has no {MANIFEST}. See 'lostmotion list'")
+            raise StationError(f"{name}: this folder is not a run: it has no {MANIFEST}. See 'lostmotion list'")
         newest = next((one for one in reversed(names) if self._is_run(one)), None)
         if newest is None:
             raise StationError(f"{self.data}: holds no runs. Make one with 'lostmotion run', or name --data")

@@ -33,16 +33,16 @@ def folder_problems(
     for name, run in held.items():
         if run == name:
             if name not in known:
-                problems.append(Problem("not_in_chain", name, f"{name}: the chain does not name this run"))
+                problems.append(Problem("not_in_chain", name, f"{name}: this run is not in the chain"))
         elif held.get(run) == name:
             if name < run:  # one line for the two
-                problems.append(Problem("swapped", name, f"{name}: has changed places with {run}"))
+                problems.append(Problem("swapped", name, f"{name}: its content and that of {run} are exchanged"))
         elif held.get(run, run if run in folders else "") == run:
             problems.append(Problem("copied", name, f"{name}: is a copy of {run}"))
         elif run in known:
-            problems.append(Problem("renamed", name, f"{name}: is the folder of {run}"))
+            problems.append(Problem("renamed", name, f"{name}: contains run {run}; the folder was renamed"))
         else:
-            problems.append(Problem("not_in_chain", name, f"{name}: holds run {run}, which the chain does not name"))
+            problems.append(Problem("not_in_chain", name, f"{name}: contains run {run}, which is not in the chain"))
     lost = sorted(known - folders.keys() - elsewhere)
     return problems + [
         Problem("missing", run, f"{run}: {about(run)}; its folder is missing")
@@ -58,7 +58,7 @@ def runs_before(chain: Chain) -> tuple[set[str], list[Problem]]:
         return set(), []
     kept = index_kept(chain.data, before)
     if kept is None:
-        text = f"{INDEX}: is not the one that was there when the chain began"
+        text = f"{INDEX}: differs from the one at the start of the chain"
         return set(before.unconcluded), [Problem("old_index", "", text)]
     return runs_in(kept) | set(before.unconcluded), []
 

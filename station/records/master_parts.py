@@ -35,7 +35,7 @@ def master_parts(store: Store, bench: Bench, now: datetime) -> tuple[MasterCheck
 def _checked(store: Store, bench: str, part: MasterPart, now: datetime) -> MasterCheck:
     newest = _newest(store, bench, part.serial)
     if newest is None:
-        why = f"was never measured on this bench; due every {_hours(part.every_s)}"
+        why = f"was never measured on this bench; needed every {_hours(part.every_s)}"
         return MasterCheck(part.serial, False, f"{MASTER}{part.serial} {why}")  # noqa: FBT003
     run, manifest = newest
     age = now - datetime.fromisoformat(manifest.started)
@@ -47,7 +47,7 @@ def _checked(store: Store, bench: str, part: MasterPart, now: datetime) -> Maste
     elif not timedelta(0) <= age <= timedelta(seconds=part.every_s):
         wrong = f"was last measured {ago}; due every {_hours(part.every_s)}"
     else:
-        right = f"read {manifest.verdict}, as it should ({ago}): what torques and angle have in common was right then"
+        right = f"read {manifest.verdict}, as it should ({ago}): torques and angles were measured correctly then"
         return MasterCheck(part.serial, True, f"{MASTER}{part.serial} {right}")  # noqa: FBT003
     return MasterCheck(part.serial, False, f"{MASTER}{part.serial} {wrong}")  # noqa: FBT003
 

@@ -1,4 +1,4 @@
-"""Who owns a run: the process that holds the lock in its folder, its desk or the one that took it over.
+"""Who owns a run: the process that holds the lock in its folder, its supervisor or the one that took it over.
 
 A process id says that only on the computer, and in the container, that it belongs to; the lock holds across both, and
 the kernel lets go of it when its process ends, however it ends. The file stays and means nothing.

@@ -25,9 +25,9 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+from station.atomic_file import as_json, open_file, refused, write_atomic
 from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
 from station.documents.reading import Document, plain, read_document
-from station.durable import as_json, open_file, refused, write_durable
 from station.errors import RecordError
 from station.records.process_birth import process_birth
 from station.records.run_lock import RunLock
@@ -117,11 +117,11 @@ class RunRecord:
 
     def write_json(self, name: str, content: Any) -> None:
         """Write one of the run's JSON files durably."""
-        write_durable(self.folder / name, as_json(content))
+        write_atomic(self.folder / name, as_json(content))
 
     def write_bytes(self, name: str, content: bytes) -> None:
         """Write one of the run's files durably."""
-        write_durable(self.folder / name, content)
+        write_atomic(self.folder / name, content)
 
     def read_json(self, name: str) -> Any:
         """Read one of the run's JSON files; RecordError when it is missing or damaged."""
@@ -178,7 +178,7 @@ class RunRecord:
         return self.manifest().state
 
     def deserted(self) -> bool:
-        """Whether the run was not concluded and its desk is not here; somebody else may own it (see `lock`)."""
+        """Whether the run was not concluded and its supervisor is not here; somebody else may own it (see `lock`)."""
         manifest = self.manifest()
-        desk = manifest.desk
-        return manifest.state == RECORDING and process_birth(desk.pid) != desk.birth
+        supervisor = manifest.desk
+        return manifest.state == RECORDING and process_birth(supervisor.pid) != supervisor.birth

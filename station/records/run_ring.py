@@ -11,7 +11,7 @@ from errno import ENOENT, ENOTDIR
 from pathlib import Path
 from typing import NamedTuple
 
-from station.durable import refused
+from station.atomic_file import refused
 from station.errors import RecordError
 from station.records.process_birth import process_birth
 from station.records.ring import ring

@@ -1,8 +1,8 @@
 """What a scan's time went into: counters that are allocated before the scan, longest and latest scans by name.
 
-Four marks per scan give four parts: read, step, write, record. Each part, the lateness and the work have a histogram
-of fixed size; the longest scans, the latest ones and the gaps are kept with their numbers, so that a missed period and
-the worst lateness can be explained.
+Four marks per scan give four parts: read, step, write, record. Each part, the wake-up latency and the work have a
+histogram of fixed size; the longest scans, the latest ones and the gaps are kept with their numbers, so that a missed
+period and the worst latency can be explained.
 All of it costs less than 2 µs per scan (`benchmarks` prints the figure).
 """
 
@@ -82,7 +82,7 @@ def _upper_ns(index: int) -> int:
 
 
 class LongScan(NamedTuple):
-    """One scan, its lateness and its parts [ns]."""
+    """One scan, its wake-up latency and its parts [ns]."""
 
     scan: int
     lateness_ns: int

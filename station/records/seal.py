@@ -12,10 +12,10 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
+from station.atomic_file import as_json, open_file, read_from_disk, refused, remove_parts, sync_folder
 from station.documents.manifest import ChainPlace, Checksum, Manifest, PackedSamples
 from station.documents.reading import document_in
 from station.documents.result import Decided
-from station.durable import as_json, open_file, read_from_disk, refused, remove_parts, sync_folder
 from station.errors import RecordError
 from station.records.chain.chain_file import CHAIN, Chain, writing_to
 from station.records.chain.entries import CREATED, Entry
@@ -229,7 +229,7 @@ def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted:
     if not entries and before is not None and manifest.chain is None:
         kept = index_kept(chain.data, before)
         if kept is None:
-            return [*named, f"{INDEX}: is not the one that was there when the chain began"]
+            return [*named, f"{INDEX}: differs from the one at the start of the chain"]
         if kept:
             return named + _against_index(record, manifest, kept)
         return named if run in before.unconcluded else [*named, f"{CHAIN}: does not name this run"]

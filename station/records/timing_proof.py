@@ -1,4 +1,4 @@
-"""The proof of timing: what the records say about lateness, work, missed periods and the age of samples."""
+"""The proof of timing: what the records say about wake-up latency, work, missed periods and the age of samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything of a data folder held against its chain: every line, every signature, every run, every file."""
+"""Everything of a data folder held against its chain: every line, every signature, run and file; recipes too."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, Walk, attempt_problems, end_problems, key_problems, trust_of, walk
 from station.records.data_folder import Store
 from station.records.folder_check import about_run, folder_problems, runs_before
+from station.records.recipe_revisions import History
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, is_sealed
 
@@ -66,6 +67,8 @@ def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = Tr
             continue
         if run.id not in told:
             problems += [Problem("altered", run.id, f"{run.id}: {one}") for one in altered]
+    history = History(data, trust.keys)
+    problems += [Problem("recipes", "", text) for text in (*history.problems, *history.text_problems())]
     return Verified(chain, found, trust, len(runs), concluded, problems)
 
 

@@ -61,7 +61,7 @@ def _table(metric: MetricValue) -> BudgetTable:
     factor = metric.coverage_factor or COVERAGE
     u = _root_sum(sources)
     expanded = figure_text(factor * u, unit, DIGITS)
-    whole = "all, of the backlash that is graded" if graded else "all"
+    whole = "all (of the backlash)" if graded else "all"
     total = f"{whole}: u = √Σ contribution², U = {factor:g}·u = {expanded}"
     table.append((total, "", "", "", figure_text(u, unit, DIGITS), "100.0%"))
     stated = f"{number(metric.value, metric.uncertainty)} {uncertainty_text(metric)} {unit_text(metric.unit)}"

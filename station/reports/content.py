@@ -172,7 +172,7 @@ def _method_rows(method: Method) -> tuple[Row, ...]:
         ("loading", f"at the {method.loading}; output torque: {method.output_torque}"),
         ("six-segment fit", f"break torque ±{method.break_nm:.6g} N·m, segments end at ±{method.fit_nm:.6g} N·m"),
         ("spring constant", f"over a step of {method.spring_step_nm:g} N·m"),
-        ("after a reversal", f"at most {method.reversal_exclusion:g} × the friction torque is taken from the fit"),
+        ("after a reversal", f"at most {method.reversal_exclusion:g} × the friction torque is excluded from the fit"),
         ("fixture", "no stiffness given" if fixture is None else f"{fixture:g} N·m/arcmin"),
     )
 

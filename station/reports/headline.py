@@ -63,7 +63,7 @@ def headline(result: Result) -> Headline:
     return Headline(ENDINGS.get(state, state).removeprefix("was ").removeprefix("is ").upper(), verdict, "stopped")
 
 
-def ending_text(result: Result) -> str:
+def how_it_ended(result: Result) -> str:
     """Return how the run ended, to be read behind `run`."""
     return ENDINGS.get(result.state, result.state)
 

@@ -15,7 +15,7 @@ from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import MetricValue, Result
 from station.reports.budget_rows import BUDGET_HEADS
 from station.reports.content import CHECK_HEADS, FAILED, LOOP_CSV, Content, uncertainty_kind
-from station.reports.headline import badges, ending_text, headline, remaining_reasons, virtual_unit
+from station.reports.headline import badges, headline, how_it_ended, remaining_reasons, virtual_unit
 from station.reports.metric_sides import side_rows
 from station.reports.result_notes import one_sided, within_uncertainty
 from station.reports.result_text import (
@@ -41,7 +41,7 @@ PICTURES: dict[str, str] = {
     "time.png": "Torque and angle of the locked shaft over time, with the states of the run and its alarm",
     "stiffness.png": "Stiffness over torque, with the stiffness metrics drawn in",
     "residuals.png": "Residuals of the fits",
-    "timing.png": "Histograms of lateness and work of the scans",
+    "timing.png": "Histograms of wake-up latency and work of the scans",
 }
 """What each picture of a run shows, for readers that do not see it."""
 
@@ -179,7 +179,7 @@ def report_html(
             head=headline(result),
             conditions=conditions or {},
             badges=badges(result),
-            ending=ending_text(result),
+            ending=how_it_ended(result),
             attempt=attempt_text(result.attempt or run.attempt, run.before, run.retest_reason),
             reasons=remaining_reasons(result),
             content=content,

@@ -112,7 +112,7 @@ def not_cross_checked(result: Result) -> list[str]:
     unread = [check for check in result.gates if check.id == "ratio_agreement"]
     if not unread or unread[0].passed is not None:
         return []
-    return ["gain and ratio not cross-checked: an error of either is in every stiffness and not in its U"]
+    return ["torque gain and gear ratio not cross-checked: an error in either is in every stiffness, but not in U"]
 
 
 def loose_limits(result: Result) -> list[str]:

@@ -17,7 +17,7 @@ from station.documents.result import Evaluation, MetricValue, Result
 from station.documents.timing import Pace, Timing
 from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
 from station.records.run_record import RunRecord
-from station.reports.headline import badges, ending_text, headline, remaining_reasons, virtual_unit
+from station.reports.headline import badges, headline, how_it_ended, remaining_reasons, virtual_unit
 from station.reports.metric_sides import judging_rows, side_rows
 from station.reports.result_notes import check_lines, note_lines, summary_lines
 from station.reports.result_text import (
@@ -108,7 +108,7 @@ def timing_line(timing: Timing) -> str:
     share = missed / max(scans + missed, 1)
     return (
         f"{scans} scans of {timing.period_ns / 1e6:g} ms, {missed} missed ({share:.3%}), "
-        f"lateness {late.p50:.0f} µs typical, {late.p99:.0f} µs p99, {late.max:.0f} µs worst, "
+        f"wake-up latency {late.p50:.0f} µs typical, {late.p99:.0f} µs p99, {late.max:.0f} µs worst, "
         f"work {work.p50:.0f} µs, oldest sample {timing.oldest_sample_scans} scans"
     )
 
@@ -223,7 +223,7 @@ def verdict_panel(result: Result) -> Panel:
         body.append("\n").append(head.verdict, style=f"bold {VERDICT_STYLES[head.verdict].split()[-1]}")
     body.append(f"  {result.serial or ''}  {recipe.name} revision {recipe.revision}")
     if head.verdict:
-        body.append(f"  run {ending_text(result)}")
+        body.append(f"  run {how_it_ended(result)}")
     if result.before or result.retest_reason:
         body.append(f"\n{attempt_text(result.attempt, result.before, result.retest_reason)}")
     for reason in remaining_reasons(result):
@@ -233,7 +233,7 @@ def verdict_panel(result: Result) -> Panel:
         body.append(f"\n{left.text}: ", style="bold").append(left.next_action)
         way_back = way_back_command(result)
         if way_back:
-            body.append("\nThis command brings the bench back step by step, and asks before it moves: ").append(
+            body.append("\nThis command recovers the bench step by step, and asks before it moves: ").append(
                 way_back, style="bold"
             )
     return Panel(body, border_style=style.split()[-1], padding=(0, 1))

@@ -97,7 +97,7 @@ def _longest_gaps(proof: Timing) -> list[Gap]:
 
 
 def _percentile_rows(proof: Timing) -> tuple[Row, ...]:
-    series = {"lateness": proof.lateness_us, "work": proof.work_us, **(proof.parts_us or {})}
+    series = {"wake-up latency": proof.lateness_us, "work": proof.work_us, **(proof.parts_us or {})}
     return tuple(
         (name, *(f"{figure:.1f}" for figure in (found.p50, found.p99, found.p999, found.max)))
         for name, found in series.items()

@@ -3,7 +3,7 @@
 First come the columns of the trace, by which `lostmotion analyze` evaluates the file as it does the run: torques tared,
 angles from their zero, and what each row is for. Then those of the record, with values as recorded: the image under its
 own names, or with `image_` before a name that the trace has; the orders with `order_` before theirs; scan number,
-lateness and work. SI units stand in the names and in the file's own metadata.
+wake-up latency and work. SI units stand in the names and in the file's own metadata.
 """
 
 from __future__ import annotations

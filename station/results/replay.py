@@ -209,7 +209,7 @@ def _disorder(expected: int, found: int, rest: list[int]) -> str:
 
     """
     if found < expected:
-        return f"record {found} stands a second time, where record {expected} belongs: the file was changed"
+        return f"record {found} is there twice, in place of record {expected}: the file was changed"
     if any(expected <= number < found for number in rest):
         return (
             f"record {found} stands where record {expected} belongs: they are not in their order, the file was changed"

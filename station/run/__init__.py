@@ -1,1 +1,1 @@
-"""A run from its start to its conclusion: desk, child processes, virtual time, recovery, timing."""
+"""A run from its start to its conclusion: supervisor, child processes, virtual time, recovery, timing."""

@@ -29,12 +29,12 @@ ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 class LifeLine:
     """A pipe to the virtual bench, which ends when everyone who holds its other end is gone.
 
-    The desk may write lines into it: what state its controller is in, for faults that wait for a state.
+    The supervisor may write lines into it: what state its controller is in, for faults that wait for a state.
     """
 
     def __init__(self) -> None:
         self.reader, self.writer = os.pipe()
-        os.set_blocking(self.writer, False)  # a bench that does not read must not hold the desk
+        os.set_blocking(self.writer, False)  # a bench that does not read must not hold the supervisor
 
     def tell(self, line: bytes) -> None:
         """Write a line for the bench; one that is gone or does not read misses it."""
@@ -54,7 +54,7 @@ def nothing() -> None:
 
 def run_module(module: str, *words: str | Path, **options: Any) -> subprocess.Popen[bytes]:
     """Start a module of this program as a process of its own, with what it reads on its command line."""
-    # A session of its own: Ctrl-C in the terminal is for the desk, which unloads the torque first.
+    # A session of its own: Ctrl-C in the terminal is for the supervisor, which unloads the torque first.
     command = [sys.executable, "-m", module, *map(str, words)]
     return subprocess.Popen(command, start_new_session=True, env=os.environ | ONE_THREAD, **options)  # noqa: S603
 

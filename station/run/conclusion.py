@@ -16,13 +16,13 @@ from analysis.trace.trace import Trace
 from analysis.validity.evidence import Evidence, RunFacts
 from analysis.validity.judge import check_reasons, judge_checks
 from definitions.image import State
+from station.atomic_file import read_from_disk
 from station.bench.request import Job
 from station.documents.events import Alarm, EventRow
 from station.documents.manifest import MASTER, Manifest
 from station.documents.reading import document_in, plain
 from station.documents.result import DecisionRule, Judged, Result
 from station.documents.timing import Timing
-from station.durable import read_from_disk
 from station.errors import RecordError, StationError
 from station.records.left_state import left_state
 from station.records.program_file import SegmentRow, StoredProgram
@@ -35,8 +35,8 @@ from station.records.seal import seal
 from station.records.timing_proof import clock_note, objections_to_clock, run_facts, timing_block
 from station.results.evaluation import evaluate_trace, ratio_of, trace_of
 from station.results.judged import check_values, judged_in
-from station.run.ending import Ending
-from station.scan.desk_watch import DESK_GONE, DESK_SILENT
+from station.run.outcome import RunOutcome
+from station.scan.supervisor_watch import SUPERVISOR_GONE, SUPERVISOR_SILENT
 from station.wall_clock import now_text
 
 NOT_DECIDABLE = "NOT DECIDABLE"
@@ -62,39 +62,39 @@ class Conclusion:
     analysis: Found | None
 
 
-def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
+def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
     """Evaluate a run that has ended, write everything, read it back, and only then return the verdict.
 
     Raises:
         RecordError: something cannot be stored, or not be read back. The run has no verdict then and is not sealed:
-            it can be concluded again when the disk is in order.
+            it can be concluded again when the disk can be written again.
 
     """
     content, layout = read_from_disk(record.samples), record.layout()
-    read_back = check_bytes(content, ending.written, layout)
+    read_back = check_bytes(content, outcome.written, layout)
     table = sound_table(content, layout)
     run, program = record.manifest(), StoredProgram.of(record)
     period_ns = run.period_ns
     timing = replace(
-        timing_block(table, period_ns, run.clock, ending.realtime),
-        wires=ending.counters,
-        pace=ending.pace,
-        disk=ending.disk,
-        wall_clock_jumped_s=ending.clock_jumped_s or None,
+        timing_block(table, period_ns, run.clock, outcome.realtime),
+        wires=outcome.counters,
+        pace=outcome.pace,
+        disk=outcome.disk,
+        wall_clock_jumped_s=outcome.clock_jumped_s or None,
     )
-    if ending.pace is not None:
-        run = _with_virtual_unit(record, run, ending.pace.unit)
-    proof = replace(timing, **{one.name: getattr(ending.times, one.name) for one in fields(ending.times)})
-    events = events_of(table, period_ns, ending.notes)
-    state = "fault" if ending.refused else _end_state(table)
+    if outcome.pace is not None:
+        run = _with_virtual_unit(record, run, outcome.pace.unit)
+    proof = replace(timing, **{one.name: getattr(outcome.times, one.name) for one in fields(outcome.times)})
+    events = events_of(table, period_ns, outcome.notes)
+    state = "fault" if outcome.refused else _end_state(table)
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
-    if ending.lost:
-        broken.append(f"{ending.lost} records were lost: the supervisor process was too slow")
+    if outcome.lost:
+        broken.append(f"{outcome.lost} records were lost: the supervisor process was too slow")
     # The last record may say complete although the process that wrote it was lost before it could say so.
-    unsure = [ending.trouble] if ending.trouble and state == "complete" else []
-    of_clock = [] if ending.refused else objections_to_clock(timing)
+    unsure = [outcome.trouble] if outcome.trouble and state == "complete" else []
+    of_clock = [] if outcome.refused else objections_to_clock(timing)
     objections, facts = broken + unsure + of_clock, run_facts(table, timing, job.recipe.sampling)
-    trace, found, reasons = None, None, _early_reasons(state, events, ending)
+    trace, found, reasons = None, None, _early_reasons(state, events, outcome)
     if len(table) and not broken:
         trace, found, trouble = _evaluate(table, job, objections, facts, run_id=record.id, segments=program.segments)
         reasons += [trouble] if trouble and state == "complete" else []
@@ -118,7 +118,7 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         before=run.before,
         clock=run.clock,
         state=state,
-        stopped_by=stopped_by(ending) if state == "stopped" else None,
+        stopped_by=stopped_by(outcome) if state == "stopped" else None,
         verdict=judged.verdict,
         reasons=tuple(reasons),
         decision=DecisionRule(rule=job.recipe.decision.rule, guard_factor=job.recipe.decision.guard_factor),
@@ -127,8 +127,8 @@ def conclude(record: RunRecord, job: Job, ending: Ending) -> Conclusion:
         notes=(
             *run.notes,
             *_master_notes(run, state, judged.verdict),
-            *_desk_notes(ending),
-            *_clock_notes(timing, ending.clock_jumped_s),
+            *_supervisor_notes(outcome),
+            *_clock_notes(timing, outcome.clock_jumped_s),
             *judged.notes,
         ),
         stages=judged.stages,
@@ -164,15 +164,15 @@ def _end_state(table: Table) -> str:
     return END_STATES.get(int(table["orders"]["state"][-1]), INTERRUPTED) if len(table) else INTERRUPTED
 
 
-def stopped_by(ending: Ending) -> str:
+def stopped_by(outcome: RunOutcome) -> str:
     """Return who or what stopped a run: `operator`, or a cause that the ring or a note of the scan names."""
-    said = {note.text for note in ending.notes}
-    told = {DESK_GONE: "desk_gone", DESK_SILENT: "desk_silent"}
-    return ending.stopped_by or next((name for text, name in told.items() if text in said), "operator")
+    said = {note.text for note in outcome.notes}
+    told = {SUPERVISOR_GONE: "desk_gone", SUPERVISOR_SILENT: "desk_silent"}
+    return outcome.stopped_by or next((name for text, name in told.items() if text in said), "operator")
 
 
-def _desk_notes(ending: Ending) -> list[str]:
-    return [ending.desk_died] if ending.desk_died else []
+def _supervisor_notes(outcome: RunOutcome) -> list[str]:
+    return [outcome.desk_died] if outcome.desk_died else []
 
 
 def _clock_notes(timing: Timing, jumped_s: float) -> list[str]:
@@ -186,23 +186,23 @@ def _clock_notes(timing: Timing, jumped_s: float) -> list[str]:
     return [*of_scan, note]
 
 
-def _early_reasons(state: str, events: Sequence[EventRow | Alarm], ending: Ending) -> list[str]:
-    reasons = [ending.trouble] if ending.trouble and state != "complete" else []
-    if ending.refused:
+def _early_reasons(state: str, events: Sequence[EventRow | Alarm], outcome: RunOutcome) -> list[str]:
+    reasons = [outcome.trouble] if outcome.trouble and state != "complete" else []
+    if outcome.refused:
         return reasons
     if state == "fault":
         causes = [alarm for alarm in alarms_in(events) if alarm.first]
         reasons += [f"{alarm.text}: {alarm.cause}. {alarm.next_action}" for alarm in causes[:1]]
-    elif state == "stopped" and stopped_by(ending) == "desk_gone":
+    elif state == "stopped" and stopped_by(outcome) == "desk_gone":
         reasons.append(
             "the supervisor process ended before the run started; the scan process ended the run; nothing moved"
         )
     elif state == "stopped":
-        silent = stopped_by(ending) == "desk_silent"
+        silent = stopped_by(outcome) == "desk_silent"
         who = (
             "the scan process, because the supervisor process ended,"
             if silent
-            else ending.stopped_because or "the operator"
+            else outcome.stopped_because or "the operator"
         )
         reasons.append(f"{who} stopped the run; the torque was brought to zero and the lock opened")
     elif state == INTERRUPTED and not reasons:
@@ -216,9 +216,9 @@ def _master_notes(run: Manifest, state: str, verdict: str) -> list[str]:
     if right is None or state != "complete":
         return []
     if verdict == right:
-        return [f"{MASTER}{run.serial}: {right} is right, and that is what it read"]
-    wrong = "this bench may measure wrong. Measure nothing else on it before that is found"
-    return [f"{MASTER}{run.serial}: {right} is right, and it read {verdict}: {wrong}"]
+        return [f"{MASTER}{run.serial}: expected {right}, measured {right}"]
+    wrong = "this bench may measure wrong. Do not measure other units before the cause is found"
+    return [f"{MASTER}{run.serial}: expected {right}, measured {verdict}: {wrong}"]
 
 
 def _evaluate(

@@ -16,11 +16,11 @@ from typing import Any
 from controller.held_lock import Left
 from definitions.plain_data import exact, plain
 from definitions.program import Program
+from station.atomic_file import as_json
 from station.bench.assemble import Ports, wire_config
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.manifest import LeftBy
-from station.durable import as_json
 from station.errors import StationError
 from station.records.clocks import SCAN, Pacing
 from station.records.program_file import PROGRAM
@@ -32,7 +32,7 @@ TRUTH = "truth.csv"
 
 REAL_SPIN_NS = 100_000
 EMBEDDED_SPIN_NS = REAL_SPIN_NS if (os.cpu_count() or 1) > 1 else 0
-"""Spinning takes a tenth of a processor at 1 ms and makes p99 of the lateness ten times smaller (docs/determinism.md);
+"""Spinning takes a tenth of a processor at 1 ms and makes p99 of the latency ten times smaller (docs/determinism.md);
 beside an embedded bench on a single processor there is none to spare."""
 
 
@@ -75,7 +75,7 @@ def write_scan_spec(
         clock="scan" if waits else "wall",
         fast=pacing.fast,
         spin_ns=REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
-        desk=os.getpid(),
+        supervisor=os.getpid(),
         after_end_scans=after_end_scans,
         left=None if left is None else Left(left.fault, left.torque_in_tare_nm, left.torque_out_tare_nm),
     )
@@ -102,7 +102,7 @@ def compiled(job: Job, program: Path, ports: Ports | None, *, waits: bool = Fals
 
 
 def _profiles(job: Job, record: RunRecord) -> dict[str, str]:
-    return {name: str(record.folder / "profiles" / f"{name}.yaml") for name in job.profile_names}
+    return {name: str(record.folder / "profiles" / path.name) for name, path in job.profile_paths.items()}
 
 
 def _written(path: Path, spec: dict[str, Any]) -> Path:

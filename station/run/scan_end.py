@@ -1,4 +1,4 @@
-"""How the scan of a run ended, in the words of its own report and of the ring, seen from the run's desk."""
+"""How the scan of a run ended, in the words of its own report and of the ring, seen from the run's supervisor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from station.records.ring.to_disk import RecordWriter
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import unpack
 from station.run import children
-from station.run.ending import Ending, cause_name, scan_report
+from station.run.outcome import RunOutcome, cause_name, scan_report
 from station.scan.scan_spec import EXIT_REFUSED
 from station.wall_clock import JumpWatch
 
@@ -27,7 +27,7 @@ LAST_WORDS_S = 0.6
 LOST_IN_THE_MIDDLE = "The scan process was lost during the run: treat the unit as wound up"
 
 
-def ending_of(
+def outcome_of(
     process: subprocess.Popen[bytes],
     ring: RingReader,
     record: RunRecord,
@@ -36,7 +36,7 @@ def ending_of(
     *,
     embedded: bool,
     interrupted: bool,
-) -> Ending:
+) -> RunOutcome:
     """Return how a scan process ended that is not there any more; one that did not say so is marked dead in its ring.
 
     `embedded`: its bench is a process beside it, and still runs; `interrupted`: the operator asked for a stop.
@@ -62,7 +62,7 @@ def ending_of(
         )
         if embedded:
             time.sleep(LAST_WORDS_S)
-    return Ending(
+    return RunOutcome(
         written=(ring.written if said.written is None else said.written) - ring.lost,
         lost=ring.lost,
         realtime=said.realtime,

@@ -10,7 +10,7 @@ import zlib
 from typing import Any
 
 from definitions.image import Image, Orders, image_values
-from station.durable import Appender
+from station.atomic_file import Appender
 from station.records.samples.scan_record import BODY_BYTES, BODY_STRUCT, CHECK_STRUCT, RECORD_BYTES
 
 BLOCK_RECORDS = 256

@@ -7,14 +7,14 @@ from pathlib import Path
 
 from controller.context import Event
 from controller.controller import Controller
+from station.atomic_file import Appender
 from station.bench.assemble_virtual import load_scenario, virtual_config
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.events import Note
-from station.durable import Appender
 from station.records.run_record import RunRecord
 from station.run.asked_to_stop import Stopping, listening
-from station.run.ending import Ending, take_room
+from station.run.outcome import RunOutcome, take_room
 from station.run.virtual_recorder import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
@@ -26,7 +26,9 @@ LOOK_EVERY = 1024
 Show = Callable[[memoryview], None]
 
 
-def run_in_virtual_time(job: Job, record: RunRecord, unit: VirtualUnit, scenario: Path | None, show: Show) -> Ending:
+def run_in_virtual_time(
+    job: Job, record: RunRecord, unit: VirtualUnit, scenario: Path | None, show: Show
+) -> RunOutcome:
     """Run a job to its end and leave its records in the run's folder.
 
     Raises:
@@ -61,9 +63,9 @@ def run_in_virtual_time(job: Job, record: RunRecord, unit: VirtualUnit, scenario
     if injected is not None:
         last = Event(recorder.sequence - 1, "note", controller.state.name.lower(), "")
         notes += [_note(last._replace(text=f"injected fault: {text}")) for text in injected.why_unseen()]
-    ending = Ending(written=recorder.sequence, notes=tuple(notes))
-    ending.keep(record)
-    return ending
+    outcome = RunOutcome(written=recorder.sequence, notes=tuple(notes))
+    outcome.keep(record)
+    return outcome
 
 
 def _note(event: Event) -> Note:

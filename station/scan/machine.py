@@ -59,11 +59,11 @@ def isolated_core(root: Path) -> Finding:
 
 
 def cores(root: Path) -> Finding:
-    """Whether there are cores enough for scan, desk and, embedded, the virtual bench."""
+    """Whether there are cores enough for scan, supervisor and, embedded, the virtual bench."""
     count = len(list(root.glob("sys/devices/system/cpu/cpu[0-9]*")))
     found = f"{count} cores" if count else "the number of cores is not known"
     return Finding(
-        "cores", count >= 3, found, "the scan and an embedded virtual bench want a core each, the desk a third"
+        "cores", count >= 3, found, "the scan and an embedded virtual bench need a core each, the supervisor a third"
     )
 
 
@@ -84,7 +84,7 @@ def throttling(root: Path) -> Finding:
 
 
 DEEP_SLEEP_US = 50
-"""Time to wake from which on a sleep of the processor is seen in the lateness of a scan."""
+"""Time to wake from which on a sleep of the processor is seen in the wake-up latency of a scan."""
 
 SHORTEST_TIMER_MS = 1
 SLOW_CLOCKS = ("acpi_pm", "hpet", "jiffies", "pit")
@@ -123,7 +123,7 @@ def serial_latency(root: Path) -> Finding:
     timers = {path.parent.name: _text(path) for path in root.glob("sys/bus/usb-serial/devices/*/latency_timer")}
     slow = {name: timer for name, timer in timers.items() if timer.isdigit() and int(timer) > SHORTEST_TIMER_MS}
     told = ", ".join(f"{name} waits {timer} ms" for name, timer in sorted(slow.items()))
-    found = told or ("serial adapters pass on what they have" if timers else "no serial adapter on USB")
+    found = told or ("serial adapters forward data without delay" if timers else "no serial adapter on USB")
     names = " ".join(f"/sys/bus/usb-serial/devices/{name}/latency_timer" for name in sorted(slow))
     return Finding("serial adapter", not slow, found, f"echo 1 | tee {names}" if slow else "")
 
@@ -145,7 +145,7 @@ def privilege(root: Path) -> Finding:
 
 
 def _as_answered(found: Finding, granted: Mapping[str, object]) -> Finding:
-    """Return a finding on privilege, not in order when the machine has refused what the scan process asked for."""
+    """Return a finding on privilege, not OK when the machine has refused what the scan process asked for."""
     details = granted.get("details")
     reasons = details if isinstance(details, Mapping) else {}
     refused = [f"{name} refused: {reasons.get(name, '')}" for name in ("fifo", "mlock") if not granted.get(name)]

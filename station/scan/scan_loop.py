@@ -1,7 +1,7 @@
 """The scan: read, step, write, record. One loop for both clocks.
 
 In real time a schedule waits for absolute deadlines and skips whole periods; in virtual time scan follows scan as fast
-as they go, lateness and work are recorded as 0, and the same seed gives the same bytes.
+as they go, wake-up latency and work are recorded as 0, and the same seed gives the same bytes.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ class Stop:
     def __init__(self) -> None:
         self.wanted = False
         self.given = False
-        self.desk_gone = False
-        """Asked for because the desk ended before it had given START."""
+        self.supervisor_gone = False
+        """Asked for because the supervisor ended before it had given START."""
 
     def ask(self, *_: object) -> None:
         """Ask for it (usable as a signal handler)."""

@@ -2,7 +2,7 @@
 
 Opens the bench, asks the machine for real time, then scans until the controller has finished. No thread, no logging,
 no waiting call in the scan. SIGTERM asks the controller for a stop (unload first) and never ends the process at once;
-SIGINT is the desk's business. What it has to say is written as JSON when the scan is over.
+SIGINT is the supervisor's business. What it has to say is written as JSON when the scan is over.
 
 It reads a compiled program and a compiled bench, `ScanSpec`, and nothing else: what it loads into its locked memory is
 the controller, the drivers and their protocols.
@@ -24,8 +24,8 @@ from typing import Any
 from controller.controller import Controller
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
+from station.atomic_file import reserve, write_atomic
 from station.bench.bench_lock import BenchBusyError, alone_on
-from station.durable import reserve, write_durable
 from station.errors import RecordError
 from station.records.clocks import SCAN
 from station.records.process_birth import process_birth
@@ -33,15 +33,15 @@ from station.records.ring.ring import ScanState, StopCause
 from station.records.ring.writer import RingWriter
 from station.records.scan_times import ScanTimes
 from station.scan import machine, realtime
-from station.scan.desk_watch import LONGEST_SILENCE_S, DeskWatch
 from station.scan.scan_loop import START_AT, Stop, run_real
 from station.scan.scan_spec import EXIT_REFUSED, ScanSpec, SpecError, read_program, told
 from station.scan.schedule import BenchSchedule, RealTimeSchedule, Schedule
+from station.scan.supervisor_watch import LONGEST_SILENCE_S, SupervisorWatch
 
 LOOK_EVERY_S = 0.001
 PR_SET_PDEATHSIG = 1
 SHORTEST_SCAN_NS = 100_000
-"""No scan over wires takes less: without deadlines the silence of the desk is counted in these."""
+"""No scan over wires takes less: without deadlines the silence of the supervisor is counted in these."""
 
 REPORT_BYTES = 1 << 18
 """Room for the last report: histograms of the timing, the periods that were missed, notes."""
@@ -60,13 +60,13 @@ def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> dict[str, Any]:
     period_ns = compiled.wires.period_ns
     controller = Controller(read_program(compiled), left=spec.left)
     bench = WireBench(compiled.wires)
-    with ExitStack() as ending:
+    with ExitStack() as cleanup:
         if compiled.alone:
-            ending.enter_context(alone_on(compiled.bench, compiled.wires.can))
+            cleanup.enter_context(alone_on(compiled.bench, compiled.wires.can))
         verified = bench.open()
-        ending.callback(bench.close)
+        cleanup.callback(bench.close)
         grants = realtime.request_all()
-        if spec.fast:  # it never sleeps: with a priority above all others it would starve the desk
+        if spec.fast:  # it never sleeps: with a priority above all others it would starve the supervisor
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         spin_ns, spinning = realtime.spin_tail(spec.spin_ns, grants)
         schedule = schedule_of(spec, bench, period_ns, spin_ns)
@@ -79,7 +79,7 @@ def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> dict[str, Any]:
         ring.set_state(ScanState.RUNNING)
         times = ScanTimes()
         scan_ns = SHORTEST_SCAN_NS if spec.fast else period_ns
-        desk = DeskWatch(ring, stop, scan_ns, commands_from=START_AT if spec.clock == SCAN else 0)
+        supervisor = SupervisorWatch(ring, stop, scan_ns, commands_from=START_AT if spec.clock == SCAN else 0)
         if spec.clock == SCAN:
             _wait_for_start(ring, stop)
             bench.begin()
@@ -88,7 +88,7 @@ def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> dict[str, Any]:
             bench,
             controller,
             ring.append,
-            desk.take_command,
+            supervisor.take_command,
             schedule=schedule,
             stop=stop,
             times=times,
@@ -107,7 +107,7 @@ def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> dict[str, Any]:
         "counters": counters,
         "times": times.to_dict() | {"resident_kb": resident_kb},
         "pace": pace_of(bench, schedule),
-        "notes": [event._asdict() for event in controller.events if event.kind == "note"] + desk.notes(),
+        "notes": [event._asdict() for event in controller.events if event.kind == "note"] + supervisor.notes(),
         "stopped_by_signal": stop.wanted,
     }
 
@@ -128,7 +128,7 @@ def pace_of(bench: WireBench, schedule: Schedule) -> dict[str, Any] | None:
 
 
 def _wait_for_start(ring: RingWriter, stop: Stop) -> None:
-    """Wait for the desk's first command: where the first scan is the first instant, a run begins from there."""
+    """Wait for the supervisor's first command: where the first scan is the first instant, a run begins from there."""
     until = time.monotonic() + LONGEST_SILENCE_S
     while not (ring.commands_given or stop.wanted) and time.monotonic() < until:
         time.sleep(LOOK_EVERY_S)
@@ -140,7 +140,7 @@ def _tell(path: Path, report: dict[str, Any], *, flush: bool) -> None:
     A disk that refuses it changes nothing else: how the scan ended stands in the ring too.
     """
     try:
-        write_durable(path, json.dumps(report, ensure_ascii=False).encode(), flush=flush)
+        write_atomic(path, json.dumps(report, ensure_ascii=False).encode(), flush=flush)
     except RecordError as error:
         with suppress(OSError):  # what was said goes to a file on the same disk
             sys.stderr.write(f"{error}\n")
@@ -152,12 +152,12 @@ def _take_room(path: Path) -> None:
         reserve(path, REPORT_BYTES)
 
 
-def _watch_desk(desk: int, ring: RingWriter, stop: Stop) -> None:
-    """End a scan that nobody has started and nobody can start any more; one that was started is for `DeskWatch`."""
+def _watch_supervisor(supervisor: int, ring: RingWriter, stop: Stop) -> None:
+    """End a scan that nobody can start any more; one that was started is for `SupervisorWatch`."""
 
     def desk_died(*_: object) -> None:
-        if os.getppid() != desk and ring.commands_given == 0:
-            stop.desk_gone = True
+        if os.getppid() != supervisor and ring.commands_given == 0:
+            stop.supervisor_gone = True
             ring.note_stop(StopCause.DESK_GONE)
             stop.ask()
 
@@ -177,7 +177,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, stop.ask)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ring = RingWriter(Path(spec.ring))
-    _watch_desk(spec.desk, ring, stop)
+    _watch_supervisor(spec.supervisor, ring, stop)
     code, state = 0, ScanState.FINISHED
     try:
         report = scan(spec, ring, stop)

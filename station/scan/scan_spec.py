@@ -17,7 +17,7 @@ from controller.held_lock import Left
 from definitions.plain_data import InexactError, exact, plain
 from definitions.program import Program
 from drivers.config import WireBenchConfig
-from station.durable import open_file
+from station.atomic_file import open_file
 from station.errors import StationError
 
 SpecT = TypeVar("SpecT")
@@ -53,8 +53,8 @@ class Compiled:
 class ScanSpec:
     """What the scan process is told.
 
-    ring, report: paths. clock: wall or scan. fast: scan clock without deadlines. desk: process id of the supervisor.
-    after_end_scans: to go on after the end. left: for a recovery, how the bench was left.
+    ring, report: paths. clock: wall or scan. fast: scan clock without deadlines. supervisor: process id of the
+    supervisor. after_end_scans: to go on after the end. left: for a recovery, how the bench was left.
     """
 
     ring: str
@@ -63,7 +63,7 @@ class ScanSpec:
     clock: Literal["wall", "scan"]
     fast: bool
     spin_ns: int
-    desk: int
+    supervisor: int
     after_end_scans: int
     left: Left | None
 

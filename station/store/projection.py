@@ -49,7 +49,7 @@ def rows_of(run: RunRecord, chain: Chain) -> Rows:
         concluded = sealed is not None or is_sealed(manifest)
         altered = alterations(run, samples=False, chain=chain, trusted=frozenset(signers))
         if sealed is not None and not is_sealed(manifest):
-            altered = altered or (f"{MANIFEST}: is not yet the one with which the run was concluded",)
+            altered = altered or (f"{MANIFEST}: is still being written. Look again in a moment",)
         result = run.read(Result, RESULT) if concluded and not altered else None
         found = _attempt_rows(name, run, manifest, created)
         if concluded:

@@ -51,11 +51,11 @@ def measure(spec: TimingSpec, ring: RingWriter) -> dict[str, Any]:
     period_ns = compiled.wires.period_ns
     controller = Idle(Controller(read_program(compiled)), spec.periods)
     bench = WireBench(compiled.wires)
-    with ExitStack() as ending:
+    with ExitStack() as cleanup:
         if compiled.alone:
-            ending.enter_context(alone_on(compiled.bench, compiled.wires.can))
+            cleanup.enter_context(alone_on(compiled.bench, compiled.wires.can))
         bench.open()
-        ending.callback(bench.close)
+        cleanup.callback(bench.close)
         grants = realtime.request_all()
         spin_ns, spinning = realtime.spin_tail(spec.spin_ns, grants)
         schedule = RealTimeSchedule(period_ns, spin_ns=spin_ns)

@@ -1,4 +1,4 @@
-"""Measuring a machine without a unit under test: bench, scan and desk as in a run, and a report instead of a record."""
+"""Measuring a machine without a unit under test: bench, scan and supervisor as in a run; a report, no record."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from typing import Any
 from definitions.image import Image
 from definitions.plain_data import plain
 from recipes import Recipe
+from station.atomic_file import as_json
 from station.bench.request import Job
-from station.durable import as_json
 from station.errors import BenchFaultError
 from station.records.clocks import WALL
 from station.records.program_file import PROGRAM
@@ -24,8 +24,8 @@ from station.records.ring.reader import RingReader
 from station.records.ring.ring import create
 from station.records.samples.scan_record import BODY_BYTES, IMAGE_FIRST, RECORD_BYTES, RECORD_STRUCT
 from station.run import children
-from station.run.desk import LOOK_EVERY_S
 from station.run.process_specs import EMBEDDED_SPIN_NS, REAL_SPIN_NS, compiled
+from station.run.supervisor import LOOK_EVERY_S
 from station.scan.machine import look
 from station.scan.scan_spec import SpecFile, TimingSpec, write_spec
 

@@ -10,7 +10,7 @@ import hashlib
 import hmac
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
 from typing import Any, Literal, NamedTuple
@@ -18,10 +18,16 @@ from typing import Any, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sqlalchemy import Connection, delete, insert, select
 
+from recipes import RecipeError
+from recipes.text.section import Name
+from recipes.text.section import Revision as RevisionNumber
+from recipes.text.yaml_source import LARGEST_FILE
 from station.errors import StationError
 from station.records.data_folder import Store
+from station.records.recipe_revisions import History, Revision, RevisionError, ask_release, release, save_draft
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.bypasses import LONGEST_HOURS, BypassError, add_bypass, bypasses_now, end_bypass
+from station.web.dry_run import DryRuns
 from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.mes.settings import MesSettings
 from station.web.models import Models
@@ -44,6 +50,7 @@ from station.web.people.accounts import (
 )
 from station.web.people.database import ANSWERS, CONFIRMED, StationDatabase
 from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
+from station.web.recipe_check import BadRecipeError, bench_of, encoded, refuse_unfit
 from station.web.running import Running
 from station.web.scanner import ScanError, serial_of
 
@@ -51,6 +58,7 @@ EVERYBODY = frozenset(ROLES)
 AT_THE_BENCH = frozenset({"operator", "technician", "engineer", "admin"})
 IN_CHARGE = frozenset({"technician", "engineer", "admin"})
 ADMIN = frozenset({"admin"})
+MAY_RELEASE = frozenset({"quality", "engineer", "admin"})
 
 MAY_START = AT_THE_BENCH | {MES}
 
@@ -130,6 +138,27 @@ class NewPassword(_Needs):
     new_password: str
 
 
+class RecipeText(_Needs):
+    """The text of a recipe; `replaces`: SHA-256 of the draft of the same revision that was read before, if any."""
+
+    text: str = Field(min_length=1, max_length=LARGEST_FILE)
+    replaces: str = Field(default="", max_length=64)
+
+
+class RecipeTried(_Needs):
+    """The text of a recipe."""
+
+    text: str = Field(min_length=1, max_length=LARGEST_FILE)
+
+
+class RecipeRevision(_Needs):
+    """A revision of a recipe, and the SHA-256 of its text as it was read."""
+
+    name: Name
+    revision: RevisionNumber
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+
+
 class Answer(NamedTuple):
     """What became of an action: an HTTP status and what is said."""
 
@@ -157,6 +186,7 @@ class Station:
     """Further options of `lostmotion run`, as the server was started with them."""
     mes: MesSettings | None = None
     """The MES of the plant; None: none is asked or told."""
+    dry_runs: DryRuns = field(default_factory=DryRuns)
 
 
 @dataclass(frozen=True)
@@ -174,7 +204,10 @@ class Call:
 
 
 class Action(NamedTuple):
-    """One row: id, roles, what it needs, what it does, and which of its values stand in the audit trail."""
+    """One row: id, roles, what it needs, what it does, and which of its values stand in the audit trail.
+
+    tells: what of its answer stands there too.
+    """
 
     id: str
     text: str
@@ -183,6 +216,7 @@ class Action(NamedTuple):
     does: Callable[[Call, Any], dict[str, Any]]
     audited: tuple[str, ...] = ()
     with_first_password: bool = False
+    tells: tuple[str, ...] = ()
 
 
 def _start_run(call: Call, given: Start) -> dict[str, Any]:
@@ -194,7 +228,7 @@ def _start_run(call: Call, given: Start) -> dict[str, Any]:
         raise NotNowError(why)
     model = now.model
     assert model is not None  # noqa: S101 - a condition of the start
-    options = [*model.run_options(), "--operator", call.person.name, "--no-report", *station.run_options]
+    options = [*now.run_options(), "--operator", call.person.name, "--no-report", *station.run_options]
     used = {name for name, _ in refusals(now)}
     for note in (str(one) for one in bypasses if one.condition in used):
         options += ["--note", note]
@@ -246,7 +280,7 @@ def unconfirmed_run(station: Station) -> str:
 
 def _stop_run(call: Call, _given: Nothing) -> dict[str, Any]:
     if not call.station.running.stop():
-        raise NotNowError([("no_run", "No run is on.")])
+        raise NotNowError([("no_run", "No run is in progress.")])
     return {}
 
 
@@ -271,6 +305,43 @@ def _end_bypass(call: Call, given: EndedBypass) -> dict[str, Any]:
     return {"condition": given.condition}
 
 
+def _save_recipe(call: Call, given: RecipeText) -> dict[str, Any]:
+    try:
+        found = save_draft(call.station.data, encoded(given.text), call.person.name, given.replaces)
+    except RecipeError as error:
+        raise BadRecipeError(str(error.problems[0])) from error
+    return _told_of(found)
+
+
+def _ask_release(call: Call, given: RecipeRevision) -> dict[str, Any]:
+    _refuse_unfit(call.station, given)
+    return _told_of(ask_release(call.station.data, given.name, given.revision, given.sha256, call.person.name))
+
+
+def _release_recipe(call: Call, given: RecipeRevision) -> dict[str, Any]:
+    _refuse_unfit(call.station, given)
+    return _told_of(release(call.station.data, given.name, given.revision, given.sha256, call.person.name))
+
+
+def _try_recipe(call: Call, given: RecipeTried) -> dict[str, Any]:
+    content = encoded(given.text)
+    header = refuse_unfit(content, call.station.models).recipe.recipe
+    title = f"{header.name} revision {header.revision}"
+    begun = call.station.dry_runs.start(content, title, bench_of(call.station.models, header.name))
+    return {"name": header.name, "revision": header.revision, "sha256": begun.sha256}
+
+
+def _refuse_unfit(station: Station, given: RecipeRevision) -> None:
+    """Refuse a text that cannot be run; one that is not there is refused by whoever looks for it."""
+    there = History(station.data).find(given.name, given.revision)
+    if there is not None and there.sha256 == given.sha256:
+        refuse_unfit(there.text(), station.models)
+
+
+def _told_of(found: Revision) -> dict[str, Any]:
+    return {"name": found.name, "revision": found.revision, "sha256": found.sha256, "state": found.state.value}
+
+
 def _add_person(call: Call, given: NewPerson) -> dict[str, Any]:
     add_person(call.connection, given.name, given.role, given.password)
     return {"name": given.name, "role": given.role}
@@ -285,7 +356,7 @@ def _disable_person(call: Call, given: Named) -> dict[str, Any]:
 
 def _reset_person(call: Call, given: FreshPassword) -> dict[str, Any]:
     if given.name == call.person.name:
-        raise AccountError("name: change the own password by change_password")
+        raise AccountError("name: use change_password for your own password")
     reset_person(call.connection, given.name, given.password)
     return {"name": given.name}
 
@@ -313,11 +384,19 @@ ACTIONS: dict[str, Action] = {
         Action("add_bypass", "set a start condition aside for some hours", IN_CHARGE, NewBypass, _add_bypass,
                ("condition", "reason", "hours")),
         Action("end_bypass", "let a start condition count again", IN_CHARGE, EndedBypass, _end_bypass, ("condition",)),
+        Action("save_recipe", "save a recipe as the draft of a revision", IN_CHARGE, RecipeText, _save_recipe,
+               tells=("name", "revision", "sha256")),
+        Action("try_recipe", "run a recipe in virtual time with a unit of the catalogue values",
+               IN_CHARGE | MAY_RELEASE, RecipeTried, _try_recipe, tells=("name", "revision", "sha256")),
+        Action("ask_release", "ask that the draft of a recipe be released", IN_CHARGE, RecipeRevision, _ask_release,
+               ("name", "revision", "sha256")),
+        Action("release_recipe", "release a recipe that another person has written", MAY_RELEASE, RecipeRevision,
+               _release_recipe, ("name", "revision", "sha256")),
         Action("add_person", "add an account", ADMIN, NewPerson, _add_person, ("name", "role")),
         Action("disable_person", "close an account", ADMIN, Named, _disable_person, ("name",)),
         Action("reset_person", "open an account again with a first password", ADMIN, FreshPassword, _reset_person,
                ("name",)),
-        Action("change_password", "change the own password", EVERYBODY, NewPassword, _change_password,
+        Action("change_password", "change your own password", EVERYBODY, NewPassword, _change_password,
                with_first_password=True),
         Action("leave", "end the session", EVERYBODY, Nothing, _leave, with_first_password=True),
     )
@@ -409,7 +488,7 @@ def _done(call: Call, row: Action, values: Any) -> Answer:
         if isinstance(error, EntryRefusedError):
             count_wrong(connection, person.name)
         return _refused(connection, session, row, *_why(error), told)
-    audit.write(connection, person.name, row.id, audit.DONE, told)
+    audit.write(connection, person.name, row.id, audit.DONE, told | {name: found[name] for name in row.tells})
     return Answer(OK, {"done": row.id, **found})
 
 
@@ -418,6 +497,8 @@ _REFUSALS: tuple[tuple[type[StationError], int, str], ...] = (
     (AccountError, BAD_INPUT, "input"),
     (ScanError, BAD_INPUT, "scan"),
     (BypassError, BAD_INPUT, "input"),
+    (BadRecipeError, BAD_INPUT, "recipe"),
+    (RevisionError, NOT_NOW, "recipe"),
 )
 """Status and id of a refusal, by what was raised; of anything else the station cannot do it now."""
 

@@ -36,7 +36,7 @@ class Guard:
         headers = Headers(scope=scope)
         host, origin = headers.get("host", "").lower(), headers.get("origin")
         if host not in self._hosts:
-            words = f"This server has no name {host[:60]!r}. If it shall have it, start it with --name."
+            words = f"This server has no name {host[:60]!r}. To allow that name, start the station with --name."
             await _refuse(scope, receive, send, words)
             return
         foreign = origin is not None and origin.partition("://")[2].lower() != host

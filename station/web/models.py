@@ -38,11 +38,6 @@ class Model(BaseModel):
             raise refusal(text, f"a regular expression: {error}") from error
         return text
 
-    def run_options(self) -> list[str]:
-        """Return recipe, bench and virtual unit as `lostmotion run` takes them."""
-        bench = ["--bench", self.bench] if self.bench else []
-        return [self.recipe, *bench, *(["--unit", self.unit] if self.unit else [])]
-
     def fits(self, serial: str) -> bool:
         """Say whether a serial number is one of this model."""
         return re.fullmatch(self.serial, serial) is not None

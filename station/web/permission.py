@@ -18,6 +18,7 @@ from station.documents.manifest import MASTER, EarlierAttempt
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
+from station.records.recipe_revisions import History, Revision, RevisionError
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
 from station.run.disk_space import refuse_full_disk
 from station.wall_clock import WALL_CLOCK
@@ -43,6 +44,7 @@ class Wanted:
 class Situation:
     """What the conditions look at. job: of the unit's recipe, None where it cannot be had; then why_no_job says so.
 
+    release: the released revision that the recipe is, letter by letter; None where its text is not released.
     previous_step: what the MES says of the unit; None where the plant has set up no MES.
     """
 
@@ -51,6 +53,7 @@ class Situation:
     model: Model | None
     job: Job | None
     why_no_job: str
+    release: Revision | None
     busy: bool
     before: tuple[EarlierAttempt, ...]
     newest: RunRecord | None
@@ -61,6 +64,14 @@ class Situation:
     def is_master_part(self) -> bool:
         """Whether the unit is a master part of the bench: it may be measured at any time, as often as anybody likes."""
         return self.job is not None and self.job.bench.master_part(self.wanted.serial) is not None
+
+    def run_options(self) -> list[str]:
+        """Return recipe, bench and virtual unit as `lostmotion run` takes them: the recipe's file as it was judged."""
+        if self.model is None or self.job is None:
+            raise StationError("there is no recipe to run: the start conditions are not met")
+        model, recipe = self.model, str(self.job.recipe_source.path)
+        bench = ["--bench", model.bench] if model.bench else []
+        return [recipe, *bench, *(["--unit", model.unit] if model.unit else [])]
 
 
 class Condition(NamedTuple):
@@ -77,16 +88,27 @@ def situation_of(
     previous_step: PreviousStep | None = None,
 ) -> Situation:  # fmt: skip
     """Look at what is there; confirmed: runs whose bad unit is in its box; previous_step: what the MES says."""
-    model, job, why = models.of(wanted.serial), None, ""
+    model, job, why, release = models.of(wanted.serial), None, "", None
     if model is not None:
         try:
-            job = load_job(model.recipe, model.bench)
+            history = History(data)
+            job = load_job(recipe_file(history, model.recipe), model.bench)
+            release = history.released_with(job.recipe_source.sha256)
         except (RecipeError, StationError) as error:
             why = str(error)
     store = Store(data)
     before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
-    return Situation(data, wanted, model, job, why, busy, before, newest, unconfirmed(data, confirmed), previous_step)
+    bad = unconfirmed(data, confirmed)
+    return Situation(data, wanted, model, job, why, release, busy, before, newest, bad, previous_step)
+
+
+def recipe_file(history: History, recipe: str) -> str:
+    """Return the file of a recipe that the table of models names: of its newest released revision, where it has one."""
+    found = history.newest_released(recipe)
+    if found is None and any(name == recipe for name, _ in history.own):
+        raise RevisionError(f"{recipe} has no released revision. A second person releases its draft")
+    return recipe if found is None or found.shipped else str(found.path)
 
 
 def refusals(situation: Situation, bypassed: Collection[str] = ()) -> list[tuple[str, str]]:
@@ -117,7 +139,7 @@ def may_be_bad(run: RunRecord) -> bool:
 
 
 def _bench_free(one: Situation) -> str | None:
-    return "A run is on. Wait for its result, then scan again." if one.busy else None
+    return "A run is in progress. Wait for its result, then scan again." if one.busy else None
 
 
 def _model_known(one: Situation) -> str | None:
@@ -144,13 +166,23 @@ def unverified_note(one: Situation) -> str | None:
     """Return what the record says of a unit whose previous process step nobody has confirmed; None otherwise."""
     if one.previous_step is None or one.is_master_part or not one.previous_step.unverified:
         return None
-    return "unverified: the MES was away, so the previous process step of this unit was not confirmed"
+    return "unverified: the MES was not reachable, so the previous process step of this unit was not confirmed"
 
 
 def _recipe_in_order(one: Situation) -> str | None:
     if one.model is None or one.job is not None:
         return None
     return f"The recipe {one.model.recipe} cannot be run: {one.why_no_job}"
+
+
+def _recipe_released(one: Situation) -> str | None:
+    if one.job is None or one.release is not None:
+        return None
+    header = one.job.recipe.recipe
+    return (
+        f"The recipe {header.name} revision {header.revision} ({one.job.recipe_source.path}) is not released. "
+        "A technician imports it on the page Recipes, and a second person releases it."
+    )
 
 
 def _bad_unit_put_away(one: Situation) -> str | None:
@@ -190,7 +222,7 @@ def _bench_recovered(one: Situation) -> str | None:
     except StationError as error:
         return f"The newest run cannot be read: {error}"
     if state in ("fault", INTERRUPTED, NOT_CONCLUDED):
-        return f"Run {name} ended with '{state}'. A technician brings the bench back with 'lostmotion recover'."
+        return f"Run {name} ended with '{state}'. A technician recovers the bench with 'lostmotion recover'."
     return None
 
 
@@ -226,7 +258,7 @@ def _clock_plausible(one: Situation) -> str | None:
 
 
 CONDITIONS: tuple[Condition, ...] = (
-    Condition("bench_free", "no run is on", _bench_free),
+    Condition("bench_free", "no run is in progress", _bench_free),
     Condition("model_known", "the serial number is one of a known model", _model_known),
     Condition(
         "previous_step_passed",
@@ -234,7 +266,8 @@ CONDITIONS: tuple[Condition, ...] = (
         _previous_step_passed,
         may_be_bypassed=True,
     ),
-    Condition("recipe_in_order", "recipe and bench of the model are in order", _recipe_in_order),
+    Condition("recipe_in_order", "recipe and bench of the model are valid", _recipe_in_order),
+    Condition("recipe_released", "a second person has released the recipe as it is", _recipe_released),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
     Condition(
         "attempts_left", "the unit was not measured as often as its model allows", _attempts_left, may_be_bypassed=True
@@ -245,10 +278,10 @@ CONDITIONS: tuple[Condition, ...] = (
         _retest_reason,
         may_be_bypassed=True,
     ),
-    Condition("bench_recovered", "the bench was brought back after a fault", _bench_recovered),
+    Condition("bench_recovered", "the bench was recovered after a fault", _bench_recovered),
     Condition(
         "master_parts",
-        "each master part of the bench was measured when it was due, and read as it should",
+        "each master part of the bench was measured on time, with the expected verdict",
         _master_parts,
         may_be_bypassed=True,
     ),

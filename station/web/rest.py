@@ -45,6 +45,7 @@ from station.web.people.accounts import (
     is_name,
     session_of,
 )
+from station.web.rest_recipes import add_recipes
 from station.web.rest_runs import CookieToken, add_runs
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
@@ -87,8 +88,8 @@ class Me(BaseModel):
 
 
 MEANING = {
-    200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not by this role", 404: "there is none",
-    NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "the station cannot do it: its disk, or too many requests",
+    200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not allowed for this role", 404: "there is none",
+    NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "disk problem, or too many requests: try again",
 }  # fmt: skip
 
 
@@ -113,6 +114,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         return None
 
     add_runs(app, station, refuse, _answers)
+    add_recipes(app, station, refuse, _answers)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)
         needed = any(one.is_required() for one in row.needs.model_fields.values())
@@ -148,7 +150,7 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
 
 
 def _add_readings(app: FastAPI, station: Station) -> None:
-    @app.get("/api/now", summary="what the bench does", tags=["bench"], **_answers(200, 401, 503))
+    @app.get("/api/now", summary="state of the bench", tags=["bench"], **_answers(200, 401, 503))
     def now(token: CookieToken = None) -> Response:
         if _session(station, token) is None:
             return _not_entered()
@@ -182,7 +184,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             return JSONResponse(said("run", str(error)), NOT_NOW)
 
     @app.get(
-        "/api/audit", summary="the newest lines of the audit trail, and its head", tags=["audit"],
+        "/api/audit", summary="the newest lines of the audit trail, and the hash of the last one", tags=["audit"],
         **_answers(200, 401, 403, 422, 503),
     )  # fmt: skip
     def audit_lines(token: CookieToken = None, newest: Annotated[int, Query(ge=1, le=MOST_LINES)] = 100) -> Response:

@@ -115,9 +115,9 @@ class Running:
         """Ask the run that is on for a stop, as Ctrl-C does; False where there is none."""
         if self.now().stage != RUNNING or self._watched is None:
             return False
-        desk = self._watched.record.manifest().desk
+        supervisor = self._watched.record.manifest().desk
         with suppress(ProcessLookupError):
-            os.kill(desk.pid, signal.SIGINT)
+            os.kill(supervisor.pid, signal.SIGINT)
         return True
 
     def now(self) -> Now:

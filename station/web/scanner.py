@@ -53,7 +53,7 @@ def _of_elements(text: str) -> str:
         name = next((one for one in (*FIXED, *VARIABLE) if text.startswith(one)), None)
         if name is None:
             raise ScanError(
-                f"{text[:20]!r}: is no GS1 element that stands on a unit; a separator may be lost. Check the scanner's "
+                f"{text[:20]!r}: is not a GS1 element for a unit; a separator may be lost. Check the scanner's "
                 "setting for GS (FNC1), and scan again"
             )
         text = text[len(name) :]
@@ -77,7 +77,7 @@ def _of_elements(text: str) -> str:
 def _checked(text: str) -> str:
     if not text or len(text) > LONGEST_SERIAL or not text.isprintable() or not text.isascii():
         raise ScanError(
-            f"{text[:40]!r}: is no serial number; allowed are 1 to {LONGEST_SERIAL} printable ASCII characters. "
+            f"{text[:40]!r}: is not a serial number; allowed are 1 to {LONGEST_SERIAL} printable ASCII characters. "
             "Scan again, or check the scanner's keyboard layout"
         )
     return text

@@ -129,4 +129,5 @@ def serve(served: Served) -> None:
     finally:
         if sender is not None:
             sender.close()
+        station.dry_runs.close()
         station.database.close()

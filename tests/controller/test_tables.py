@@ -2,28 +2,40 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+import random
+from functools import reduce
+from operator import or_
 from types import SimpleNamespace
 from typing import get_type_hints
 
 import pytest
-from programs import ROWS
+from bench_model import READY
+from programs import LIMITS, ROWS, short_program
 from transitions import MachineError
 
+from controller.beyond_limits import BeyondLimits
+from controller.conditions import KINDS, Measured
 from controller.controller import _OrdersDraft
+from controller.interlocks import INTERLOCKS
 from controller.loading import TIMEOUT_FAULT
 from controller.preparation import ENABLE_PATH
 from controller.states import TRANSITIONS, TRIGGER_INTO, Sequence
-from definitions.faults import FAULT_BY_ID
+from definitions.faults import FAULT_BY_ID, bit_of
 from definitions.first_image import first_image
 from definitions.image import (
     IMAGE_FIELDS,
     IMAGE_STRUCT,
     ORDERS_FIELDS,
     ORDERS_STRUCT,
+    Command,
     DriveMode,
     DriveState,
     Image,
+    NmtState,
     Orders,
+    SampleStatus,
     State,
     taker,
 )
@@ -121,3 +133,57 @@ def test_small_tables():
     assert ENABLE_PATH.keys().isdisjoint({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE, DriveState.UNKNOWN})
     assert {S.COMPLETE, S.STOPPED} == OVER
     assert {mode.value for mode in DriveMode} == {0, 6, 9, 10}
+
+
+# of each field, whether it is in order or not: what makes the conditions come and go
+STRANGE: dict[str, tuple[float, ...]] = {
+    "command": (Command.NONE, Command.QUICK_STOP),
+    "estop_released": (0, 1),
+    "guard_closed": (0, 1),
+    "links_lost": tuple(range(16)),
+    "drive_nmt_state": (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL),
+    "drive_state": (DriveState.OPERATION_ENABLED, DriveState.SWITCHED_ON, DriveState.FAULT),
+    "drive_mode": (DriveMode.CYCLIC_SYNC_TORQUE, DriveMode.HOMING),
+    "drive_emcy_code": (0, 0x8130),
+    "drive_internal_limit": (0, 1),
+    "drive_follows_command": (0, 1),
+    "drive_torque_nm": (0.0, 1e6),
+    "torque_out_nm": (0.0, 400.0, math.nan),
+    "drive_angle_rad": (0.0, 40.0),
+    "sample_age_scans": (0, 6),
+    "sample_status": (0, *SampleStatus),
+    "brake_on": (0, 1),
+    "brake_current_a": (0.0, 20.0),
+}
+EXPECTED: dict[str, tuple[float, ...]] = {
+    "counter_stands": (False, True),
+    "drive_enabled_expected": (False, True),
+    "mode_expected": (0, DriveMode.CYCLIC_SYNC_TORQUE),
+    "agreement_live": (False, True),
+    "brake_current_expected_a": (0.0, 10.0),
+    "locked_motion_rad": (0.0, 1.0),
+    "lock_motion_limit_rad": (0.1, math.inf),
+}
+
+
+def test_each_kind_of_condition_answers_with_all_of_its_bits_and_no_others():
+    dice, answered = random.Random(1), dict.fromkeys(KINDS, 0)  # noqa: S311 - the same images each time
+    program = short_program()
+    for loading_input in (True, False):
+        for _ in range(2000):
+            image = READY._replace(**{name: dice.choice(values) for name, values in STRANGE.items()})
+            measured = Measured()
+            for name, values in EXPECTED.items():
+                setattr(measured, name, dice.choice(values))
+            measured.torque_out_nm, measured.drive_apart_rad = image.torque_out_nm, image.drive_angle_rad
+            loaded = dataclasses.replace(program, loading_input=loading_input)
+            for kind in KINDS:
+                answered[kind] |= kind.test(image, measured, program.limits, loaded)
+    assert {kind.test.__name__: found ^ kind.bits for kind, found in answered.items() if found != kind.bits} == {}
+
+
+def test_every_interlock_is_looked_for_by_one_kind_or_against_a_limit():
+    of_kinds = [kind.bits for kind in KINDS]
+    assert sum(of_kinds) == reduce(or_, of_kinds)  # no bit is of two kinds
+    interlocks = {row.fault for row in INTERLOCKS}
+    assert reduce(or_, of_kinds) | BeyondLimits(LIMITS).bits == sum(bit_of(fault) for fault in interlocks)

@@ -56,3 +56,20 @@ def test_two_amplifiers_of_swapped_floats_and_a_brake_that_is_a_coil(lostmotion,
     for unproven in ("brake_current_lost", "set to by hand", "torques: no identity"):
         assert unproven in said
     assert "angles: no identity" not in said
+
+
+def test_torques_and_angles_of_two_canopen_sensors(lostmotion, truth):
+    """A transducer that sends every millisecond in its own time, and encoders that answer SYNC."""
+    result = run_on(lostmotion, "can-sensors")
+    assert beyond_its_uncertainty(result, truth) == []
+    wires, scans = result["timing"]["wires"], result["timing"]["scans"]
+    assert min(wires["flange.frames"], wires["encoders.frames"] / 2) > 0.99 * scans
+    assert wires["flange.malformed"] == wires["encoders.malformed"] == wires["can.frames_foreign"] == 0
+    assert any("Channel angle_in of encoders: not proven" in note for note in result["notes"])
+
+
+def test_raw_frames_that_a_dbc_file_describes(lostmotion, truth):
+    result = run_on(lostmotion, "can-dbc")
+    assert beyond_its_uncertainty(result, truth) == []
+    assert result["timing"]["wires"]["box.frames"] > 1.98 * result["timing"]["scans"]
+    assert not any("torque_out of box: not proven" in note for note in result["notes"]), "its noise proves it new"

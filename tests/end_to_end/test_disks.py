@@ -18,7 +18,7 @@ from patient import GOLDEN_RECIPE
 from run_samples import read_back
 
 import station.cli.measure.run
-from station.durable import Appender, reserve, write_durable
+from station.atomic_file import Appender, reserve, write_atomic
 from station.errors import RecordError
 from station.records.samples.check import check_bytes
 from station.records.samples.scan_record import RECORD_BYTES
@@ -88,7 +88,7 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert here("conclude", folder.name, "--data", str(disk)).exit_code == 0
     shown = here("show", folder.name, "--data", str(disk), "--json").json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
-    assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
+    assert any("because records could not be written to disk, stopped the run" in one for one in shown["reasons"])
     assert shown["stopped_by"] == "disk"
     assert not any("ended in the middle" in one for one in shown["reasons"]), "the scan came to its end, and said so"
     proof = json.loads((folder / "timing.json").read_bytes())
@@ -113,7 +113,7 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
     ran = run.finish()
     result = ran.json
     assert (ran.exit_code, result["state"], result["verdict"]) == (4, "stopped", "NOT DECIDABLE")
-    assert any("the disk did not take the records" in one for one in result["reasons"])
+    assert any("records could not be written to disk" in one for one in result["reasons"])
     assert result["timing"]["disk"]["refused"] >= 1
     assert read_back(ran.record, result["timing"]["scans"]).problems == ()
 
@@ -173,7 +173,7 @@ def test_a_disk_that_became_read_only_is_not_to_be_freed(disk):
     file.close()
     subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)  # noqa: S607
     for deed in (
-        lambda: write_durable(disk / "run.json", b"{}"),
+        lambda: write_atomic(disk / "run.json", b"{}"),
         lambda: reserve(disk / "result.json", 4096),
         lambda: Appender(disk / "samples.bin"),
     ):
@@ -224,12 +224,12 @@ def slow_library(folder: Path, seconds: float) -> Path:
     return library
 
 
-SLOW_DESK = """
+SLOW_SUPERVISOR = """
 import sys, time
 from pathlib import Path
 sys.path.insert(0, "tests/station")
 from station_samples import IMAGE, ORDERS
-from station.durable import Appender
+from station.atomic_file import Appender
 from station.records.ring.to_disk import RecordWriter
 from station.records.ring.ring import create
 from station.records.ring.reader import RingReader
@@ -256,7 +256,7 @@ print(ring.stopped_because)
 @pytest.mark.parametrize(("capacity", "lost"), [(2000, False), (200, True)])
 def test_a_slow_disk_is_made_up_for_from_the_ring_or_its_loss_is_told(tmp_path, capacity, lost):
     library = slow_library(tmp_path, 0.8)
-    words = [sys.executable, "-c", SLOW_DESK, str(tmp_path), str(capacity)]
+    words = [sys.executable, "-c", SLOW_SUPERVISOR, str(tmp_path), str(capacity)]
     environment = os.environ | {"LD_PRELOAD": str(library), "PYTHONPATH": str(ROOT)}
     done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     figures, because = done.stdout.splitlines()
@@ -264,8 +264,8 @@ def test_a_slow_disk_is_made_up_for_from_the_ring_or_its_loss_is_told(tmp_path, 
     assert flush_s >= 0.8
     assert written + missing == 1500
     assert most_waiting >= min(capacity, 300), "the slow flush never held anything up"
-    assert longest_s < 0.4, "the slow disk held the desk"
+    assert longest_s < 0.4, "the slow disk held the supervisor"
     assert (missing > 0) is lost
-    assert ("found no room" in because) is lost
+    assert ("records were lost" in because) is lost
     report = check_bytes((tmp_path / "samples.bin").read_bytes(), 1500)
     assert bool(report.problems) is lost, "what is missing is told"

@@ -14,7 +14,7 @@ from lostmotion_command import here
 from run_samples import read_back
 from test_disks import recording
 
-from station.durable import Appender, write_durable
+from station.atomic_file import Appender, write_atomic
 from station.errors import RecordError
 
 pytestmark = pytest.mark.wires
@@ -63,7 +63,7 @@ def fail(disk: Path) -> None:
 def test_a_failing_disk_is_to_be_replaced_and_not_to_be_freed(disk):
     file = Appender(disk / "samples.bin")
     fail(disk)
-    for deed in (lambda: write_durable(disk / "run.json", b"{}"), lambda: file.write(b"record"), file.sync):
+    for deed in (lambda: write_atomic(disk / "run.json", b"{}"), lambda: file.write(b"record"), file.sync):
         with pytest.raises(RecordError, match=r"cannot be (written|flushed): Input/output error.*replace it"):
             deed()
 
@@ -94,8 +94,9 @@ def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ram
     assert done.exit_code == 0, done.err
     shown = done.json
     assert (shown["state"], shown["verdict"]) == ("stopped", "NOT DECIDABLE")
-    assert any("the disk did not take the records, so the desk stopped the run" in one for one in shown["reasons"])
-    # what the desk had written, but the disk had not yet taken for good, is lost as in a power cut: one gap, and told
+    assert any("because records could not be written to disk, stopped the run" in one for one in shown["reasons"])
+    # what the supervisor had written, but the disk had not yet taken for good, is lost as in a power cut: one gap,
+    # and told
     gaps = read_back(folder).problems
     assert len(gaps) <= 1
     assert all("the sequence has a gap" in gap for gap in gaps)

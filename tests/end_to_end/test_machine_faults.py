@@ -1,4 +1,4 @@
-"""The shipped scenarios of the machine's faults over real wires: killed scan or desk, full disk, clock that is set."""
+"""The shipped scenarios of the machine's faults over wires: killed scan or supervisor, full disk, clock that is set."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def held(name: str, data: Path, capsys: pytest.CaptureFixture[str]) -> Held:
     return found
 
 
-def test_a_scan_that_is_killed_leaves_the_stop_to_the_drive_and_its_record_to_the_desk(tmp_path, capsys):
+def test_a_scan_that_is_killed_leaves_the_stop_to_the_drive_and_its_record_to_the_supervisor(tmp_path, capsys):
     found = held("scan-killed", tmp_path, capsys)
     assert [row["fault"] for row in found.said["acted"]] == ["process.scan kill"]
     assert abs(found.torque_when_it_acted_nm()) > 33.0, "there was nothing to bring down"
@@ -71,7 +71,7 @@ def test_a_scan_that_is_killed_leaves_the_stop_to_the_drive_and_its_record_to_th
     assert "killed by SIGKILL" in found.result["reasons"][0]
 
 
-def test_a_desk_that_is_killed_leaves_a_run_that_unloads_itself(tmp_path, capsys):
+def test_a_supervisor_that_is_killed_leaves_a_run_that_unloads_itself(tmp_path, capsys):
     found = held("desk-killed", tmp_path, capsys)
     assert [row["fault"] for row in found.said["acted"]] == ["process.desk kill"]
     assert "the scan process, because the supervisor process ended, stopped the run" in found.result["reasons"][0]
@@ -80,7 +80,7 @@ def test_a_desk_that_is_killed_leaves_a_run_that_unloads_itself(tmp_path, capsys
 def test_a_disk_that_is_full_stops_the_run_and_costs_no_record(tmp_path, capsys):
     found = held("disk-full", tmp_path, capsys)
     assert [row["fault"] for row in found.said["acted"]] == ["machine.disk full"]
-    assert "the disk did not take the records" in found.result["reasons"][0]
+    assert "records could not be written to disk" in found.result["reasons"][0]
     assert found.result["timing"]["disk"]["refused"] >= 1
     assert found.result["timing"]["disk"]["most_waiting"] > 150, "the ring held what the disk did not take"
 

@@ -15,6 +15,7 @@ from run_samples import records_of
 
 from definitions.faults import FAULT_BY_ID
 from definitions.image import DriveState, Orders, State
+from recipes import shipped_recipes
 from station.records.samples.layout import CURRENT
 
 pytestmark = pytest.mark.wires
@@ -69,6 +70,24 @@ def test_quick_recipe_measures_right_over_wires_and_passes(lostmotion):
         "calibration.json",
     ):
         assert (ran.record / name).stat().st_size > 0
+
+
+def test_a_sweep_over_wires_answers_as_in_virtual_time(lostmotion, tmp_path):
+    """The drive's delay on the wires is in torque and angle alike: the response is that of the unit."""
+    text = shipped_recipes()["rv-40e-121-sweep"].read_text(encoding="utf-8")
+    recipe = tmp_path / "sweep.yaml"
+    recipe.write_text(text.replace("period: 32 s", "period: 16 s").replace("period: 1 ms", "period: 4 ms"), "utf-8")
+    lines = []
+    for clock in (("--pace", "fast"), ("--virtual-time",)):
+        ran = lostmotion("run", str(recipe), "--serial", "P1-0001", "--json", *clock)
+        assert ran.exit_code == 0, ran.err
+        found = lostmotion("study", "frequency", str(ran.record), "--json")
+        assert found.exit_code == 0, found.err
+        lines.append(found.json["response"])
+    for wires, virtual in zip(*lines, strict=True):
+        assert wires["used"]
+        assert wires["stiffness_nm_per_arcmin"] == pytest.approx(virtual["stiffness_nm_per_arcmin"], rel=0.03)
+        assert wires["phase_deg"] == pytest.approx(virtual["phase_deg"], abs=1.5)
 
 
 @pytest.mark.parametrize(

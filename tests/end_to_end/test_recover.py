@@ -66,19 +66,19 @@ def newest(data: Path) -> Path:
 
 
 def torn_off(start: Callable[..., Running], words: tuple[str, ...], data: Path) -> None:
-    """Kill desk and scan above 200 N·m; the drive stops itself, and friction keeps the rest behind the lock."""
-    desk = start("run", *words, "--serial", "W", data=data)
+    """Kill supervisor and scan above 200 N·m; the drive stops itself, and friction keeps the rest behind the lock."""
+    supervisor = start("run", *words, "--serial", "W", data=data)
 
     def loaded() -> bool:
         described = list(data.glob("*/samples.json"))  # comes after samples.bin, and says how it is to be read
         table = records_of(described[0].parent) if described else ()
         return len(table) > 0 and table[-1]["image"]["torque_out_nm"] > 200.0
 
-    desk.wait_for(loaded)
+    supervisor.wait_for(loaded)
     scan = json.loads((newest(data) / "scan-report.json").read_bytes())["pid"]
     os.kill(scan, signal.SIGKILL)
-    os.kill(desk.process.pid, signal.SIGKILL)
-    desk.process.communicate()
+    os.kill(supervisor.process.pid, signal.SIGKILL)
+    supervisor.process.communicate()
 
 
 def says_no(bench: Apart, data: Path) -> None:

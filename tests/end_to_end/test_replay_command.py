@@ -264,7 +264,7 @@ def test_a_recipe_that_cannot_say_anything_about_the_run_is_refused(lostmotion, 
 def test_what_speaks_against_a_run_besides_its_recipe_speaks_against_any_other_recipe(lostmotion, quick_run, tmp_path):
     stored = quick_run.copy(tmp_path / "runs")
     result = json.loads((stored / "result.json").read_text(encoding="utf-8"))
-    said = "the desk was lost before the scan process could say that it had ended"
+    said = "the supervisor was lost before the scan process could say that it had ended"
     result |= {"verdict": "NOT DECIDABLE", "reasons": [said, *result["reasons"]]}
     conclude_anew(stored, result)
     other = changed(

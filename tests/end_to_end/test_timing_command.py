@@ -44,7 +44,7 @@ def test_every_period_is_counted_or_missed_and_the_figures_are_explained(lostmot
     assert found["explanation"] == explain(found)
     text = "\n".join(lines(found))
     for word in (
-        "lateness",
+        "wake-up latency",
         "read",
         "step",
         "write",

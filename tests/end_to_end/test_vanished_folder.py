@@ -17,7 +17,7 @@ from station.records.samples.scan_record import RECORD_BYTES
 pytestmark = pytest.mark.wires
 IN_THE_RAMP = 1450
 STOPPED_WITHIN_SCANS = 2000
-"""Eight seconds of the bench: bringing the torque to zero takes two, and a busy desk its time to notice."""
+"""Eight seconds of the bench: bringing the torque to zero takes two, and a busy supervisor its time to notice."""
 
 
 def deleted(data: Path) -> None:

@@ -31,7 +31,7 @@ def rows(text: str) -> dict[str, str]:
 
 def test_every_exit_is_in_the_table_and_can_be_provoked():
     faults = {fault.id for fault in FAULTS if fault.reaction >= Reaction.UNLOAD}
-    people_and_processes = {"finish", "operator_stop", "abort", "lost_desk", "lost_scan", "power_failure"}
+    people_and_processes = {"finish", "operator_stop", "abort", "lost_supervisor", "lost_scan", "power_failure"}
     assert {row.id for row in EXITS} == faults | people_and_processes
     assert len(EXITS) == len({row.id for row in EXITS})
     assert {name for name in faults if name not in PROVOKE and not any(provokers(name, at) for at in STATES)} == set()
@@ -74,11 +74,11 @@ def test_an_exit_that_nothing_provokes_is_said(monkeypatch, capsys):
     monkeypatch.setattr(command_exits, "ProcessPoolExecutor", ThreadPoolExecutor)
     monkeypatch.setattr(command_exits, "measure_exit", lambda _name: None)
     assert command_exits.exits(["abort"], None, 1, as_json=False) == 1
-    assert "0 of 1 exits measured; not so, or outside their bounds: abort" in capsys.readouterr().out
+    assert "0 of 1 exits measured; not measured, or outside their limits: abort" in capsys.readouterr().out
 
 
 def test_the_command_refuses_what_it_does_not_know(capsys):
     with pytest.raises(StationError, match=r"nonsense: .*lost_scan"):
         command_exits.exits(["nonsense"], None, 1, as_json=False)
     assert command_exits.exits(["abort"], None, 1, as_json=False) == 0
-    assert "1 of 1 exits measured; not so, or outside their bounds: none" in capsys.readouterr().out
+    assert "1 of 1 exits measured; not measured, or outside their limits: none" in capsys.readouterr().out

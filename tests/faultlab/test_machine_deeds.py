@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from faultlab.desk import Left
+from faultlab.supervisor import Left
 from faultlab.wires import _unproven
 from station.records.run_record import RunRecord
 from station.run.faults.machine_faults import DEEDS, Traces
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 FULL_DISK = """
 import sys
 from pathlib import Path
-from station.durable import Appender, write_durable
+from station.atomic_file import Appender, write_atomic
 from station.errors import RecordError
 from station.run.faults.machine_faults import DEEDS
 file = Appender(Path(sys.argv[1]) / "samples.bin")
@@ -30,7 +30,7 @@ file.write(b"before")
 deed = DEEDS["machine.disk", "full"]
 deed.begin(0, 0.0)
 refused = []
-for write in (lambda: file.write(b"lost"), lambda: write_durable(Path(sys.argv[1]) / "result.json", b"{}")):
+for write in (lambda: file.write(b"lost"), lambda: write_atomic(Path(sys.argv[1]) / "result.json", b"{}")):
     try:
         write()
     except RecordError as error:
@@ -55,7 +55,7 @@ def test_a_killed_scan_is_dead_at_once() -> None:
     assert process.wait(10) == -signal.SIGKILL
 
 
-def test_a_killed_desk_kills_itself() -> None:
+def test_a_killed_supervisor_kills_itself() -> None:
     text = "from station.run.faults.machine_faults import DEEDS; DEEDS['process.desk', 'kill'].begin(0, 0.0)"
     done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, check=False)
     assert done.returncode == -signal.SIGKILL
@@ -81,7 +81,7 @@ def test_a_clock_that_was_set_is_put_back_at_its_end() -> None:
 )
 def test_a_fault_that_was_not_done_or_left_no_trace_fails_its_scenario(tmp_path, named, killed, words) -> None:
     fault = Fault(target="process.desk", verb="kill", when={"state": "lock"})
-    left = Left(RunRecord(tmp_path), traces=Traces(desk_killed=killed))
+    left = Left(RunRecord(tmp_path), traces=Traces(supervisor_killed=killed))
     why = _unproven(fault, left, named)
     assert bool(why) == bool(words)
     assert words in why

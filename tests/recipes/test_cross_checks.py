@@ -121,43 +121,31 @@ CASES = {
         "below 50 N·m/s, interlocks.torque_rate",
     ),
     "sweep faster than the drive": (
-        SWEEP, {"to_frequency: 0.75 Hz": "to_frequency: 0.9 Hz"}, {}, "torque_sweep.to_frequency", "up to 0.829 Hz",
+        SWEEP, {"to_frequency: 0.5 Hz": "to_frequency: 0.9 Hz"}, {}, "torque_sweep.to_frequency", "up to 0.744 Hz",
     ),
     "sweep through too much friction": (
-        SWEEP, {"amplitude: 40 N·m": "amplitude: 16 N·m", "to_frequency: 0.75": "to_frequency: 2"}, {},
+        SWEEP, {"amplitude: 40 N·m": "amplitude: 16 N·m", "to_frequency: 0.5": "to_frequency: 2"}, {},
         "torque_sweep.to_frequency", "the friction of 13.9 N·m turns twice in a cycle",
     ),
     "sweep that falls": (
-        SWEEP, {"to_frequency: 0.75": "to_frequency: 0.25"}, {}, "torque_sweep.to_frequency", "above 0.25 Hz",
+        SWEEP, {"to_frequency: 0.5": "to_frequency: 0.25"}, {}, "torque_sweep.to_frequency", "above 0.25 Hz",
     ),
     "sweep of few lines": (
-        SWEEP, {"to_frequency: 0.75": "to_frequency: 0.3"}, {}, "torque_sweep.to_frequency", "at least 0.5 Hz",
+        SWEEP, {"to_frequency: 0.5": "to_frequency: 0.3"}, {}, "torque_sweep.to_frequency", "at least 0.375 Hz",
     ),
     "sweep that moves nothing": (
         SWEEP, {"amplitude: 40 N·m": "amplitude: 10 N·m"}, {}, "torque_sweep.amplitude", "above 13.9 N·m",
     ),
-    "sweep of few cycles": (SWEEP, {"period: 16 s": "period: 8 s"}, {}, "torque_sweep.period", "at least 16 s"),
+    "sweep of few cycles": (SWEEP, {"period: 32 s": "period: 12 s"}, {}, "torque_sweep.period", "at least 16 s"),
     "sweep through zero": (
         SWEEP, {"amplitude: 40 N·m": "amplitude: 120 N·m"}, {}, "torque_sweep.amplitude", "up to half of peak_torque",
     ),
     "sweep faster than the interlock": (
-        SWEEP, {"travel: 60 deg": "torque_rate: 150 N·m/s\n  travel: 60 deg"}, {}, "torque_sweep.to_frequency",
-        "below 150 N·m/s, interlocks.torque_rate",
+        SWEEP, {"travel: 60 deg": "torque_rate: 120 N·m/s\n  travel: 60 deg"}, {}, "torque_sweep.to_frequency",
+        "below 120 N·m/s, interlocks.torque_rate",
     ),
     "sweep beyond the shaft's speed": (
-        SWEEP, {"speed: 60 rpm": "speed: 0.5 rpm"}, {}, "torque_sweep.to_frequency", "interlocks.speed",
-    ),
-    "period shorter than the bus": (
-        INVERSE, {"period: 1 ms": "period: 500 µs"}, {"bitrate: 1000000": "bitrate: 800000"}, "sampling.period",
-        "(SYNC and 3 PDOs, 460 bits at worst, and heartbeats meanwhile); allowed: at least 0.5797 ms",
-    ),
-    "bus slower than the period": (
-        INVERSE, {}, {"bitrate: 1000000": "bitrate: 125000"}, "sampling.period",
-        "a CAN bus of 125 kbit/s needs 3.882 ms for the frames of a scan",
-    ),
-    "bus full of heartbeats": (
-        INVERSE, {}, {"bitrate: 1000000": "bitrate: 10000", "drive_heartbeat: 20 ms": "drive_heartbeat: 5 ms"},
-        "sampling.period", "a CAN bus of 10 kbit/s is full of heartbeats alone; allowed: no period on this bus",
+        SWEEP, {"speed: 60 rpm": "speed: 0.34 rpm"}, {}, "torque_sweep.to_frequency", "interlocks.speed",
     ),
     "serial line slower than the period": (
         INVERSE, {},
@@ -315,7 +303,7 @@ def test_no_shipped_bench_makes_a_check_crash(name):
 @pytest.mark.parametrize("highest_hz", [0.75, 0.77, 0.8])
 def test_a_sweep_is_never_faster_than_what_was_checked(highest_hz: float) -> None:
     text, bench = shipped(SWEEP)
-    text = replaced(text, {"to_frequency: 0.75 Hz": f"to_frequency: {highest_hz} Hz"})
+    text = replaced(text, {"to_frequency: 0.5 Hz": f"to_frequency: {highest_hz} Hz"})
     program = compile_program(parse_recipe(text.encode(), SWEEP), parse_bench(bench.encode(), "bench"))
     sweep = next(one.sweep for one in program.segments if one.sweep is not None)
     assert sweep.from_hz < sweep.to_hz <= highest_hz + 1e-6

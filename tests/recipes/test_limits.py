@@ -23,7 +23,7 @@ def test_every_metric_has_its_kind_of_limit():
 
 
 NEVER_FAILS = {
-    "{id: grade, max: 2}": "max 2 for 'grade', which no unit fails; allowed: a max below 2, the largest there is",
+    "{id: grade, max: 2}": "max 2 for 'grade', which no unit fails; allowed: a max below 2, the largest possible value",
     "{id: grade, max: 7}": "max 7 for 'grade'",
     "{id: grade, min: 1}": "min 1 for 'grade', which no unit fails; allowed: a max",
     "{id: backlash_width_3pct, min: 0 arcmin}": "min 0 arcmin for 'backlash_width_3pct', which no unit fails",
@@ -85,7 +85,7 @@ SPREADS = {
     "{id: lost_motion, max_standard_deviation: 0.5 arcsec}": None,
     "{id: lost_motion, max: 1 arcmin, max_standard_deviation: 0 arcmin}": "a standard deviation above 0",
     "{id: torque_ratio_slope, max_standard_deviation: 0.1}": "it has one value a run",
-    "{id: grade, max_standard_deviation: 1}": "limit the backlash behind it",
+    "{id: grade, max_standard_deviation: 1}": "limit the backlash instead",
 }
 
 

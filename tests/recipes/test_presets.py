@@ -96,7 +96,7 @@ REFUSED = {
         "metrics:\n  - {id: windup, fit: six_segments}\n", (2, 23), ["metrics[0].fit", "mean 'six_segment'"],
     ),
     "fit that is not read": (
-        "metrics:\n  - {id: windup, variant: direct, fit: three_region}\n", (2, 40), ["metrics[0].fit", "Direct reads"],
+        "metrics:\n  - {id: windup, variant: direct, fit: three_region}\n", (2, 40), ["metrics[0].fit", "uses no fit"],
     ),
     "limit in another unit": (
         "metrics:\n  - {id: k1, min: 30 arcsec}\n", (2, 19), ["metrics[0].min", "which is an angle", "a stiffness"],

@@ -154,7 +154,7 @@ WHOLE_FILES = {
     "a word": (b"recipe\n", "1:1:", "found 'recipe'; allowed: a section with the options recipe, unit_under_test"),
     "a list": (b"- 1\n", "1:1:", "found a list"),
     "utf-16": ("recipe: {}\n".encode("utf-16"), "1:1:", "a file in UTF-16; allowed: text in UTF-8"),
-    "latin-1": ("a: 1\nb: 5 N·m\n".encode("latin-1"), "2:7:", "the byte 0xB7, which is no UTF-8 (it is '·'"),
+    "latin-1": ("a: 1\nb: 5 N·m\n".encode("latin-1"), "2:7:", "the byte 0xB7, which is not UTF-8 (it is '·'"),
     "binary": (b"\x00\x01\x02", "1:1:", "control character U+0000"),
     "control character": (b"a: 1\nb: \x07\n", "2:4:", "control character U+0007"),
     "tab": (b"a:\n\tb: 1\n", "2:1:", "Indent with spaces"),

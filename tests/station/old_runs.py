@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from station.durable import as_json
+from station.atomic_file import as_json
 from station.records.run_record import RunRecord
 from station.records.samples.check import checksums
 from station.records.samples.layout import Channel, Layout, layout_in

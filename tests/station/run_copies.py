@@ -1,4 +1,4 @@
-"""Copies of a finished run, as if its evaluation had still to come, and as a desk that died leaves them."""
+"""Copies of a finished run, as if its evaluation had still to come, and as a supervisor that died leaves them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def copy_of(record: Path, folder: Path) -> RunRecord:
 
 
 def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> None:
-    """Make the run one whose desk died before it said how its scan ended; `report` is what the scan process said."""
+    """Make the run one whose supervisor died before it said how its scan ended; `report` is the scan process's own."""
     as_recorded(record)
     for name in ("result.json", "events.jsonl", "timing.json", "calibration.json", "desk-report.json"):
         (record.folder / name).unlink()
@@ -28,8 +28,10 @@ def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> N
     manifest["ended"] = None
     # A ring that is gone may have been named by a test in any way; the program names each of its rings so.
     ring = ring if ring.name.startswith(FILE_PREFIX) else ring.with_name(f"{FILE_PREFIX}{ring.name}")
-    desk = {"pid": 999_999, "birth": "another process"}
-    record.write_json("run.json", manifest | {"state": "recording", "verdict": None, "ring": str(ring), "desk": desk})
+    supervisor = {"pid": 999_999, "birth": "another process"}
+    record.write_json(
+        "run.json", manifest | {"state": "recording", "verdict": None, "ring": str(ring), "desk": supervisor}
+    )
     if report is not None:
         record.write_json("scan-report.json", report)
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 from math import pi
 from pathlib import Path
 
-from station.bench.assemble import FileAt, drive_profile, modbus_profile
+from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.files import FileAt
 from virtual_bench.config import (
     AngleSensor,
     BenchConfig,

@@ -129,7 +129,7 @@ class FaultInjector(FaultSchedule):
         return round(storm)
 
     def device(self, name: str) -> tuple[str, float]:
-        """Return how a Modbus device misbehaves in process: verb and value; an empty verb while it is in order."""
+        """Return how a Modbus device misbehaves in process: verb and value; an empty verb while nothing is wrong."""
         target = f"modbus.{name}"
         if target in self.targets:
             for verb in (*CLOSED, "exception", *UNANSWERED, "freeze", "slow"):

@@ -116,7 +116,7 @@ class Fault(Strict):
         if self.value is not None and not row.low <= self.value <= row.high:
             raise refusal(f"{self.value:g}", f"a number from {row.low:g} to {row.high:g} ({row.value})", at="value")
         if key in BY_STATION and not self.when.needs_controller:
-            hint = f"{name} happens outside the bench, which alone sees torque and time."
+            hint = f"{name} acts outside the bench, where torque and time are not known."
             raise refusal(self.when.trigger, "state or scan", hint, at="when")
         if key in ONCE and self.for_ms is not None:
             allowed = f"{name} takes no for_ms: it happens once and is not undone"

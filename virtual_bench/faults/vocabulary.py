@@ -60,12 +60,12 @@ def _frames() -> dict[tuple[str, str], Verb]:
     target = "can.drive.tpdo1"
     rows[target, "delay"] = Verb("ms by which frames are late", 0.0, 10_000.0, "frames are late")
     rows[target, "jitter"] = Verb(
-        "ms by which frames are late at most", 0.0, 10_000.0, "frames are late, each by chance"
+        "ms by which frames are late at most", 0.0, 10_000.0, "each frame is late by a random time"
     )
     rows[target, "duplicate"] = _plain("every frame comes twice")
     rows[target, "reorder"] = _plain("every second frame comes before the one that was sent first")
     rows[target, "truncate"] = Verb("bytes that are missing at the end, 1 to 8", 1, 8, "frames are too short")
-    rows[target, "corrupt"] = _plain("frames carry garbage with a sound check sum")
+    rows[target, "corrupt"] = _plain("frames carry wrong data with a valid check sum")
     rows[target, "stuck"] = _plain("frames repeat old data")
     return rows
 
@@ -84,12 +84,14 @@ def _devices() -> dict[tuple[str, str], Verb]:
         rows[target, "wrong_id"] = _plain("answers carry another transaction's number")
         rows[target, "wrong_unit"] = _plain("answers come from another unit")
     target = "modbus.amplifier"
-    rows[target, "jitter"] = Verb("ms by which answers are late at most", 0.0, 10_000.0, "answers are late, by chance")
+    rows[target, "jitter"] = Verb(
+        "ms by which answers are late at most", 0.0, 10_000.0, "each answer is late by a random time"
+    )
     rows[target, "split"] = _plain("answers come in two pieces")
-    rows[target, "garbage"] = _plain("registers hold chance, but for the identity")
+    rows[target, "garbage"] = _plain("registers hold random values, except the identity")
     rows[target, "swap"] = _plain("the words of 32-bit values are swapped")
     for register in REGISTERS:
-        rows[f"modbus.{register}", "freeze"] = _plain("the register keeps its value, the others live")
+        rows[f"modbus.{register}", "freeze"] = _plain("this register keeps its value, the others change")
     return rows
 
 
@@ -122,7 +124,9 @@ FAULTS: dict[tuple[str, str], Verb] = {
     ("can.bus", "off"): _plain("bus-off: no frame passes in either direction"),
     ("can.bus", "cut"): _plain("the adapter is gone: its connection is closed"),
     ("can.bus", "errors"): Verb("error frames before each frame, 1 to 20", 1, 20, "error frames arrive"),
-    ("can.bus", "babble"): Verb("foreign frames with each SYNC, 1 to 50", 1, 50, "frames of nobody we know arrive"),
+    ("can.bus", "babble"): Verb(
+        "foreign frames with each SYNC, 1 to 50", 1, 50, "frames with unknown CAN identifiers arrive"
+    ),
     ("drive.statusword", "stuck"): _plain("the status word keeps its value"),
     ("drive.controlword", "ignore"): _plain("transitions are refused: control words change nothing"),
     ("drive.setpoint", "ignore"): _plain("set-points are ignored, and bit 12 of the status word says so"),
@@ -150,9 +154,11 @@ FAULTS: dict[tuple[str, str], Verb] = {
     ("scan.overrun", "miss"): Verb("whole periods that are missed at once", 1, 1_000_000, "periods are missing"),
     ("process.scan", "stop"): Verb("ms for which the scan process stands still", 1.0, 60_000.0, "periods are missing"),
     ("process.scan", "kill"): _plain("SIGKILL of the scan process: no set-points, no heartbeat, no record"),
-    ("process.desk", "kill"): _plain("SIGKILL of the desk: nobody takes the records, nobody gives a sign"),
-    ("machine.disk", "full"): _plain("the desk can write no byte to any file"),
-    ("machine.clock", "step"): Verb("s by which the desk's wall clock jumps", -1e9, 1e9, "times of day jump"),
+    ("process.desk", "kill"): _plain(
+        "SIGKILL of the supervisor: records are not stored, the scan gets no sign of life"
+    ),
+    ("machine.disk", "full"): _plain("the supervisor can write no byte to any file"),
+    ("machine.clock", "step"): Verb("s by which the supervisor's wall clock jumps", -1e9, 1e9, "times of day jump"),
 }
 
 NOT_BY_WALL_CLOCK = frozenset({("scan.overrun", "miss")})

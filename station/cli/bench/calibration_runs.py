@@ -81,8 +81,8 @@ def check_together(found: Sequence[MeasuredRatio]) -> None:
         return
     if len(found) < LEAST_UNITS:
         raise StationError(
-            f"found runs of {len(found)} units; expected {LEAST_UNITS} or more, for their spread is taken for that "
-            "of all units, or one, whose lines then are its own"
+            f"found runs of {len(found)} units; expected {LEAST_UNITS} or more, so that their spread is known; "
+            "or one unit, for which alone the lines are then valid"
         )
     for first, second in combinations(found, 2):
         _refuse_one_unit(first, second)

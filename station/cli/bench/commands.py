@@ -28,7 +28,7 @@ def virtual_bench(
     bench: BenchOption = None,
     can: Annotated[
         str | None,
-        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan: be an adapter."),
+        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan: act as a serial adapter."),
     ] = None,
     modbus: Annotated[
         str | None,
@@ -94,7 +94,7 @@ def timing(
 
 
 def doctor(as_json: JsonOption = False) -> None:
-    """Say what stands between this computer and a scan that is never late, and how to mend it.
+    """Check what can make the scan late on this computer, and how to fix it.
 
     Exit code: 0 when nothing does, 1 when something does.
     """
@@ -145,7 +145,7 @@ def torque_ratio(
 ) -> None:
     """Fit T_out = C + m·T_in to points of both torques: uncertainties, outliers, and the input torque of a target.
 
-    A table is of one loading; a stored run, or a file with named segments, has a line per quadrant.
+    A table gives one line; a stored run, or a file with named segments, one line per quadrant.
     """
     from station.cli.bench import torque_ratio as command_torque_ratio
 

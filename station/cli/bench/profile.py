@@ -9,9 +9,9 @@ from pathlib import Path
 import typer
 
 from recipes import RecipeError
+from station.atomic_file import write_atomic
 from station.bench.eds_profile import ENDINGS, Draft, draft, eds_files
 from station.cli.out_file import refuse_records
-from station.durable import write_durable
 from station.errors import StationError
 
 EXIT_UNUSABLE = 1
@@ -77,7 +77,7 @@ def _write(drafts: list[Draft], out: Path | None) -> None:
     except OSError as error:
         raise StationError(f"{out}: {error.strerror or error}") from error
     for one in drafts:
-        write_durable(out / f"{one.name}.yaml", one.text.encode())
+        write_atomic(out / f"{one.name}.yaml", one.text.encode())
 
 
 def _say(one: Draft, out: Path | None) -> None:

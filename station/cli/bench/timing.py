@@ -86,7 +86,7 @@ def explain(report: dict[str, Any]) -> list[str]:
     told = [
         f"A scan takes {work['p50']:.0f} µs of {period_us:.0f} µs ({used:.0%}), 1 in 1000 over {work['p999']:.0f} µs.",
         f"It starts {late['p50']:.0f} µs after its deadline, 1 in 100 later than {late['p99']:.0f} µs.",
-        "The amplifier stamps its samples, so lateness does not bend the curve; it adds to the reaction time.",
+        "The amplifier stamps its samples, so a late scan does not distort the curve; it adds to the reaction time.",
     ]
     if report["missed"] == 0:
         told.append(f"No period was missed in {report['periods']}.")
@@ -143,15 +143,15 @@ def lines(report: dict[str, Any]) -> list[str]:
     bench = f"{report['bench']}{' (embedded)' if report['embedded'] else ''}"
     out = [
         f"{report['scans']} scans of {report['period_ns'] / 1e6:g} ms in {seconds:.1f} s on bench {bench}",
-        f"controller idle, absolute deadlines in whole nanoseconds, spin tail {report['spin_ns'] // 1000} µs",
+        f"controller idle, busy-wait before each deadline {report['spin_ns'] // 1000} µs",
         "",
-        f"{'µs':12}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>10}",
+        f"{'µs':17}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>10}",
     ]
-    rows = {"lateness": report["lateness_us"], "work": report["work_us"], **report["parts_us"]}
+    rows = {"wake-up latency": report["lateness_us"], "work": report["work_us"], **report["parts_us"]}
     for name, row in rows.items():
         label = f"  {name}" if name in PARTS else name
-        out.append(f"{label:12}{row['p50']:>9.1f}{row['p99']:>9.1f}{row['p999']:>9.1f}{row['max']:>10.1f}")
-    out += ["", "lateness", *histogram(report["histograms_us"]["lateness"])]
+        out.append(f"{label:17}{row['p50']:>9.1f}{row['p99']:>9.1f}{row['p999']:>9.1f}{row['max']:>10.1f}")
+    out += ["", "wake-up latency", *histogram(report["histograms_us"]["lateness"])]
     out += ["", "work", *histogram(report["histograms_us"]["work"])]
     out += ["", f"missed periods: {report['missed']}"]
     for gap in report["gaps"][:GAPS_SHOWN]:
@@ -168,7 +168,7 @@ def lines(report: dict[str, Any]) -> list[str]:
         out.append(f"  scan {one['scan']}: {one['lateness_us']:.0f} µs late, {_parts(one)}")
     out += ["", *footing(report)]
     realtime = report["realtime"]
-    out += ["", "asked of the machine"]
+    out += ["", "requested from the system"]
     out += [f"  {'granted' if realtime[name] else 'refused'}  {name}: {d}" for name, d in realtime["details"].items()]
     out += ["", "what stands in the way"]
     against = [row for row in report["machine"] if not row["in_order"]]

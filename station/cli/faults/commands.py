@@ -93,9 +93,11 @@ def faults_exits(
 
 @faults_app.command("pairs")
 def faults_pairs(
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Number of the draw: the same pairs again.")] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Seed of the draw: the same seed gives the same pairs.")
+    ] = 1,
     count: Annotated[int, typer.Option("--count", min=1, help="Number of pairs.")] = 100,
-    first: Annotated[int, typer.Option("--first", min=0, help="Number of the first pair: try one again.")] = 0,
+    first: Annotated[int, typer.Option("--first", min=0, help="Number of the first pair, to repeat one.")] = 0,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Number of parallel processes.")] = 2,
     as_json: JsonOption = False,
 ) -> None:

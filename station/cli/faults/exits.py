@@ -28,7 +28,7 @@ def exits(names: list[str], path: Path | None, workers: int, *, as_json: bool) -
     if unknown:
         raise StationError(f"{', '.join(unknown)}: unknown shutdown path; allowed are {', '.join(known)}")
     if names and path is not None:
-        raise StationError("--page: the page shows all exits; leave the ids out")
+        raise StationError("--page: the page shows all shutdown paths; leave the ids out")
     refuse_early(path, "--page")
     chosen = names or known
     found: dict[str, Measured | None] = {}
@@ -47,7 +47,9 @@ def exits(names: list[str], path: Path | None, workers: int, *, as_json: bool) -
     if not as_json:
         measured = sum(one is not None for one in found.values())
         missed = ", ".join(bad) or "none"
-        sys.stdout.write(f"{measured} of {len(found)} exits measured; not so, or outside their bounds: {missed}\n")
+        sys.stdout.write(
+            f"{measured} of {len(found)} exits measured; not measured, or outside their limits: {missed}\n"
+        )
     return 1 if bad else 0
 
 

@@ -173,7 +173,7 @@ def wires_matrix(
 
     chosen = wire_rows(tuple(names))
     if not chosen:
-        sys.stderr.write(f"no row that is run over wires is called like {', '.join(names)}\n")
+        sys.stderr.write(f"no row over wires has a name with {', '.join(names)}\n")
         return 2
     refuse_early(page, "--page")
     begin = time.monotonic()
@@ -199,7 +199,7 @@ def wires_matrix(
         rows = [asdict(item.cell) | {"fault": ROWS[item.cell.row].name, "repeated": item.repeated} for item in found]
         sys.stdout.write(json.dumps(rows) + "\n")
     else:
-        sys.stdout.write(f"{len(found)} faults in {time.monotonic() - begin:.0f} s; outside their bounds: {len(bad)}\n")
+        sys.stdout.write(f"{len(found)} faults in {time.monotonic() - begin:.0f} s; outside their limits: {len(bad)}\n")
     return 1 if bad else 0
 
 
@@ -211,7 +211,7 @@ def matrix(names: list[str], html: Path | None, page: Path | None, workers: int,
     """Run the matrix; 0 when every cell keeps its bounds, 1 when not."""
     chosen = cells(names)
     if not chosen:
-        sys.stderr.write(f"no row is called like {', '.join(names)}; see 'lostmotion faults matrix --help'\n")
+        sys.stderr.write(f"no row has a name with {', '.join(names)}; see 'lostmotion faults matrix --help'\n")
         return 2
     refuse_early(html, "--html")
     refuse_early(page, "--page")
@@ -236,7 +236,7 @@ def matrix(names: list[str], html: Path | None, page: Path | None, workers: int,
     if as_json:
         sys.stdout.write(json.dumps([asdict(cell) | {"fault": ROWS[cell.row].name} for cell in found]) + "\n")
     else:
-        sys.stdout.write(f"{len(found)} cells in {took_s:.0f} s; outside their bounds: {len(bad)}\n")
+        sys.stdout.write(f"{len(found)} cells in {took_s:.0f} s; outside their limits: {len(bad)}\n")
     return 1 if bad else 0
 
 

@@ -35,7 +35,7 @@ def list_reactions(*, as_json: bool) -> int:
             "what": row.what,
             "order": (" or ".join(map(written, row.orders)) or "as before") + then,
             "state": "stays" if row.state is None else row.state.name.lower(),
-            "contacts": "the lock's is kept" + "".join(f"; {name} opened brings it about" for name in row.contacts),
+            "contacts": "lock unchanged" + "".join(f"; triggered by the open {name}" for name in row.contacts),
             "faults": ", ".join(faults_of(reaction)) or "none",
         }
         text = "".join(f"  {name:9} {value}\n" for name, value in lines.items())

@@ -127,7 +127,7 @@ def _of_listed(
         rows.append(by_run[name])
     twice = next((name for name, count in Counter(one.run_id for one in rows).items() if count > 1), None)
     if twice:
-        raise StationError(f"{file}: column run: {twice} stands there more than once; every measurement counts once")
+        raise StationError(f"{file}: column run: {twice} is listed more than once; every measurement counts once")
     design = gage_design(operators, parts, [one.value for one in rows])
     return design, dataclasses.replace(stored, values=rows, left_out=Counter())
 

@@ -1,4 +1,4 @@
-"""`lostmotion check`: whether a recipe is in order, and what it would do."""
+"""`lostmotion check`: whether a recipe is valid, and what it would do."""
 
 from __future__ import annotations
 

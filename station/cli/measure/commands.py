@@ -42,7 +42,7 @@ ReportOption = Annotated[
 
 
 def check(recipe: RecipeArgument, bench: BenchOption = None, as_json: JsonOption = False) -> None:
-    """Check a recipe and show its load profile, duration and peak torque. Exit code: 0 in order, 2 not."""
+    """Check a recipe and show its load profile, duration and peak torque. Exit code: 0 valid, 2 not."""
     from station.cli.measure import check as command_check
 
     raise typer.Exit(command_check.check(recipe, bench, as_json=as_json))
@@ -134,7 +134,7 @@ def resume(
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Take over a run whose desk died, to its end and its verdict. Exit code as run.
+    """Take over a run whose supervisor died, to its end and its verdict. Exit code as run.
 
     Ctrl-C once brings the torque to zero and stops; twice is a quick stop.
     """
@@ -151,9 +151,9 @@ def recover(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """The way back after a fault: show how the bench was left, acknowledge, bring the torque to zero, open the lock.
+    """Recover the bench after a fault: show its state, acknowledge, bring the torque to zero, open the lock.
 
-    Nothing is enabled before you say so. The bench is the one of the newest run, or the one that --bench names.
+    It asks before it enables anything. The bench is the one of the newest run, or the one that --bench names.
     Exit code: 0 the unit is unloaded and the lock open, 2 bad input, 4 not.
     """
     from station.cli.measure import recover as command_recover
@@ -171,7 +171,7 @@ def conclude(
 ) -> None:
     """Conclude a run whose supervisor process ended: save its samples, evaluate them, store result and verdict.
 
-    Looking at runs never does that. What cannot be read now decides nothing: try again when it is there.
+    Looking at runs never does that. A run that cannot be read now stays as it is: try again later.
     Exit code: 0 nothing is left to conclude, 1 a run could not be concluded, 2 bad input.
     """
     from station.cli.measure import conclude as command_conclude

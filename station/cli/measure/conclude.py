@@ -1,4 +1,4 @@
-"""`lostmotion conclude`: brings runs whose desk died to their result, when a person asks for it."""
+"""`lostmotion conclude`: brings runs whose supervisor died to their result, when a person asks for it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NOT_DONE = (STILL_RUNNING, OWNED, FAILED)
 
 
 def conclude_runs(name: str | None, data: Path, *, all_runs: bool, as_json: bool) -> int:
-    """Conclude one run, or with `all_runs` every one whose desk died; 0 when none is left to conclude, else 1.
+    """Conclude one run, or with `all_runs` every one whose supervisor died; 0 when none is left to conclude, else 1.
 
     Raises:
         StationError: there is no such run, or neither one nor all were asked for.

@@ -18,7 +18,7 @@ from station.errors import StationError
 from station.reports.result_text import VERDICT_STYLES
 from station.web.mes.previous_step import PreviousStep, previous_step
 from station.web.mes.settings import load_mes
-from station.web.models import Model, Models, load_models
+from station.web.models import Models, load_models
 from station.web.people.database import StationDatabase
 from station.web.permission import Situation, Wanted, refusals, situation_of, unconfirmed, unverified_note
 from station.web.scanner import ScanError, serial_of
@@ -92,7 +92,7 @@ class Line:
     def refuse(self, scanned: Sequence[str]) -> None:
         """Say that what was scanned during a run was not taken."""
         for text in scanned:
-            self._say(f"REFUSED  {text.strip()[:60]!r} was scanned while a run was on. Scan it again")
+            self._say(f"REFUSED  {text.strip()[:60]!r} was scanned during a run. Scan it again")
 
     def _measure(self, wanted: Wanted) -> None:
         now = situation_of(
@@ -104,20 +104,20 @@ class Line:
             self._needs_reason = wanted.serial
             self._say(f"{why[0][1]} Scan or type it; an empty line leaves the unit alone.")
             return
-        if why or now.model is None:
+        if why:
             for _, text in why:
                 self._say(f"REFUSED  {text}")
             return
         self.has_run = True
-        verdict = ENDINGS.get(self._run(self._options(now, now.model)), "")
+        verdict = ENDINGS.get(self._run(self._options(now)), "")
         if verdict:
             self._say(f"{verdict}  {wanted.serial}  {DO[verdict]}")
         else:
             self._say(f"NO RESULT  {wanted.serial}  {ELSE}")
 
-    def _options(self, now: Situation, model: Model) -> list[str]:
+    def _options(self, now: Situation) -> list[str]:
         wanted, note = now.wanted, unverified_note(now)
-        options = [*model.run_options(), "--serial", wanted.serial, "--data", str(self._data)]
+        options = [*now.run_options(), "--serial", wanted.serial, "--data", str(self._data)]
         options += ["--operator", self._operator] if self._operator else []
         options += ["--note", note] if note else []
         return options + (["--retest-reason", wanted.retest_reason] if wanted.retest_reason else [])

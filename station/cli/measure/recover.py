@@ -31,10 +31,10 @@ from station.records.samples.check import check_bytes, sound_table
 from station.records.samples.samples import samples_bytes
 from station.records.samples.table import Table
 from station.run.conclusion import conclude
-from station.run.desk import Desk
-from station.run.ending import Ending
 from station.run.new_record import bench_source
+from station.run.outcome import RunOutcome
 from station.run.pacing import pacing_of
+from station.run.supervisor import Supervisor
 from station.run.way_back.guide import Guide
 from station.run.way_back.recover import recover as conclude_deserted
 from station.version import software
@@ -103,13 +103,13 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
     guide = Guide(job.program, say, _say_yes if yes else _typed)
     with contextlib.closing(record.lock):
         try:
-            ending = Desk(job, record, lambda _: None, say, left=left, attend=guide.attend, pacing=pacing_of(job)).run(
-                None, None
-            )
+            outcome = Supervisor(
+                job, record, lambda _: None, say, left=left, attend=guide.attend, pacing=pacing_of(job)
+            ).run(None, None)
         except BenchFaultError as error:
             record.samples.touch()
-            ending = Ending.refused_by(record, error)
-        result = conclude(record, job, ending).result
+            outcome = RunOutcome.refused_by(record, error)
+        result = conclude(record, job, outcome).result
     after = result.left
     released = result.state == "stopped" and after is not None and after.lock == "open"
     report = Recovery(
@@ -194,7 +194,7 @@ def _create(data: Path, run: RunRecord, job: Job, left: LeftBy) -> RunRecord:
         left=left,
     )
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
-    files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
+    files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
     record = Store(data / FOLDER).create(of.serial, setup, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record

@@ -1,4 +1,4 @@
-"""`lostmotion resume`: the new desk of a run whose desk died while its scan goes on."""
+"""`lostmotion resume`: the new supervisor of a run whose supervisor died while its scan goes on."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def resume_run(name: str, data: Path, *, as_json: bool, report: bool | None = No
         _take_over(run, as_json=as_json)
     except RecordError as error:
         refused = error
-    # Only now: what shows a result takes longer to load than the scan waits for a new desk on a busy machine.
+    # Only now: what shows a result takes longer to load than the scan waits for a new supervisor on a busy machine.
     from recipes import RecipeError  # noqa: PLC0415
     from station.bench.request import stored_job  # noqa: PLC0415
     from station.cli.measure.run import exit_code, finish, no_record, print_result, report_wanted  # noqa: PLC0415

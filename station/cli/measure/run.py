@@ -26,8 +26,8 @@ from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
 from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude, load_ahead
 from station.run.disk_space import refuse_full_disk
-from station.run.ending import DESK_REPORT, Ending
 from station.run.new_record import Wanted, new_record
+from station.run.outcome import SUPERVISOR_REPORT, RunOutcome
 from station.run.pacing import pacing_of
 from station.run.screen.progress import Progress, progress_of
 from station.run.way_back.left_behind import collect, conclude_own
@@ -124,7 +124,7 @@ def run(options: Options) -> int:
                 # A run that waits for its disk stays as it is, and so does one that has ended and was not concluded:
                 # `conclude` completes and concludes it.
                 waits = isinstance(error, RecordError)
-                waits |= record.has(DESK_REPORT) and isinstance(error, OSError | KeyboardInterrupt)
+                waits |= record.has(SUPERVISOR_REPORT) and isinstance(error, OSError | KeyboardInterrupt)
                 if not waits and record.manifest().state == RECORDING:
                     record.update(state=INTERRUPTED, ended=now_text(), trouble=str(error))
             if isinstance(error, RecordError):
@@ -189,7 +189,7 @@ def _report(record: RunRecord, shown: Callable[[], Shown], log: Any, *, as_json:
 def no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
     """Tell that the disk refused the record; return the exit code. There is no verdict without a record."""
     text = f"the record could not be kept, so there is no verdict: {error}"
-    if record.has(DESK_REPORT):
+    if record.has(SUPERVISOR_REPORT):
         text += f". The run itself is stored: when the disk works again, 'lostmotion conclude {record.id}' concludes it"
     sys.stderr.write(f"{text}\n")
     if as_json:
@@ -222,7 +222,7 @@ def _tell(line: str) -> None:
 
 
 def _put_in_order(store: Store, job: Job) -> None:
-    """Conclude the runs of this bench whose desk died, and remove rings that nobody needs; say each run."""
+    """Conclude the runs of this bench whose supervisor died, and remove rings that nobody needs; say each run."""
     conclude_own(store, job.bench.bench.name, _tell)
     collect(store)
 
@@ -323,21 +323,21 @@ def _conclude(
     if pacing.clock == VIRTUAL and unit is not None:
         from station.run.virtual_run import run_in_virtual_time  # noqa: PLC0415 - brings the virtual bench
 
-        ending = run_in_virtual_time(job, record, unit, scenario, progress.show)
+        outcome = run_in_virtual_time(job, record, unit, scenario, progress.show)
     else:
-        from station.run.desk import Desk  # noqa: PLC0415 - not needed in virtual time
+        from station.run.supervisor import Supervisor  # noqa: PLC0415 - not needed in virtual time
 
         companion = None if scenario is None else _companion(scenario)
         try:
-            ending = Desk(job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead).run(
-                unit, scenario
-            )
+            outcome = Supervisor(
+                job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead
+            ).run(unit, scenario)
         except BenchFaultError as error:
             record.samples.touch()
-            ending = Ending.refused_by(record, error)
-            ending.keep(record)
+            outcome = RunOutcome.refused_by(record, error)
+            outcome.keep(record)
     progress.say("evaluating, reading the record back")
-    return conclude(record, job, ending)
+    return conclude(record, job, outcome)
 
 
 def _companion(scenario: Path) -> Companion:

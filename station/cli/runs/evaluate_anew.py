@@ -234,7 +234,7 @@ def _judged_by_selection(judged: Judged, recipe: Recipe, selection: Selection) -
     if not left:
         return judged
     verb = "leaves" if len(selection.parts) == 1 else "leave"
-    said = f"{selection.text} {verb} out what the recipe has limits for: {', '.join(left)}"
+    said = f"{selection.text} {verb} out metrics that have limits in the recipe: {', '.join(left)}"
     return replace(judged, verdict=NOT_DECIDABLE, reasons=(said, *judged.reasons))
 
 
@@ -242,9 +242,7 @@ def _judged_without_bench(judged: Judged, bench: Bench | None) -> Judged:
     """Return a result; by a guard band nothing passes while nobody knows the errors of the sensors."""
     if bench is not None or judged.verdict != "PASS" or judged.decision.rule != "guard_band":
         return judged
-    said = (
-        "the guard band is of U, and without a bench U holds the scatter of the cycles alone; name the bench (--bench)"
-    )
+    said = "the guard band uses U; without a bench U is only the scatter between cycles: name the bench (--bench)"
     return replace(judged, verdict=NOT_DECIDABLE, reasons=(said, *judged.reasons))
 
 

@@ -218,7 +218,9 @@ def _lines(report: ReplayReport, found: Replayed, period_ns: int) -> list[str]:
     lines += [f"order not compared: {text}" for text in report.not_compared]
     if found.damage:
         lines.append(f"the record is damaged: {found.damage}")
-    lines += [f"the recorded recipe becomes another program now: {text}" for text in report.program_differs[:8]]
+    lines += [
+        f"this version compiles the recorded recipe to another program: {text}" for text in report.program_differs[:8]
+    ]
     if found.difference is not None:
         lines += found.difference.lines(period_ns)
     lines += report.events_differ

@@ -12,10 +12,10 @@ from jinja2 import TemplateError
 
 from analysis.trace.errors import AnalysisError
 from recipes import RecipeError
+from station.atomic_file import write_atomic
 from station.bench.request import stored_job
 from station.cli.out_file import refuse_records, writing
 from station.cli.runs.show import stored_result
-from station.durable import write_durable
 from station.errors import RecordError, StationError
 from station.records.data_folder import Store
 from station.records.run_record import NOT_CONCLUDED, RunRecord
@@ -47,7 +47,7 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
         what = " ".join(str(error).split())
         raise RecordError(f"{run.id}: no report: its record is damaged: {what}. See 'lostmotion show'") from error
     for file, content in ((HTML, html), (PDF, pdf)):
-        write_durable(folder / file, content)
+        write_atomic(folder / file, content)
     paths = {"html": str(folder / HTML), "pdf": str(folder / PDF)}
     if as_json:
         sys.stdout.write(json.dumps({"run": run.id, **paths}, ensure_ascii=False) + "\n")

@@ -114,4 +114,4 @@ def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
         shown.append(
             [*(_text(row.run[name]) for name in SHOWN), why or str(row.run["altered"] or row.run["objection"])]
         )
-    return [Grid((*SHOWN, "what speaks against it"), shown, right=(2,)), f"{len(rows)} runs"]
+    return [Grid((*SHOWN, "problems"), shown, right=(2,)), f"{len(rows)} runs"]

@@ -120,7 +120,7 @@ class Question:
         if divergence is not None:
             # What was recorded from there on is no measurement by the other recipe, whatever it looks like.
             when = divergence.at(manifest.period_ns)
-            against.insert(0, f"the run would have gone another way from {when} on: {divergence.cause}")
+            against.insert(0, f"the run would have differed from {when} on: {divergence.cause}")
         if against:
             verdict, reasons = NOT_DECIDABLE, against
         alike = same_load(own, other.program)
@@ -177,8 +177,8 @@ def what_if_lines(found: Answer, period_ns: int) -> list[str]:
     lines = [f"with {recipe.name} revision {recipe.revision}:"]
     lines += [f"  a run would refuse it: {one}" for one in found.refused]
     if not found.same_load:
-        text = "it commands another load; what that would have done to the unit is not known"
-        same = "its load profile is another one, but orders the same as far as the run went"
+        text = "it commands another load; its effect on the unit is not known"
+        same = "its load profile differs, but gives the same orders as far as the run went"
         lines.append(f"  {same if divergence is None else text}")
     if divergence is not None:
         when = f"scan {divergence.scan} ({divergence.t_s:.3f} s, {divergence.state})"
@@ -190,7 +190,7 @@ def what_if_lines(found: Answer, period_ns: int) -> list[str]:
     if found.exact:
         lines += told
     elif inexact or told:
-        lines.append("  not exact: asked of the load that was recorded, not of the one that would have been:")
+        lines.append("  estimated from the recorded load, not from the load that the other recipe would give:")
         lines += [f"  {line}" for line in (*inexact, *told)]
     if verdict.recorded != verdict.other:
         why = f": {verdict.reasons[0]}" if verdict.reasons else ""

@@ -48,7 +48,7 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
             f"{file}: {kept.files} files, {kept.bytes / 1e6:.1f} MB, made {kept.made}",
             f"{data}: {found.runs} runs, {found.walk.entries} entries of the chain",
             *([] if head is None else [f"audit trail: {head['lines']} lines, head {head['sha256']}"]),
-            "every file is as its hash says; 'verify' " + ("passed" if not found.problems else "finds problems:"),
+            "every file has its recorded hash; 'verify' " + ("passed" if not found.problems else "finds problems:"),
             *(f"  {problem.text}" for problem in found.problems[:20]),
         ]
         sys.stdout.writelines(f"{line}\n" for line in lines)

@@ -69,5 +69,7 @@ def _say(found: dict[str, object], *, as_json: bool) -> int:
     sys.stdout.write(f"{found['store']}\n")
     sys.stdout.writelines(f"  {name:14} {count:8}\n" for name, count in rows.items())
     left = found["behind"]
-    sys.stdout.write("up to the chain\n" if not left else f"behind by {left} entries. The next 'list' brings it up\n")
+    sys.stdout.write(
+        "up to date with the chain\n" if not left else f"behind by {left} entries. The next 'list' brings it up\n"
+    )
     return 0

@@ -12,6 +12,8 @@ import numpy as np
 
 from analysis.studies.frequency_response import FrequencyResponse, fit_resonance, frequency_response
 from analysis.trace.errors import AnalysisError
+from analysis.trace.units import FloatArray
+from definitions.program import Sweep
 from station.cli.line.line_statistics import figure
 from station.cli.out_file import refuse_records, writing
 from station.cli.say import Grid, say
@@ -50,7 +52,7 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
     A response in which no resonance can be fitted is printed without it, with the reason.
 
     Raises:
-        StationError, RecipeError, AnalysisError: bad input, or no line that passes the gate.
+        StationError, RecipeError, AnalysisError: bad input, or no line whose coherence passes.
 
     """
     if asked.out is not None:
@@ -59,9 +61,11 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
     band, period_s = _band_and_period(asked, source)
     time_s = source.trace.channel("t_s", "the frequency response")
     angle, torque = channels_of(source)
+    swing: Swing | None = None
     if source.sweep is not None:
         swept = _swept_rows(source)
         time_s, angle, torque = time_s[swept], angle[swept], torque[swept]
+        swing = Swing.of(torque, *source.sweep)
     found = frequency_response(time_s, torque, angle, band, period_s=period_s, least_coherence=asked.coherence)
     document = {
         "source": source.name,
@@ -71,10 +75,13 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
         "lines_used": int(found.used.sum()),
         "averages": found.averages,
         "response": _response(found),
+        "amplitude": None if swing is None else dataclasses.asdict(swing),
     }
     lines = f"{document['lines']} lines from {found.frequency_hz[0]:.4g} to {found.frequency_hz[-1]:.4g} Hz"
-    gate = f"{document['lines_used']} pass the gate (coherence {asked.coherence:g})"
+    gate = f"{document['lines_used']} have enough coherence (at least {asked.coherence:g})"
     blocks: list[str | Grid] = [f"{source.name}: {lines}, {gate}, {found.averages:.3g} averages", _stiffness(found)]
+    if swing is not None:
+        blocks.append(swing.text)
     try:
         one = fit_resonance(found)
     except AnalysisError as error:
@@ -87,7 +94,7 @@ def frequency(asked: Asked, *, as_json: bool) -> int:
             ("natural frequency", figure(one.natural_frequency_hz, "Hz"), f"± {one.u_natural_frequency_hz:.2g}"),
             ("damping ratio", figure(one.damping_ratio, "", 4), f"± {one.u_damping_ratio:.2g}"),
             ("dynamic stiffness", figure(stiffness, "N·m/arcmin"), f"± {u_stiffness:.2g}"),
-            ("inertia that this belongs to", figure(one.inertia_kg_m2, "kg·m²", 4), ""),
+            ("inertia for this frequency", figure(one.inertia_kg_m2, "kg·m²", 4), ""),
             ("delay of the angle", figure(1e3 * one.delay_s, "ms", 4), f"± {1e3 * one.u_delay_s:.2g}"),
         ]
         blocks.append(Grid(("", "", "standard u"), rows, right=(1,)))
@@ -140,6 +147,59 @@ def _swept_rows(source: Source) -> slice:
     return slice(int(rows[0]), int(rows[0]) + sweep.scans - sweep.period_scans)
 
 
+FOLLOWED = 0.1
+"""Share of the planned amplitude by which the torque may miss it: a reducer's stiffness depends on the amplitude."""
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Amplitude of the torque in a sweep [N·m]: planned, and reached at the lowest and the highest frequency [Hz]."""
+
+    planned_nm: float
+    from_hz: float
+    reached_at_from_hz_nm: float
+    to_hz: float
+    reached_at_to_hz_nm: float
+
+    @classmethod
+    def of(cls, torque_nm: FloatArray, sweep: Sweep, scan_s: float) -> Swing:
+        """Return what the output torque [N·m] of a sweep without its last period reached; the first one is left out."""
+        lowest = range(sweep.period_scans, torque_nm.size, sweep.period_scans)
+        highest = range(sweep.period_scans + sweep.period_scans // 2, torque_nm.size, sweep.period_scans)
+        slow, fast = (
+            float(np.mean([_half_of_swing(torque_nm, place, hz * scan_s) for place in places]))
+            for places, hz in ((lowest, sweep.from_hz), (highest, sweep.to_hz))
+        )
+        return cls(sweep.amplitude_nm, sweep.from_hz, slow, sweep.to_hz, fast)
+
+    @property
+    def followed(self) -> bool:
+        """True where the torque had the planned amplitude at both ends of the band."""
+        reached = (self.reached_at_from_hz_nm, self.reached_at_to_hz_nm)
+        return all(abs(one - self.planned_nm) <= FOLLOWED * self.planned_nm for one in reached)
+
+    @property
+    def text(self) -> str:
+        """One line on the amplitude, with what to do where the drive did not follow."""
+        found = (
+            f"amplitude of the torque: {figure(self.planned_nm, 'N·m')} planned, "
+            f"{figure(self.reached_at_from_hz_nm, 'N·m')} at {self.from_hz:.4g} Hz, "
+            f"{figure(self.reached_at_to_hz_nm, 'N·m')} at {self.to_hz:.4g} Hz"
+        )
+        if self.followed:
+            return found
+        return (
+            f"{found}. The drive did not follow: the response is that of the amplitude reached. Lower to_frequency or "
+            "the amplitude, or tune the torque loop"
+        )
+
+
+def _half_of_swing(torque_nm: FloatArray, place: int, cycles_per_scan: float) -> float:
+    """Half of what the torque spans within one cycle about a place."""
+    half = round(0.5 / cycles_per_scan)
+    return float(np.ptp(torque_nm[max(place - half, 0) : place + half])) / 2.0
+
+
 def _response(found: FrequencyResponse) -> list[dict[str, float | bool]]:
     """Return every line with what it says of the dynamic stiffness, for JSON."""
     rows: list[dict[str, float | bool]] = []
@@ -165,7 +225,7 @@ SHOWN_LINES = 9
 
 
 def _stiffness(found: FrequencyResponse) -> Grid:
-    """Return the dynamic stiffness over frequency, of some of the lines that pass the gate."""
+    """Return the dynamic stiffness over frequency, of some of the lines whose coherence passes."""
     used = [row for row in _response(found) if row["used"]]
     shown = np.unique(np.linspace(0, len(used) - 1, SHOWN_LINES).round().astype(np.int64)).tolist()
     rows = [

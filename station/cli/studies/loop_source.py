@@ -134,14 +134,14 @@ def angle_noise_arcmin(source: Source) -> float:
 
 def channels_of(source: Source) -> tuple[FloatArray, FloatArray]:
     """Return wind-up [arcmin] and output torque [N·m] sample by sample; AnalysisError naming a missing column."""
-    torque = source.trace.channel("torque_out_nm", "the torque, where there is no recipe to convert another one by")
+    torque = source.trace.channel("torque_out_nm", "evaluation without a recipe")
     if source.method is None:
         if source.trace.angle_in_rad is not None and source.trace.angle_out_rad is not None:
             raise StationError(
                 f"{source.name}: it has the angles of both shafts, but not which shaft is locked. "
                 "Name the recipe (--recipe), which has ratio and loaded side",
             )
-        what = "the wind-up, where there is no recipe to make it by"
+        what = "evaluation without a recipe"
         return source.trace.channel("angle_out_rad", what) * ARCMIN_PER_RAD, torque
     windup = measured_windup(source.trace, source.method)
     fixture = source.method.fixture_stiffness_nm_per_arcmin if windup.angles == "loaded" else None

@@ -183,7 +183,7 @@ def _blocks(source: Source, kind: str, found: Identified) -> list[str | Grid]:
     for refusal in found.refused:
         where = "merged " if kind == "maxwell-slip" else "NOT DETERMINED "
         blocks.append(f"{where}{refusal.parameter}: {refusal.reason}")
-    blocks += [f"AT ITS BOUND {name}: the loop wants to go beyond what is allowed" for name in found.at_bound]
+    blocks += [f"AT ITS BOUND {name}: the parameter reached its limit" for name in found.at_bound]
     pairs = _pairs(found)
     if pairs:
         blocks.append(f"correlations above {SHOWN_CORRELATION:g} (refused above {MOST_CORRELATION:g}): {pairs}")

@@ -21,7 +21,7 @@ audit_app = typer.Typer(help="Who did what at the station.", no_args_is_help=Tru
 
 def serve(
     data: DataOption = DEFAULT_DATA,
-    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address to be reached by.")] = "127.0.0.1",
+    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port; 0: a free one.")] = 8080,
     models: Annotated[
         Path | None,
@@ -31,7 +31,9 @@ def serve(
     key: Annotated[Path | None, typer.Option("--key", metavar="FILE", help="Private key of the certificate.")] = None,
     names: Annotated[
         list[str] | None,
-        typer.Option("--name", metavar="NAME", help="Another name that leads here, as in the certificate; repeatable."),
+        typer.Option(
+            "--name", metavar="NAME", help="Another host name of this station, as in the certificate; repeatable."
+        ),
     ] = None,
     fast: Annotated[
         bool, typer.Option("--fast", help="On a virtual bench: run as fast as possible, for trying things out.")
@@ -46,7 +48,7 @@ def serve(
 
 @audit_app.command("verify")
 def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """Check that no line of the audit trail was changed, removed or added. Exit code: 0 in order, 1 not."""
+    """Check that no line of the audit trail was changed, removed or added. Exit code: 0 unchanged, 1 not."""
     from station.web.people import audit
 
     database = _database_of(data)
@@ -57,7 +59,7 @@ def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
         found = {"lines": head.lines, "head_sha256": head.sha256, "problems": problems}
         sys.stdout.write(json.dumps(found) + "\n")
     else:
-        lines = [*problems, f"{head.lines} lines, head {head.sha256}: {'NOT IN ORDER' if problems else 'in order'}"]
+        lines = [*problems, f"{head.lines} lines, head {head.sha256}: {'CHANGED' if problems else 'unchanged'}"]
         sys.stdout.write("\n".join(lines) + "\n")
     raise typer.Exit(1 if problems else 0)
 
@@ -65,7 +67,8 @@ def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
 @audit_app.command("shift")
 def audit_shift(
     since: Annotated[
-        str, typer.Option("--since", metavar="DATE", help="Begin of the shift, as 2026-01-31T06:00, in local time.")
+        str,
+        typer.Option("--since", metavar="DATE", help="Start of the shift, such as 2026-01-31T06:00, in local time."),
     ],
     until: Annotated[
         str | None, typer.Option("--until", metavar="DATE", help="End of the shift, as --since. Default: now.")

@@ -7,6 +7,14 @@
 | `sealed` | a run was concluded: SHA-256 of its run.json, state and verdict |
 | `lost` | entries that this computer had seen are gone: their counters are never used again |
 
+Entries of the same form tell what became of the revisions of recipes, in a file of their own (`recipe_revisions`):
+
+| kind | says |
+|---|---|
+| `recipe_saved` | a person saved this text as a draft of a revision |
+| `recipe_asked` | a person asked that the draft be released |
+| `recipe_released` | a person who is none of its authors released it |
+
 The signature covers the line up to the signature itself. The order of the first fields is part of the format: runs and
 serial numbers are found by it without reading every line.
 """
@@ -22,11 +30,15 @@ from typing import Any
 from station.records.chain.keys import BenchKey, signed_by
 
 START, CREATED, SEALED, LOST = "start", "created", "sealed", "lost"
+RECIPE_SAVED, RECIPE_ASKED, RECIPE_RELEASED = "recipe_saved", "recipe_asked", "recipe_released"
 FIELDS: dict[str, tuple[str, ...]] = {
     START: ("chain", "before", "replaces"),
     CREATED: ("run", "serial", "attempt", "recipe", "bench"),
     SEALED: ("run", "serial", "attempt", "created", "sha256", "state", "verdict"),
     LOST: ("first", "last", "sha256"),
+    RECIPE_SAVED: ("name", "revision", "recipe", "person"),
+    RECIPE_ASKED: ("name", "revision", "recipe", "person"),
+    RECIPE_RELEASED: ("name", "revision", "recipe", "person"),
 }
 """What an entry of each kind has, beside what every entry has."""
 
@@ -43,8 +55,10 @@ _TEXTS = (
     "bench",
     "sha256",
     "state",
+    "name",
+    "person",
 )
-_NUMBERS = ("counter", "attempt", "first", "last")
+_NUMBERS = ("counter", "attempt", "first", "last", "revision")
 _BEFORE: dict[str, type] = {"bytes": int, "sha256": str, "unconcluded": list}
 _REPLACES: dict[str, type] = {"chain": str, "counter": int, "sha256": str}
 

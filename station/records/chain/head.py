@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from station.durable import write_durable
+from station.atomic_file import write_atomic
 from station.errors import StationError
 from station.own_place import own_folder, own_place
 from station.records.chain.keys import BenchKey, signed_by
@@ -76,10 +76,10 @@ def keep_head(head: Head, data: Path, key: BenchKey) -> None:
     row = asdict(head) | {"keys": list(head.keys)}
     whole = row | {"key": key.public, "signature": key.sign(_content(row))}
     with suppress(StationError):
-        write_durable(own_folder(f"{CHAINS}/{_name(head.chain)}") / f"{_path_name(data)}.json", _content(whole))
+        write_atomic(own_folder(f"{CHAINS}/{_name(head.chain)}") / f"{_path_name(data)}.json", _content(whole))
         if chain_seen_in(data) != head.chain:
             place = {"chain": head.chain, "path": str(data.resolve())}
-            write_durable(own_folder(FOLDERS) / f"{_path_name(data)}.json", _content(place))
+            write_atomic(own_folder(FOLDERS) / f"{_path_name(data)}.json", _content(place))
 
 
 def _content(row: dict[str, Any]) -> bytes:

@@ -25,7 +25,7 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from station.durable import open_file, refused, sync_folder
+from station.atomic_file import open_file, refused, sync_folder
 from station.errors import RecordError, StationError
 from station.own_place import own_folder, own_place
 
@@ -92,7 +92,7 @@ def _loaded(path: Path, content: bytes) -> BenchKey:
     try:
         private = load_pem_private_key(content, None)
     except (ValueError, TypeError) as error:
-        raise RecordError(f"{path}: is no private key: {error}. Restore the key of this bench") from error
+        raise RecordError(f"{path}: is not a private key: {error}. Restore the key of this bench") from error
     if not isinstance(private, Ed25519PrivateKey):
         raise RecordError(f"{path}: is not an Ed25519 key. Restore the key of this bench")
     return BenchKey(private)

@@ -24,6 +24,7 @@ PROBLEMS: dict[str, str] = {
     "altered": "Restore the run from a backup; an altered run gives no verdict",
     "damaged": "Restore the run from a backup",
     "attempt": "Two attempts have one number, or one is missing. Look at the runs of this serial number",
+    "recipes": "Restore recipes.jsonl and the folder recipes from a backup",
 }
 """Kinds of problem and what to do about them."""
 

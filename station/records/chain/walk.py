@@ -96,7 +96,7 @@ def _link_problems(entry: Entry, counter: int, sha256: str) -> list[Problem]:
         missing += "" if entry.counter == expected + 1 else f"{entry.counter - 1} are"
         return [Problem("removed_entries", run, f"{CHAIN}: {missing} missing before {_about(entry)}")]
     if entry.counter < expected:
-        text = f"{CHAIN}: entry {entry.counter} ({_about(entry)}) stands behind entry {counter}"
+        text = f"{CHAIN}: entry {entry.counter} ({_about(entry)}) is out of order: it follows entry {counter}"
         return [Problem("reordered_entries", run, text)]
     if entry.fields["previous"] != sha256:
         text = f"{CHAIN}: entry {entry.counter} ({_about(entry)}) does not hold the hash of the line before it"
@@ -207,7 +207,7 @@ def attempt_problems(found: Walk) -> list[Problem]:
     for run, entry in found.created.items():
         serial, attempt = str(entry.fields["serial"]), entry.fields["attempt"]
         if serial in last and attempt <= last[serial]:
-            text = f"{run}: attempt {attempt} of {serial} comes behind attempt {last[serial]}"
+            text = f"{run}: attempt {attempt} of {serial} is out of order: it follows attempt {last[serial]}"
             problems.append(Problem("attempt", run, text))
         last[serial] = attempt
     return problems

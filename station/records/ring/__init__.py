@@ -1,1 +1,1 @@
-"""The ring in shared memory through which the scan hands its records to the desk, and the file that they end in."""
+"""The ring in shared memory through which the scan hands records to the supervisor, and the file they end in."""

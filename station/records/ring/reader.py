@@ -1,4 +1,4 @@
-"""The desk's end of the ring: what the scan process says of itself, its records, and commands to it."""
+"""The supervisor's end of the ring: what the scan process says of itself, its records, and commands to it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from station.records.ring.ring import (
     MAILBOX_SLOTS,
     W_COMMANDS_TAKEN,
     W_COMMANDS_WRITTEN,
-    W_DESK_BEATS,
     W_ENDED_FOR,
     W_LOST,
     W_PID,
@@ -19,6 +18,7 @@ from station.records.ring.ring import (
     W_STARTED,
     W_STATE,
     W_STOPPED_FOR,
+    W_SUPERVISOR_BEATS,
     W_WRITTEN,
     MappedRing,
     RingError,
@@ -29,7 +29,7 @@ from station.records.samples.scan_record import RECORD_BYTES
 
 
 class RingReader(MappedRing):
-    """The desk's end: drains records and sends commands."""
+    """The supervisor's end: drains records and sends commands."""
 
     @property
     def state(self) -> ScanState:
@@ -37,16 +37,16 @@ class RingReader(MappedRing):
         return ScanState(self._words[W_STATE])
 
     def beat(self) -> None:
-        """Say that the desk is there; called at every look."""
-        self._words[W_DESK_BEATS] += 1
+        """Say that the supervisor is there; called at every look."""
+        self._words[W_SUPERVISOR_BEATS] += 1
 
     def note_stop(self, cause: StopCause) -> None:
-        """Keep why the desk asks for a stop, for whoever concludes the run."""
+        """Keep why the supervisor asks for a stop, for whoever concludes the run."""
         self._words[W_STOPPED_FOR] = int(cause)
 
     @property
     def stop_cause(self) -> StopCause:
-        """Why the run was stopped although nobody asked for it; the desk's word comes first."""
+        """Why the run was stopped although nobody asked for it; the supervisor's word comes first."""
         cause = StopCause(self._words[W_STOPPED_FOR] or self._words[W_ENDED_FOR])
         return StopCause.RECORDS_LOST if cause is StopCause.NONE and self.lost else cause
 
@@ -54,11 +54,11 @@ class RingReader(MappedRing):
     def stopped_because(self) -> str:
         """Say the same as the subject of a sentence; empty when nothing here says so."""
         texts = {
-            StopCause.DISK: "the disk did not take the records, so the desk",
+            StopCause.DISK: "the supervisor, because records could not be written to disk,",
             StopCause.DESK_SILENT: "the scan process, because the supervisor process ended,",
             StopCause.DESK_GONE: "the scan process, because the supervisor process ended,",
             StopCause.RECORDS_LOST: (
-                f"{self.lost} records found no room, because they were not taken in time, so the scan process"
+                f"the scan process, because {self.lost} records were lost (the supervisor was too slow),"
             ),
         }
         return texts.get(self.stop_cause, "")

@@ -1,4 +1,4 @@
-"""The ring between the two processes: records from the scan to the desk, commands from the desk to the scan.
+"""The ring between the two processes: records from scan to supervisor, commands from supervisor to scan.
 
 A file of prefaulted shared memory with one writer and one reader for each word:
 
@@ -6,22 +6,22 @@ A file of prefaulted shared memory with one writer and one reader for each word:
 word                       writer   meaning
 =========================  =======  ==========================================================
 magic, version, layout     scan     refuse a ring of another program or another record layout
-state, pid                 scan     `ScanState` and process id (the desk sets `DIED` afterwards)
+state, pid                 scan     `ScanState` and process id (the supervisor sets `DIED` afterwards)
 written, lost              scan     records appended; records that found the ring full
 started                    scan     monotonic time [ns] from which its deadlines count, 0 before
 ended for                  scan     `StopCause` of the scan process's own wish to end the run
-read                       desk     records taken
-desk beats                 desk     looks at the ring so far: a desk that is there counts on
-stopped for                desk     `StopCause` of the desk's own wish to end the run
-run, its disk's number     desk     whose ring it is: folder, and the device that the folder is on
+read                       supervisor     records taken
+supervisor beats                 supervisor     looks at the ring so far: a supervisor that is there counts on
+stopped for                supervisor     `StopCause` of the supervisor's own wish to end the run
+run, its disk's number     supervisor     whose ring it is: folder, and the device that the folder is on
 gone since                 anybody  when its run's folder was first missed, in seconds since 1970 (see `run_ring`)
-commands written           desk     commands put into the mailbox's slots
+commands written           supervisor     commands put into the mailbox's slots
 commands taken             scan     commands seen by a scan, one per scan
 =========================  =======  ==========================================================
 
 A record is complete before `written` grows, so a killed scan process loses none that was written. A full ring never
 overwrites: the record is dropped, `lost` grows, its sequence number is missing, and the run cannot pass.
-The scan's end is `RingWriter`, the desk's `RingReader`.
+The scan's end is `RingWriter`, the supervisor's `RingReader`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ VERSION = 2
 HEADER_BYTES = 4096
 WORD_BYTES = 8
 DEFAULT_CAPACITY = 60_000
-"""Records: one minute at 1 ms, the longest stall of the desk that loses nothing."""
+"""Records: one minute at 1 ms, the longest stall of the supervisor that loses nothing."""
 
 MAILBOX_SLOTS = 16
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - the kernel's shared memory, not a temporary folder
@@ -50,7 +50,7 @@ FILE_PREFIX = "lostmotion-ring-"
 W_MAGIC, W_VERSION, W_RECORD_BYTES, W_CAPACITY = 0, 1, 2, 3
 W_STATE, W_PID, W_WRITTEN, W_LOST, W_STARTED = 8, 9, 10, 11, 12
 W_ENDED_FOR = 13
-W_READ, W_DESK_BEATS, W_STOPPED_FOR = 16, 17, 18
+W_READ, W_SUPERVISOR_BEATS, W_STOPPED_FOR = 16, 17, 18
 W_RUN_DEVICE, W_GONE_SINCE = 20, 21
 W_COMMANDS_WRITTEN, W_COMMANDS_TAKEN = 24, 32
 W_SLOTS = 40
@@ -59,7 +59,7 @@ RUN_AT, RUN_BYTES = 2048, 2048
 
 
 class ScanState(IntEnum):
-    """What the scan process says of itself; `DIED` is set by the desk when it ended without saying so."""
+    """What the scan process says of itself; `DIED` is set by the supervisor when it ended without saying so."""
 
     STARTING = 0
     ARMED = 1
@@ -70,7 +70,7 @@ class ScanState(IntEnum):
 
 
 class StopCause(IntEnum):
-    """Why desk or scan process asked for a stop, where it was not the operator who did."""
+    """Why supervisor or scan process asked for a stop, where it was not the operator who did."""
 
     NONE = 0
     DISK = 1
@@ -138,7 +138,7 @@ class MappedRing:
             raise RingError(f"{path}: cannot be mapped: {error}") from error
         if len(self._memory) < HEADER_BYTES or len(self._memory) % WORD_BYTES:
             self._memory.close()
-            raise RingError(f"{path}: is no ring: it has {path.stat().st_size} bytes")
+            raise RingError(f"{path}: is not a ring: it has {path.stat().st_size} bytes")
         self._bytes = memoryview(self._memory)
         self._words = self._bytes.cast("Q")
         words = self._words

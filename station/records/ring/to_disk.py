@@ -1,8 +1,9 @@
-"""Brings the records of a run from the ring to the disk, in a thread of the desk's process.
+"""Brings the records of a run from the ring to the disk, in a thread of the supervisor's process.
 
-A thread, because a slow disk may hold a write or a flush for seconds: the desk must meanwhile say that it is there and
-pass the operator's wishes on. What the disk does not take stays in the ring, which holds a minute of records at 1 ms,
-and is tried again: a disk that was slow or full for less than that costs no record. (The scan is another process.)
+A thread, because a slow disk may hold a write or a flush for seconds: the supervisor must meanwhile say that it is
+there and pass the operator's wishes on. What the disk does not take stays in the ring, which holds a minute of records
+at 1 ms, and is tried again: a disk that was slow or full for less than that costs no record. (The scan is another
+process.)
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from station.atomic_file import Appender
 from station.documents.timing import Disk
-from station.durable import Appender
 from station.errors import RecordError
 from station.records.ring.reader import RingReader
 from station.records.samples.scan_record import RECORD_BYTES

@@ -12,7 +12,6 @@ from station.records.ring.ring import (
     MAILBOX_SLOTS,
     W_COMMANDS_TAKEN,
     W_COMMANDS_WRITTEN,
-    W_DESK_BEATS,
     W_ENDED_FOR,
     W_LOST,
     W_PID,
@@ -20,6 +19,7 @@ from station.records.ring.ring import (
     W_SLOTS,
     W_STARTED,
     W_STATE,
+    W_SUPERVISOR_BEATS,
     W_WRITTEN,
     MappedRing,
     ScanState,
@@ -44,17 +44,17 @@ class RingWriter(MappedRing):
 
     @property
     def commands_given(self) -> int:
-        """Commands that the desk has given so far, seen by a scan or not."""
+        """Commands that the supervisor has given so far, seen by a scan or not."""
         return int(self._words[W_COMMANDS_WRITTEN])
 
     @property
-    def desk_beats(self) -> int:
-        """Looks of the desk so far."""
-        beats: int = self._words[W_DESK_BEATS]
+    def supervisor_beats(self) -> int:
+        """Looks of the supervisor so far."""
+        beats: int = self._words[W_SUPERVISOR_BEATS]
         return beats
 
     def set_state(self, state: ScanState) -> None:
-        """Tell the desk where the scan process is."""
+        """Tell the supervisor where the scan process is."""
         self._words[W_STATE] = int(state)
 
     def note_stop(self, cause: StopCause) -> None:
@@ -96,7 +96,7 @@ class RingWriter(MappedRing):
         written: int = words[W_COMMANDS_WRITTEN]
         if written == taken:
             return 0
-        if not 0 < written - taken <= MAILBOX_SLOTS:  # no desk of this program counts so
+        if not 0 < written - taken <= MAILBOX_SLOTS:  # no supervisor of this program counts so
             self.strange_commands += 1
             self._taken = words[W_COMMANDS_TAKEN] = written
             return 0

@@ -193,7 +193,7 @@ def _disorder(channels: tuple[Channel, ...], size: int) -> str:
         return f"record_bytes: found {size}; the channels end at {at}"
     names = [(one.group, one.name) for one in channels]
     if len(set(names)) != len(names):
-        return f"the channel {next('.'.join(name) for name in names if names.count(name) > 1)} stands there twice"
+        return f"the channel {next('.'.join(name) for name in names if names.count(name) > 1)} is listed twice"
     header = {one.name: one.format for one in channels if one.group == "record"}
     missing = [name for name, letter in NEEDED.items() if header.get(name) != letter]
     if missing or channels[-1].name != CHECK_FIELD.name or channels[-1].group != "record":

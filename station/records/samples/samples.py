@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from station.atomic_file import open_file, read_from_disk, refused, write_atomic
 from station.documents.manifest import PackedSamples
-from station.durable import open_file, read_from_disk, refused, write_durable
 from station.errors import RecordError
 from station.records.run_record import PACKED, RunRecord
 from station.records.samples.check import ReadBack, check_bytes
@@ -105,7 +105,7 @@ def _written(path: Path, content: bytes, layout: Layout) -> bool:
     """Write the packed file; return whether it reads back from the disk as the same bytes."""
     at = 0
     try:
-        write_durable(path, packed(table_of(content, layout)))
+        write_atomic(path, packed(table_of(content, layout)))
         for part in unpacked_parts(read_from_disk(path), layout, path):
             if content[at : at + len(part)] != part:
                 return False

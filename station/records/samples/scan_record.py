@@ -1,7 +1,7 @@
 """One scan as one fixed-size binary record: its layout, derived from the field tables of the process image.
 
-Little-endian without padding: sequence, scan, lateness, work, the `Image`, the `Orders`, and a CRC-32 over all of it.
-`sequence` counts records and has no gaps; `scan` counts periods and jumps over the missed ones.
+Little-endian without padding: sequence, scan, wake-up latency, work, the `Image`, the `Orders`, and a CRC-32 over all
+of it. `sequence` counts records and has no gaps; `scan` counts periods and jumps over the missed ones.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def unpack(record: bytes | memoryview) -> tuple[int, Image, Orders]:
 
 
 def pack(header: tuple[int, int, int, int], image: Image, orders: Orders) -> bytes:
-    """Return one record as bytes; `header` is sequence, scan, lateness [ns], work [ns]."""
+    """Return one record as bytes; `header` is sequence, scan, wake-up latency [ns], work [ns]."""
     sequence, scan, lateness_ns, work_ns = header
     body = BODY_STRUCT.pack(sequence, scan, lateness_ns, min(work_ns, MAX_WORK_NS), *image_values(image), *orders)
     return body + CHECK_STRUCT.pack(zlib.crc32(body))

@@ -13,10 +13,11 @@ SIZE_INCH = (8.4, 2.4)
 
 
 def timing_figure(proof: Timing) -> Figure | None:
-    """Return histograms of lateness and work over the scan period; None where a run has none, as in virtual time."""
+    """Return histograms of wake-up latency and work over the period; None where a run has none, as in virtual time."""
     histograms = proof.histograms_us or {}
     period_us = proof.period_ns / 1000.0
-    named = [(name, histograms[name]) for name in ("lateness", "work") if histograms.get(name)]
+    titles = {"lateness": "wake-up latency", "work": "work"}
+    named = [(title, histograms[name]) for name, title in titles.items() if histograms.get(name)]
     if not named:
         return None
     with mpl.rc_context(STYLE):

@@ -14,7 +14,7 @@ from reportlab.platypus import SimpleDocTemplate, Spacer, Table
 from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
 from station.reports.content import CHECK_HEADS, FAILED, Content
-from station.reports.headline import badges, ending_text, headline, remaining_reasons
+from station.reports.headline import badges, headline, how_it_ended, remaining_reasons
 from station.reports.html_page import FIRST, MetricGroup, explained, metric_groups, rule_text, side_text
 from station.reports.pdf_pages.evidence import budget_parts, evaluation_parts, provenance_parts, timing_parts
 from station.reports.pdf_pages.layout import (
@@ -100,7 +100,7 @@ def _top(result: Result, run: Manifest, content: Content) -> list[Any]:
         paragraph(f"{run.unit.model}, {attempt}, {started} UTC", "text"),
         paragraph(
             f"{result.recipe.name} revision {result.recipe.revision} on bench {run.bench.name} "
-            f"revision {run.bench.revision}; run {ending_text(result)}",
+            f"revision {run.bench.revision}; run {how_it_ended(result)}",
             "soft",
         ),
         *(paragraph(badge, "text", bold=True, colour=BADGE_COLOUR) for badge in badges(result)),

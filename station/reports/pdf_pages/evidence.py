@@ -85,7 +85,7 @@ def _timing_tables(found: TimingTables) -> list[Any]:
         )
     if found.scans:
         table = _numbers(SCAN_HEADS, found.scans, (17, 16, 18, 37, 15, 14, 14, 14, 14), {0, 3})
-        parts.append(KeepTogether([paragraph("Longest and latest scans, in µs", "subhead"), table]))
+        parts.append(KeepTogether([paragraph("Longest scans and latest wake-ups, in µs", "subhead"), table]))
     if found.causes:
         parts += [Spacer(1, 4), grid(("", ""), found.causes, (30, 130))]
     return parts

@@ -1,4 +1,4 @@
-"""What runs beside the desk in a run with faults over wires.
+"""What runs beside the supervisor in a run with faults over wires.
 
 It tells the bench where the controller is, plays the operator of the scenario, and does to the station's own processes
 what a machine in trouble would do to them (`machine_faults`); the bench's log names that too, because it outlives them
@@ -69,7 +69,7 @@ class Companion:
             self._act(self._reach)
 
     def tick(self) -> None:
-        """Take back what has lasted long enough; called at every look of the desk, with records or without."""
+        """Take back what has lasted long enough; called at every look of the supervisor, with records or without."""
         now_ns = time.monotonic_ns()
         for fault in [fault for fault, end_ns in self._ends_ns.items() if now_ns >= end_ns]:
             del self._ends_ns[fault]
@@ -87,7 +87,7 @@ class Companion:
         for fault in [fault for fault in self._faults if self.is_due(fault.when)]:
             self._faults.remove(fault)
             now_ns = time.monotonic_ns()
-            if reach.tell is not None:  # before it is done: the desk may not live to tell
+            if reach.tell is not None:  # before it is done: the supervisor may not live to tell
                 done = {"acted": f"{fault.target} {fault.verb}", "value": fault.value, "clock_ns": now_ns}
                 reach.tell(json.dumps(done).encode() + b"\n")
             if fault.for_ms is not None:

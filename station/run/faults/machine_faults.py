@@ -1,8 +1,8 @@
 """What the station does to its own processes in a run with faults: one row per fault of `BY_STATION`.
 
-Each is done by the desk, to the real thing: SIGKILL and SIGSTOP to processes, a limit of the kernel on the size of
-files (`RLIMIT_FSIZE`: every write fails, with EFBIG where a full disk has ENOSPC), a jump of the one wall clock that
-the desk reads. `proof` tells from what is left of the run whether the fault has acted.
+Each is done by the supervisor, to the real thing: SIGKILL and SIGSTOP to processes, a limit of the kernel on the size
+of files (`RLIMIT_FSIZE`: every write fails, with EFBIG where a full disk has ENOSPC), a jump of the one wall clock that
+the supervisor reads. `proof` tells from what is left of the run whether the fault has acted.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Traces:
 
     scan_died: bool = False
     """The scan process ended without saying so."""
-    desk_killed: bool = False
+    supervisor_killed: bool = False
     disk_refused: bool = False
-    """The desk stopped the run because the disk did not take its records."""
+    """The supervisor stopped the run because the disk did not take its records."""
     clock_jumped_s: float = 0.0
     missed: int = 0
     """Periods that the scan has missed."""
@@ -60,7 +60,7 @@ def _kill_scan(scan_pid: int, _value: float) -> None:
     os.kill(scan_pid, signal.SIGKILL)
 
 
-def _kill_desk(_scan_pid: int, _value: float) -> None:
+def _kill_supervisor(_scan_pid: int, _value: float) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -87,7 +87,7 @@ def _jumped(traces: Traces, step_s: float) -> bool:
 DEEDS: dict[tuple[str, str], Deed] = {
     ("process.scan", "stop"): Deed(_stop, _not_taken_back, _held_up),
     ("process.scan", "kill"): Deed(_kill_scan, _not_taken_back, lambda traces, _: traces.scan_died),
-    ("process.desk", "kill"): Deed(_kill_desk, _not_taken_back, lambda traces, _: traces.desk_killed),
+    ("process.desk", "kill"): Deed(_kill_supervisor, _not_taken_back, lambda traces, _: traces.supervisor_killed),
     ("machine.disk", "full"): Deed(_fill_disk, free_disk, lambda traces, _: traces.disk_refused),
     ("machine.clock", "step"): Deed(lambda _, step_s: WALL_CLOCK.step(step_s), lambda s: WALL_CLOCK.step(-s), _jumped),
 }

@@ -1,7 +1,7 @@
-"""The screen of a desk that takes a run over: it is loaded while the desk is at work already.
+"""The screen of a supervisor that takes a run over: it is loaded while the supervisor is at work already.
 
-The scan waits 2 s for a sign of the new desk. Recipe, bench and what draws a screen take a good part of them to load on
-a busy machine, so they are loaded in a thread, while the desk gives its signs and takes the records.
+The scan waits 2 s for a sign of the new supervisor. Recipe, bench and what draws a screen take a good part of them to
+load on a busy machine, so they are loaded in a thread, while the supervisor gives its signs and takes the records.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from station.run.screen.progress import Progress
 
 SHOW_EVERY_LOOKS = 5
-"""A desk looks at its ring 50 times per second."""
+"""A supervisor looks at its ring 50 times per second."""
 
 
 class LateScreen:
@@ -53,7 +53,7 @@ class LateScreen:
                 print(text, file=sys.stderr if self._as_json else sys.stdout, flush=True)
 
     def look(self, ring: RingReader) -> None:
-        """Show the newest record; called at every look of the desk."""
+        """Show the newest record; called at every look of the supervisor."""
         self._looks += 1
         if self._looks % SHOW_EVERY_LOOKS:
             return

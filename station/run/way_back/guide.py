@@ -1,6 +1,7 @@
 """Leads a person through the way back from a fault: what the bench shows, what to check, and then step by step.
 
-Called at every look of the desk, so it never waits: a question stands until it is answered, and the desk goes on.
+Called at every look of the supervisor, so it never waits: a question stands until it is answered, and the supervisor
+goes on.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class Guide:
             self._say("left as it is: lock, drive and torque were not touched")
             self._leave(ring)
             return
-        self._say("  acknowledged, reset asked for")
+        self._say("  acknowledged, reset requested")
         self._tries += 1
         self._ordered_s = time.monotonic()
         self._shown = None

@@ -1,4 +1,4 @@
-"""What killed runs left behind, put in order when the next run starts: rings that nobody needs, runs of this bench.
+"""What killed runs left behind, cleaned up when the next run starts: rings that nobody needs, runs of this bench.
 
 A line must not wait for a person to conclude what ended by itself. So the start of a run concludes the deserted runs of
 its own bench, and says so. It takes a bounded time: only the newest folders are looked at, and none is begun late.

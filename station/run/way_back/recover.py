@@ -1,9 +1,10 @@
 """Runs whose supervisor process ended: what their scan process still wrote is in the ring, and belongs to the record.
 
-Without its desk the scan process unloads and stops after 2 s, unless it has a new desk by then. Afterwards `conclude`
-brings the rest of the ring to disk and concludes the run: it gets the state that it came to, and its verdict when it
-came to its end. While the scan process is still at work, `resume` is its new desk. Nobody who only looks at runs calls
-any of this, and an error that may pass (a file that is not there or cannot be read now) leaves the run as it was.
+Without its supervisor the scan process unloads and stops after 2 s, unless it has a new supervisor by then. Afterwards
+`conclude` brings the rest of the ring to disk and concludes the run: it gets the state that it came to, and its
+verdict when it came to its end. While the scan process is still at work, `resume` is its new supervisor. Nobody who
+only looks at runs calls any of this, and an error that may pass (a file that is not there or cannot be read now)
+leaves the run as it was.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from definitions.image import Command
+from station.atomic_file import Appender, refused
 from station.documents.scan_report import ScanReport
 from station.documents.timing import Disk
-from station.durable import Appender, refused
 from station.records.process_birth import process_birth
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState, StopCause
@@ -27,9 +28,9 @@ from station.records.run_record import INTERRUPTED, RunRecord
 from station.records.run_ring import ring_of
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import finish_seal, is_sealed
-from station.run.ending import Ending, cause_name, scan_report
+from station.run.outcome import RunOutcome, cause_name, scan_report
 
-DESK_DIED = "the supervisor process ended during the run; the scan process continued without it"
+SUPERVISOR_DIED = "the supervisor process ended during the run; the scan process continued without it"
 TAKEN_OVER = "the supervisor process ended during the run; a new one took over, with {} records on disk"
 BOTH_DIED = "supervisor and scan process ended during the run"
 UNCOUNTED = (
@@ -52,7 +53,7 @@ def _owned(run: RunRecord, *, again: bool = False) -> Iterator[bool]:
 def to_be_concluded(run: RunRecord, *, again: bool = False) -> bool:
     """Whether a run was deserted before it was concluded; `again`: also one that was left without a verdict.
 
-    Such a one has its samples and no checksums: its recipe could not be read, or its desk failed.
+    Such a one has its samples and no checksums: its recipe could not be read, or its supervisor failed.
     """
     manifest = run.manifest()
     undecided = manifest.state == INTERRUPTED and not is_sealed(manifest)
@@ -62,7 +63,7 @@ def to_be_concluded(run: RunRecord, *, again: bool = False) -> bool:
 def recover(run: RunRecord, *, again: bool = False) -> int:
     """Bring the rest of a deserted run's ring to disk and conclude the run; return how many records came.
 
-    Nothing happens while its desk or its scan process is alive. `again` as in `to_be_concluded`.
+    Nothing happens while its supervisor or its scan process is alive. `again` as in `to_be_concluded`.
 
     Raises:
         RecordError: something of the run cannot be read or written now. Nothing is decided: it can be tried again.
@@ -87,7 +88,7 @@ def recover(run: RunRecord, *, again: bool = False) -> int:
 
 
 def resume(run: RunRecord, attend: Attend) -> int:
-    """Be the new desk of a run whose supervisor process ended: take its records until its scan ends, then conclude it.
+    """Supervise a run whose supervisor ended: take its records until its scan ends, then conclude it.
 
     `attend` is called about 50 times per second, to show what there is and to pass commands on.
     """
@@ -107,7 +108,7 @@ def _alive(ring: RingReader) -> bool:
 
 
 def _complete_on_disk(run: RunRecord) -> int:
-    """Return how many complete records are on disk; a last one that a killed desk left half written is cut off.
+    """Return how many complete records are on disk; a last one that a killed supervisor left half written is cut off.
 
     Raises:
         RecordError: the samples are not there, or cannot be looked at. That may pass, so it decides nothing.
@@ -125,13 +126,13 @@ def _complete_on_disk(run: RunRecord) -> int:
 def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | None = None) -> int:
     on_disk = _complete_on_disk(run)
     file = Appender(run.samples, must_exist=True)
-    # A desk that died between writing and noting it in the ring has written these already: no record twice.
+    # A supervisor that died between writing and noting it in the ring has written these already: no record twice.
     # One number, and not a difference of two: the scan may append between two looks, and its record would be skipped.
     writer = RecordWriter(ring, file, skip=max(on_disk - ring.taken, 0))
-    with ExitStack() as ending:
-        ending.callback(file.close)
-        ending.callback(writer.finish)
-        ring.beat()  # before anything else: the scan waits 2 s for a new desk, then it unloads and stops
+    with ExitStack() as cleanup:
+        cleanup.callback(file.close)
+        cleanup.callback(writer.finish)
+        ring.beat()  # before anything else: the scan waits 2 s for a new supervisor, then it unloads and stops
         writer.start()
         taken_over = attend is not None and _alive(ring)
         while attend is not None and _alive(ring):
@@ -144,10 +145,10 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
     finished = ring.state is ScanState.FINISHED
     ended = Ended(ring.written, ring.lost, ring.stopped_because, cause_name(ring), finished=finished)
     if taken_over:
-        # What the desk before measured went with it; its part of the record is bounded by this one's start.
+        # What the supervisor before measured went with it; its part of the record is bounded by this one's start.
         disk = writer.times.document(from_record=on_disk)
         ended = replace(ended, desk_died=TAKEN_OVER.format(on_disk), disk=disk)
-    run.update(trouble=ended.because or DESK_DIED)
+    run.update(trouble=ended.because or SUPERVISOR_DIED)
     _conclude(run, ended)
     # The seal has removed it; whoever is killed before that leaves the next one what the ring knows.
     path.unlink(missing_ok=True)
@@ -166,14 +167,15 @@ class Ended:
     because: str = ""
     cause: str = ""
     finished: bool = False
-    desk_died: str = DESK_DIED
+    desk_died: str = SUPERVISOR_DIED
     disk: Disk | None = None
 
 
-def _counts(run: RunRecord, ended: Ended, said: ScanReport, kept: Ending | None) -> tuple[int, int, str]:
+def _counts(run: RunRecord, ended: Ended, said: ScanReport, kept: RunOutcome | None) -> tuple[int, int, str]:
     """Return how many records ought to be on disk, how many were lost, and what stands against believing it.
 
-    Ring, scan report and desk are asked, and the highest word counts. The file is no witness of its own completeness.
+    Ring, scan report and supervisor are asked, and the highest word counts. The file is no witness of its own
+    completeness.
     """
     lost = max(ended.lost, said.lost, 0 if kept is None else kept.lost)
     # the report counts the lost ones too
@@ -185,17 +187,18 @@ def _counts(run: RunRecord, ended: Ended, said: ScanReport, kept: Ending | None)
 
 def _conclude(run: RunRecord, ended: Ended) -> None:
     """Give the run its state, and its verdict when its scan came to its end."""
-    # Here, because a new desk has 2 s to say that it is there, and loading the analysis takes a good part of them.
+    # Here, because a new supervisor has 2 s to say that it is there, and loading the analysis takes a good part
+    # of them.
     from recipes import RecipeError  # noqa: PLC0415
     from station.bench.request import stored_job  # noqa: PLC0415
     from station.run.conclusion import conclude  # noqa: PLC0415
 
-    said, kept = scan_report(run), Ending.kept_in(run)
+    said, kept = scan_report(run), RunOutcome.kept_in(run)
     finished = ended.finished or said.state == "finished"
     if ended.written is None:
         _complete_on_disk(run)
     written, lost, uncounted = _counts(run, ended, said, kept)
-    kept = kept or Ending(
+    kept = kept or RunOutcome(
         written=written,
         lost=lost,
         realtime=said.realtime,
@@ -214,6 +217,6 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
         job = stored_job(run)
     except RecipeError as error:
         kept.keep(run)  # what the ring knew goes with it: whoever concludes the run again needs it
-        run.update(state=INTERRUPTED, ring=None, trouble=f"{DESK_DIED}; it cannot be evaluated: {error}")
+        run.update(state=INTERRUPTED, ring=None, trouble=f"{SUPERVISOR_DIED}; it cannot be evaluated: {error}")
         return
     conclude(run, job, kept)

@@ -77,7 +77,7 @@ SPREAD_LIMIT = 0.01
     ("widths", "verdict", "said"),
     [
         ((0.94, 0.945, 0.94), PASS, ""),
-        ((0.92, 0.945, 0.96), FAIL, "is above the limit of 0.01 arcmin"),
+        ((0.92, 0.945, 0.96), FAIL, "above the limit of 0.01 arcmin"),
         ((0.94,), OPEN, "needs two cycles or more; there is 1"),
     ],
 )

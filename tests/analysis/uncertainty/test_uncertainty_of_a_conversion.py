@@ -12,7 +12,7 @@ from analysis.evaluation.pipeline import analyse
 from analysis.loop.measured import measure
 from analysis.loop.method import MetricWanted
 from analysis.torque_ratio.quadrants import Leftover, Leftovers
-from analysis.uncertainty.circumstances import circumstances_of
+from analysis.uncertainty.conditions import conditions_of
 from analysis.uncertainty.figures import LineCovariance, SensorFigures, TorqueFigures
 from analysis.uncertainty.transfer import transfer_moves
 
@@ -51,8 +51,8 @@ def test_stored_lines_bring_their_covariance_and_another_zero() -> None:
 def test_what_a_calibration_leaves_over_is_as_large_between_its_bins_as_in_them() -> None:
     """Zero torque lies between two bins: errors of unlike sign were averaged there, and U of the loop at zero small."""
     found = measure(TRACE, CALIBRATED)
-    circumstances, loop = circumstances_of(found), found.loops[0]
-    _, moves = transfer_moves(loop, circumstances, SensorFigures())
+    conditions, loop = conditions_of(found), found.loops[0]
+    _, moves = transfer_moves(loop, conditions, SensorFigures())
     for side, branch, direction in ((0, loop.forward, 1), (1, loop.backward, -1)):
         left = found.quadrants.left[direction]
         corrected, fine = left.corrected, left.fine
@@ -91,7 +91,7 @@ def test_noise_of_the_calibration_counts_as_the_mean_of_a_bin_has_it() -> None:
     means = (values.reshape(-1, 4).mean(axis=1) for values in fine[:3])
     left = Leftovers(0.0, Leftover(*means, np.full(240, 64.0)), fine)
     noisy = dataclasses.replace(found, quadrants=dataclasses.replace(found.quadrants, left={1: left, -1: left}))
-    u, _ = transfer_moves(found.loops[0], circumstances_of(noisy), quiet)
-    u_unknown, _ = transfer_moves(found.loops[0], circumstances_of(noisy), NO_NOISE)
+    u, _ = transfer_moves(found.loops[0], conditions_of(noisy), quiet)
+    u_unknown, _ = transfer_moves(found.loops[0], conditions_of(noisy), NO_NOISE)
     assert u_unknown == pytest.approx(0.1 * math.sqrt(1.0 / 16.0 - 1.0 / 64.0), rel=0.1)
     assert 0.1 / math.sqrt(64.0) <= u < 0.85 * u_unknown

@@ -10,7 +10,7 @@ from reference_unit import FIGURES
 
 from analysis.loop.measured import measure
 from analysis.trace.errors import AnalysisError
-from analysis.uncertainty.circumstances import Points, circumstances_of
+from analysis.uncertainty.conditions import Points, conditions_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures
 from analysis.uncertainty.shapes import ROUNDINGS, Setting
@@ -42,7 +42,7 @@ def rounding_between(counts: float, figures: SensorFigures) -> float:
     step_nm = FIGURES.angle_out.step_rad * ARCMIN_PER_RAD * METHOD.fixture_stiffness_nm_per_arcmin
     torque = np.array([0.0, counts * step_nm])
     points = Points(torque, torque / 100.0, 1, None, 0.0, None, 0.0)
-    setting = Setting(points, circumstances_of(measure(QUIET, METHOD)), figures)
+    setting = Setting(points, conditions_of(measure(QUIET, METHOD)), figures)
     (source,) = [one for one in SOURCES if one.id == "angle_out_step"]
     apart = [np.diff(shape(setting).angle_arcmin)[0] * 60.0 for shape in source.shapes]
     return math.hypot(*apart) / math.sqrt(12.0)

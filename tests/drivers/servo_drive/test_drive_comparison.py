@@ -14,7 +14,7 @@ from drivers.can.bus import open_can
 from drivers.config import CanConfig, DriveConfig
 from drivers.servo_drive.comparison import compare_drive, rows_of
 from drivers.servo_drive.setup import set_up_drive
-from station.run.desk import ARM_TIMEOUT_S
+from station.run.supervisor import ARM_TIMEOUT_S
 
 
 def test_every_object_is_compared_and_nothing_is_written(tmp_path: Path) -> None:

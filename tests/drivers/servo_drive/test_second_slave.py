@@ -6,16 +6,18 @@ import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from can_drive_support import orders
 from drivers_support import PERIOD_NS, drive_config, drive_profile
 from eds_drives import DRIVES, eds_text
+from ramp_support import mid_ramp
 from ruamel.yaml import YAML
 from table_drive import Personality, TableDrive
 
-from definitions.image import DriveCommand, DriveMode, DriveState
+from definitions.image import Command, DriveCommand, DriveMode, DriveState, Orders, State
 from definitions.protections import MISSING
 from drivers.can.bus import CanLink, open_can
 from drivers.config import CanConfig, DriveConfig
@@ -131,6 +133,33 @@ def test_a_control_word_that_is_read_every_5_ms_is_waited_for(tmp_path: Path) ->
         slave.fail()
         scan.until(lambda state: state == DriveState.FAULT)
         scan.until(lambda state: state == DriveState.SWITCH_ON_DISABLED, DriveCommand.FAULT_RESET)
+
+
+def test_the_controller_waits_for_a_drive_that_reads_its_control_word_every_5_ms(tmp_path: Path) -> None:
+    """The way back from a fault, by the whole controller: an edge of one scan is one that this drive misses."""
+    run = mid_ramp()
+    with on_the_bus(tmp_path, "epos4-like", Personality(control_word_every_s=0.005)) as (slave, link, config):
+        set_up_drive(link, config, PERIOD_NS)
+        drive = CanDrive(link, config, 20)
+        slave.fail()
+        model = run.bench.write
+
+        def write(given: Orders) -> None:
+            model(given)
+            drive.send(given, run.scan)
+            time.sleep(0.001)
+            drive.poll(run.scan + 1)
+            run.bench.image = run.bench.image._replace(drive_state=decode_state(drive.value("statusword")))
+
+        run.bench.write = write
+        run.until_finished()
+        assert "drive_fault" in run.alarms()
+        run.command(Command.ACKNOWLEDGE)
+        run.command(Command.RESET)
+        run.until(lambda given: given.state == State.UNLOAD, most=1000)
+        assert slave.state == "disabled"
+        bits = [given.drive_command == DriveCommand.FAULT_RESET for given in run.orders]
+        assert sum(1 for before, bit in pairwise(bits) if bit and not before) == 1, "seen at once, and not by chance"
 
 
 def test_a_drive_without_bit_12_counts_as_following_while_it_is_enabled(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """Runs on a busy computer: `make run`, time after time, while processes of ordinary priority burn every core.
 
-Each run must be a PASS with the same bytes of samples (lateness and work aside), and say by how much its periods were
-stretched. With `--ordinary` the runs are made without the capabilities that a real-time priority and locked memory
-need, as by an ordinary user.
+Each run must be a PASS with the same bytes of samples (wake-up latency and work aside), and say by how much its
+periods were stretched. With `--ordinary` the runs are made without the capabilities that a real-time priority and
+locked memory need, as by an ordinary user.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Kills scan and desk of many runs at moments. `python tests/proofs/drills/kill_drill.py [COUNT] [SEED] [STANDS]`.
+"""Kills scan and supervisor of many runs. `python tests/proofs/drills/kill_drill.py [COUNT] [SEED] [STANDS]`.
 
 Several stands kill at the same time. The scan and the virtual bench of a run take a good third of a core each, with
 priority; what the other stand does meanwhile (opening its bench, evaluating, replaying) has none. A run that the
@@ -29,7 +29,7 @@ os.environ.update(ONE_THREAD)  # before numpy: a fork copies one thread only
 
 from kills import LASTS_S, kill  # noqa: E402
 from patient import patient_bench, short_recipe, wrong_verdict  # noqa: E402
-from warm_desk import COMMAND, ROOT, cold, load, warm  # noqa: E402
+from warm_supervisor import COMMAND, ROOT, cold, load, warm  # noqa: E402
 
 STANDS = 2
 TRIPPED_AT_MOST = 0.25
@@ -40,7 +40,7 @@ COLD_ONE_IN = 10
 
 
 class Drawn(NamedTuple):
-    """One kill: its number, who dies, when, whether a new desk takes over, whether its commands start cold."""
+    """One kill: its number, who dies, when, whether a new supervisor takes over, whether its commands start cold."""
 
     number: int
     who: str
@@ -108,7 +108,7 @@ def _line(left: Left) -> str:
 
 
 def main() -> int:
-    """Kill scan and desk in turn at random moments and count what went wrong."""
+    """Kill scan and supervisor in turn at random moments and count what went wrong."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else random.SystemRandom().randrange(10**6)
     stands = int(sys.argv[3]) if len(sys.argv) > 3 else min(STANDS, os.cpu_count() or 1)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from machine_trips import tripped_by_the_machine
-from warm_desk import Started, cold
+from warm_supervisor import Started, cold
 
 sys.path.append(str(Path(__file__).parents[2]))  # where a script run by hand finds the next
 
@@ -121,7 +121,7 @@ def kill(
 ) -> Killed:
     """Start a run, kill `who` ("scan" or "desk") so long after a row of BEGUN, and bring the run to its end."""
     words = ("--bench", str(patient_bench(data)), "--serial", "K", "--json", "--data", str(data))
-    desk = start(("run", str(short_recipe(data)), *words), data / "desk.txt")
+    supervisor = start(("run", str(short_recipe(data)), *words), data / "supervisor.txt")
     try:
         ring, ring_path = wait_for(lambda: _ring_of(data), "scan process at the ring")
         (folder,) = (path.parent for path in data.glob("*/run.json"))
@@ -129,8 +129,8 @@ def kill(
         wait_for(lambda: BEGUN[since](ring), f"moment of '{since}'", 0.0005)
         time.sleep(after_s)
         with contextlib.suppress(ProcessLookupError):  # it may have come to its end by itself
-            os.kill(scan if who == "scan" else desk.pid, signal.SIGKILL)
-        desk.wait(LONGEST_S)
+            os.kill(scan if who == "scan" else supervisor.pid, signal.SIGKILL)
+        supervisor.wait(LONGEST_S)
         if resume:
             taker = start(("resume", str(folder), "--report", "--json"), data / "resume.txt")
             try:
@@ -144,7 +144,7 @@ def kill(
         written = ring.written
         ring.close()
     finally:
-        desk.end()
+        supervisor.end()
     code, replay = _replayed(folder) if written else (0, {"identical_scans": 0})
     manifest = json.loads((folder / "run.json").read_bytes())
     on_disk = read_back(folder).records

@@ -1,8 +1,9 @@
-"""Cuts the power of everything at a moment: desk, scan and virtual bench by SIGKILL, and looks at what is found after.
+"""Cuts the power of everything at a moment: SIGKILL to supervisor, scan and virtual bench; looks at what is found.
 
 `python tests/proofs/drills/power_cuts.py [CUTS] [SEED]` does it often, in one folder, so that its journal grows
 over the cuts. After every other cut the ring in shared memory is gone too, as it is after a real power failure. What
-SIGKILL cannot show is what the kernel had not yet written: that is at most the second between two syncs of the desk.
+SIGKILL cannot show is what the kernel had not yet written: that is at most the second between two syncs of the
+supervisor.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[3])]
 from kills import LASTS_S  # noqa: E402 - after the path of a script run by hand
 from patient import patient_bench, short_recipe  # noqa: E402
 from run_samples import read_back, records_of  # noqa: E402
-from warm_desk import COMMAND, ROOT  # noqa: E402
+from warm_supervisor import COMMAND, ROOT  # noqa: E402
 
 START_S = 4.0
 """About how long it takes from the command to the first record."""
@@ -44,12 +45,12 @@ def lostmotion(*args: str) -> Answer:
     return done.returncode, json.loads(done.stdout) if done.stdout else {}
 
 
-def _family(desk: int) -> dict[str, int]:
-    """Process ids of a desk and of the processes that it started, by module."""
-    found = {"desk": desk}
+def _family(supervisor: int) -> dict[str, int]:
+    """Process ids of a supervisor and of the processes that it started, by module."""
+    found = {"desk": supervisor}
     for path in Path("/proc").glob("[0-9]*"):
         with suppress(OSError, IndexError):
-            if int(path.joinpath("stat").read_text().rpartition(")")[2].split()[1]) != desk:
+            if int(path.joinpath("stat").read_text().rpartition(")")[2].split()[1]) != supervisor:
                 continue
             words = path.joinpath("cmdline").read_bytes().decode().split("\0")
             found[next(word for word in words if word.startswith("station."))] = int(path.name)
@@ -82,7 +83,7 @@ class Drill:
 
         `loaded`: so long after the first record instead.
         """
-        desk = subprocess.Popen(
+        supervisor = subprocess.Popen(
             [*COMMAND, "run", *self.words, "--serial", "PC", "--json", "--data", str(self.runs)],
             cwd=ROOT,
             stdout=subprocess.DEVNULL,
@@ -90,10 +91,10 @@ class Drill:
             start_new_session=True,
         )
         if loaded:
-            self._wait_for_record(desk)
+            self._wait_for_record(supervisor)
         with suppress(subprocess.TimeoutExpired):
-            desk.wait(after_s)
-        family = _family(desk.pid)
+            supervisor.wait(after_s)
+        family = _family(supervisor.pid)
         # On a busy machine half a second may lie between two kills. All stand still first, the one that acts on the
         # silence of another before any: what is cut is the power, to all at once.
         for name in sorted(family, key=lambda name: not name.startswith("station.scan")):
@@ -104,7 +105,7 @@ class Drill:
         for pid in pids:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        desk.wait()
+        supervisor.wait()
         time.sleep(SETTLE_S)
         folders = [path.parent for path in self.runs.glob("*/run.json") if path.parent.name not in self.known]
         if not folders:
@@ -112,8 +113,8 @@ class Drill:
         (folder,) = folders
         return self._look(folder, ring_too=ring_too)
 
-    def _wait_for_record(self, desk: subprocess.Popen[bytes]) -> None:
-        while desk.poll() is None:
+    def _wait_for_record(self, supervisor: subprocess.Popen[bytes]) -> None:
+        while supervisor.poll() is None:
             time.sleep(0.02)
             new = [path for path in self.runs.glob("*/samples.bin") if path.parent.name not in self.known]
             if new and new[0].stat().st_size:

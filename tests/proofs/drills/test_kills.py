@@ -1,4 +1,4 @@
-"""SIGKILL of the scan process and of the desk at odd moments; `make kill-tests` does it a hundred times each."""
+"""SIGKILL of the scan process and of the supervisor at odd moments; `make kill-tests` does it a hundred times each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from kills import kill, wait_for
 from lostmotion_command import here
 from made_documents import made
-from warm_desk import load, warm
+from warm_supervisor import load, warm
 
 from station.documents.result import Result
 from station.records.process_birth import process_birth
@@ -27,7 +27,7 @@ def test_a_killed_scan_process_loses_no_written_record(after_s, tmp_path):
     assert left.state == "interrupted"
 
 
-def test_a_run_whose_desk_was_killed_is_unloaded_without_it(tmp_path):
+def test_a_run_whose_supervisor_was_killed_is_unloaded_without_it(tmp_path):
     left = kill("desk", 4.27, tmp_path)
     assert left.problems() == []
     assert left.state == "stopped"
@@ -35,7 +35,7 @@ def test_a_run_whose_desk_was_killed_is_unloaded_without_it(tmp_path):
     assert not any("operator" in text for text in (*left.notes, *left.reasons))
 
 
-def test_a_run_whose_desk_was_killed_and_whose_folder_was_moved_says_who_stopped_it(start, one_ramp, tmp_path):
+def test_a_run_whose_supervisor_was_killed_and_whose_folder_was_moved_says_who_stopped_it(start, one_ramp, tmp_path):
     """The scan process cannot write its report then: what it knows is in the ring."""
     run = start("run", *one_ramp, "--serial", "M", data=tmp_path / "runs")
     run.wait_for(lambda: any(p.stat().st_size > 500 * RECORD_BYTES for p in tmp_path.glob("runs/*/samples.bin")))
@@ -55,8 +55,8 @@ def test_a_run_whose_desk_was_killed_and_whose_folder_was_moved_says_who_stopped
     assert not any("operator" in reason or "ended in the middle" in reason for reason in shown["reasons"])
 
 
-def test_a_new_desk_takes_over_a_run_that_goes_on(tmp_path):
-    load()  # the scan waits 2 s for a new desk: a command that starts cold takes half of that to load itself
+def test_a_new_supervisor_takes_over_a_run_that_goes_on(tmp_path):
+    load()  # the scan waits 2 s for a new supervisor: a command that starts cold takes half of that to load itself
     left = kill("desk", 1.9, tmp_path, resume=True, start=warm)
     assert left.problems() == []
     assert left.state == "complete"

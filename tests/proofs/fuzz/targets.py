@@ -191,7 +191,7 @@ def _ring() -> tuple[RingWriter, RingReader, tempfile.TemporaryDirectory[str]]:
 
 
 def mailbox(data: bytes) -> None:
-    """Whatever stands in the words that the desk writes: only commands come out, and each fits the record."""
+    """Whatever stands in the words that the supervisor writes: only commands come out, and each fits the record."""
     writer, reader, _ = _ring()
     first, last = 8 * W_COMMANDS_WRITTEN, 8 * (W_SLOTS + MAILBOX_SLOTS)
     words = data[: last - first].ljust(last - first, b"\0")

@@ -55,7 +55,7 @@ def write_golden(path: Path, content: bytes, base: bytes = b"") -> None:
 
 
 def read_golden(path: Path, base: bytes = b"") -> bytes:
-    """Return the records of a golden file as they stand in a run, with lateness and work 0."""
+    """Return the records of a golden file as they stand in a run, with wake-up latency and work 0."""
     stored = path.read_bytes()
     (shared,) = SHARED.unpack_from(stored)
     data = lzma.decompress(stored[SHARED.size :])

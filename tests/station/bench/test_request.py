@@ -11,8 +11,8 @@ import pytest
 import recipes.text.yaml_source
 from definitions.protections import BY_NAME, NOT_TRIED, UNPROVEN, missing_text
 from recipes import RecipeError, find_bench, load_recipe
+from station.atomic_file import as_json
 from station.bench.request import DRIVER_PROFILES, load_job
-from station.durable import as_json
 from station.records.program_file import plain_program, program_differences
 from station.run.process_specs import compiled
 from station.scan.scan_spec import SpecError, read_program
@@ -106,7 +106,8 @@ def test_a_profile_that_lacks_or_misspells_a_field_is_refused_before_a_run(
 
 def test_a_result_says_what_the_drive_lacks_and_what_nobody_has_tried_or_measured(tmp_path: Path) -> None:
     profile = raw_text("virtual-drive").replace("name: virtual-drive", "name: lacking")
-    profile += "tried_on_hardware: false\nprotections: {torque_slope: none}\n"
+    tried = next(line for line in profile.splitlines() if line.startswith("tried_on_hardware"))
+    profile = profile.replace(tried, "protections: {torque_slope: none}")  # who states nothing has not tried it
     (tmp_path / "lacking.yaml").write_text(profile, encoding="utf-8")
     bench = find_bench("virtual").read_text(encoding="utf-8").replace("profile: virtual-drive", "profile: lacking")
     path = tmp_path / "bench.yaml"

@@ -86,7 +86,7 @@ def test_a_blank_test_that_is_due_is_refused(dummy: Path) -> None:
     assert "2021-01-01" in problem.found
     assert check(recipe, bench, today=date(2020, 6, 1)) == []
     (problem,) = check(recipe, bench, today=date(2019, 6, 1))
-    assert "a day to come" in problem.found
+    assert "a date in the future" in problem.found
 
 
 def test_a_blank_test_that_ends_below_the_peak_of_the_recipe_is_refused(dummy: Path) -> None:

@@ -123,8 +123,8 @@ def test_a_preset_that_leaves_a_limit_out_passes_nothing(printed: Print, tmp_pat
     assert {metric["verdict"] for metric in found["metrics"]} == {"PASS", None}
     assert found["verdict"] == "NOT DECIDABLE"
     assert found["reasons"][0] == (
-        "preset inverse leaves out what the recipe has limits for: lost_motion, spring_constant, stiffness_50_100, "
-        "torque_ratio_offset"
+        "preset inverse leaves out metrics that have limits in the recipe: lost_motion, spring_constant, "
+        "stiffness_50_100, torque_ratio_offset"
     )
 
 
@@ -212,9 +212,9 @@ def test_nothing_passes_by_a_single_metric_that_leaves_out_what_the_recipe_limit
     found = elsewhere(Path(TRACE), recipe, "virtual", Selection(metrics=("backlash_width_3pct",)))
     assert [(one.id, one.verdict) for one in found.metrics] == [("backlash_width_3pct", "PASS")]
     assert found.verdict == "NOT DECIDABLE"
-    assert found.reasons[0].startswith("metric backlash_width_3pct leaves out what the recipe has limits for: ")
+    assert found.reasons[0].startswith("metric backlash_width_3pct leaves out metrics that have limits in the recipe: ")
     both = elsewhere(Path(TRACE), recipe, "virtual", Selection(metrics=("backlash_width_3pct", "windup")))
-    assert "metric backlash_width_3pct, metric windup leave out what" in both.reasons[0]
+    assert "metric backlash_width_3pct, metric windup leave out metrics" in both.reasons[0]
 
 
 def test_a_single_metric_of_the_command_line_is_refused_with_its_place() -> None:

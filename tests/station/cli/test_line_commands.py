@@ -256,7 +256,7 @@ def test_files_that_are_no_text_are_told(tmp_path: Path) -> None:
     path = tmp_path / "values.csv"
     path.write_bytes(b"\xff\xfe\x00")
     for bad in (path, tmp_path, tmp_path / "none.csv"):
-        with pytest.raises(AnalysisError, match=r"cannot be read|no UTF-16"):
+        with pytest.raises(AnalysisError, match=r"cannot be read|not UTF-16"):
             read_csv_columns(bad)
 
 

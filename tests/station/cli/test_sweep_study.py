@@ -13,10 +13,11 @@ from lostmotion_command import here
 from analysis.studies.frequency_response import frequency_response
 from controller.controller import Controller
 from definitions.image import Image, Orders
+from definitions.program import Sweep
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import load_job
 from station.bench.virtual_unit import FIXED_SEED
-from station.cli.studies.frequency import _swept_rows
+from station.cli.studies.frequency import Swing, _swept_rows
 from station.cli.studies.loop_source import trace_source
 from station.errors import StationError
 from station.scan.scan_loop import run_virtual, start_once
@@ -64,6 +65,30 @@ def test_the_measured_response_is_that_of_the_unit(
             stiffness, abs=2.0 * row["u_stiffness_nm_per_arcmin"] + sensors
         )
         assert row["phase_deg"] == pytest.approx(np.degrees(np.angle(exact.response[line])), abs=1.5)
+
+
+def test_the_study_says_what_amplitude_the_torque_reached(shipped_run: Callable[[str], Any]) -> None:
+    record = str(shipped_run(RECIPE).record)
+    amplitude = here("study", "frequency", record, "--json").json["amplitude"]
+    assert amplitude["planned_nm"] == 40.0
+    assert amplitude["reached_at_from_hz_nm"] == pytest.approx(40.0, rel=0.05)
+    assert amplitude["reached_at_to_hz_nm"] == pytest.approx(40.0, rel=0.05)
+    assert "tune the torque loop" not in " ".join(here("study", "frequency", record).out.split())
+
+
+def test_a_drive_that_does_not_follow_is_told() -> None:
+    """A torque whose amplitude falls from the planned one at 1 Hz to three quarters of it at 2 Hz."""
+    sweep, scan_s = Sweep(40.0, 1.0, 2.0, period_scans=4000, periods=5), 1e-3
+    scans = np.arange(4 * sweep.period_scans)
+    share = scans % sweep.period_scans / sweep.period_scans
+    way = np.where(share > 0.5, 1.0 - share, share)
+    phase = way * (4.0 + 4.0 * way) * np.where(share > 0.5, -1.0, 1.0)
+    torque_nm = 206.0 + 40.0 * (1.0 - 0.5 * way) * np.sin(2.0 * np.pi * phase)
+    swing = Swing.of(torque_nm, sweep, scan_s)
+    assert swing.reached_at_from_hz_nm == pytest.approx(40.0, rel=0.03)
+    assert swing.reached_at_to_hz_nm == pytest.approx(30.0, rel=0.03)
+    assert not swing.followed
+    assert Swing.of(206.0 + (torque_nm - 206.0) / (1.0 - 0.5 * way), sweep, scan_s).followed
 
 
 def test_the_loop_beside_the_sweep_is_evaluated_as_ever(shipped_run: Callable[[str], Any]) -> None:

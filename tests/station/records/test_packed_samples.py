@@ -151,7 +151,7 @@ def test_samples_stay_raw_where_the_packed_file_is_not_the_same(
 
     content = run.samples.read_bytes()
     if how == "refused":
-        monkeypatch.setattr(station.records.samples.samples, "write_durable", refuse)
+        monkeypatch.setattr(station.records.samples.samples, "write_atomic", refuse)
     elif how == "other bytes":
         monkeypatch.setattr(station.records.samples.samples, "packed", lambda _: packed(table_of(records(50, seed=9))))
     assert pack_samples(run, content, sound=how != "not sound") is None

@@ -15,9 +15,9 @@ from station_samples import IMAGE, ORDERS, SETUP
 
 import station.records.data_folder
 import station.records.ring.ring
+from station.atomic_file import NEXT_ACTIONS, Appender, read_from_disk, refused, write_atomic
 from station.bench.request import load_job
 from station.cli.runs.show import stored_result
-from station.durable import NEXT_ACTIONS, Appender, read_from_disk, refused, write_durable
 from station.errors import RecordError, StationError
 from station.records.data_folder import Store, check_operator, check_serial
 from station.records.process_birth import process_birth
@@ -44,7 +44,7 @@ def new_run(store: Store, serial: str = "SN1") -> RunRecord:
 def test_a_place_that_takes_and_gives_nothing_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(RecordError, match="cannot be written: Not a directory"):
-        write_durable(tmp_path / "file" / "loop.png", b"")
+        write_atomic(tmp_path / "file" / "loop.png", b"")
 
 
 def test_a_new_run_holds_what_was_known_before_it_started(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_runs_are_found_by_id_part_serial_and_last(tmp_path: Path) -> None:
         store.find("nothing")
 
 
-def test_a_recording_whose_desk_is_gone_is_not_concluded(tmp_path: Path) -> None:
+def test_a_recording_whose_supervisor_is_gone_is_not_concluded(tmp_path: Path) -> None:
     run = new_run(Store(tmp_path))
     gone = subprocess.Popen([sys.executable, "-c", "pass"])
     gone.wait()
@@ -139,14 +139,14 @@ def test_a_scan_process_is_told_while_it_lives(tmp_path: Path) -> None:
 
 def test_a_failed_write_leaves_the_old_file_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "run.json"
-    write_durable(path, b"old")
+    write_atomic(path, b"old")
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(RecordError, match="No space left on device"):
-        write_durable(path, b"new")
+        write_atomic(path, b"new")
     monkeypatch.undo()
     assert read_from_disk(path) == b"old"
     assert [item.name for item in tmp_path.iterdir()] == ["run.json"]
@@ -277,8 +277,8 @@ def test_an_unwritable_place_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("on_disk", [0, 3, 5])
-def test_a_dead_desk_and_a_dead_scan_lose_no_record(tmp_path: Path, on_disk: int) -> None:
-    """The desk had written `on_disk` records to the file, and died before it could note that in the ring."""
+def test_a_dead_supervisor_and_a_dead_scan_lose_no_record(tmp_path: Path, on_disk: int) -> None:
+    """The supervisor had written `on_disk` records to the file, and died before it could note that in the ring."""
     run = new_run(Store(tmp_path))
     ring = create(tmp_path, 16)
     writer = RingWriter(ring)

@@ -108,7 +108,7 @@ def test_a_mailbox_that_nobody_empties_says_so(ends: Ends) -> None:
         reader.send(Command.STOP)
 
 
-def test_state_travels_to_the_desk(ends: Ends) -> None:
+def test_state_travels_to_the_supervisor(ends: Ends) -> None:
     writer, reader = ends
     for state in ScanState:
         writer.set_state(state)
@@ -162,7 +162,7 @@ def test_a_number_that_is_no_command_is_taken_counted_and_ignored(ends: Ends, nu
 
 
 @pytest.mark.parametrize("count", [MAILBOX_SLOTS + 1, 2**64 - 1])
-def test_a_count_that_no_desk_can_have_reached_gives_no_commands(ends: Ends, count: int) -> None:
+def test_a_count_that_no_supervisor_can_have_reached_gives_no_commands(ends: Ends, count: int) -> None:
     writer, reader = ends
     reader._words[W_SLOTS] = int(Command.START)
     reader._words[W_COMMANDS_WRITTEN] = count

@@ -48,7 +48,7 @@ def owner() -> Iterator[Callable[[Path], subprocess.Popen[str]]]:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[RunRecord]:
-    """A run with three records in its ring, whose desk cannot be seen from here."""
+    """A run with three records in its ring, whose supervisor cannot be seen from here."""
     record = Store(tmp_path / "runs").create("SN1", SETUP, {"recipe.yaml": b"no recipe", "bench.yaml": b"no bench"})
     ring = create(tmp_path, 16)
     writer = RingWriter(ring)
@@ -101,8 +101,8 @@ def test_a_new_run_is_owned_before_it_can_be_seen(tmp_path: Path) -> None:
     assert not RunLock(record.folder).taken()
 
 
-def test_a_new_desk_begins_before_it_loads_what_shows_a_result() -> None:
-    """A scan waits 2 s for a new desk; on a busy machine loading the analysis alone took longer."""
+def test_a_new_supervisor_begins_before_it_loads_what_shows_a_result() -> None:
+    """A scan waits 2 s for a new supervisor; on a busy machine loading the analysis alone took longer."""
     heavy = ("numpy", "scipy", "analysis", "matplotlib", "recipes", "pint")
     program = f"import sys, station.cli.measure.resume; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -34,7 +34,7 @@ def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def run(tmp_path: Path) -> RunRecord:
-    """A run with three records in its ring, desk and scan process dead."""
+    """A run with three records in its ring, supervisor and scan process dead."""
     found = Store(tmp_path / "runs").create("S", SETUP, {"recipe.yaml": b"r", "bench.yaml": b"b"})
     ring = create(tmp_path, 8, run=found.folder)
     writer = RingWriter(ring)
@@ -164,7 +164,7 @@ def test_a_run_gets_no_ring_but_its_own(run: RunRecord, tmp_path: Path) -> None:
 
 
 def test_a_run_that_was_killed_with_everything_leaves_nothing_at_the_next_start(tmp_path: Path, memory: Path) -> None:
-    """The desk dies between the ring and its entry in the manifest: nothing waits in it."""
+    """The supervisor dies between the ring and its entry in the manifest: nothing waits in it."""
     words = f"""
 import os, signal, sys
 sys.path[:0] = ["tests/station"]

@@ -15,10 +15,10 @@ from run_copies import alone
 from run_samples import as_recorded, flip
 from station_samples import SETUP
 
+from station.atomic_file import as_json
 from station.cli.runs.show import stored_result
 from station.documents.reading import plain
 from station.documents.result import MetricValue
-from station.durable import as_json
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.walk import walk
 from station.records.data_folder import Store

@@ -9,8 +9,8 @@ import pytest
 from station_samples import IMAGE, ORDERS
 
 from definitions.image import Image, Orders, State
+from station.atomic_file import as_json
 from station.documents.reading import plain
-from station.durable import as_json
 from station.records.left_state import left_state
 from station.records.program_file import ProgramEntries, StoredProgram
 from station.records.samples.check import check_bytes, sound_table

@@ -49,8 +49,8 @@ def test_each_missed_period_has_its_scan_and_what_took_the_time() -> None:
         ("10", "0.010 s", "1", "woken late", "1501", "20", "20", "20", "20"),
     )
     assert found.more == ""
-    assert [name for name, *_ in found.percentiles] == ["lateness", "work", "read", "step", "write", "record"]
-    assert found.percentiles[0] == ("lateness", "1.0", "2.0", "3.0", "1019.6")
+    assert [name for name, *_ in found.percentiles] == ["wake-up latency", "work", "read", "step", "write", "record"]
+    assert found.percentiles[0] == ("wake-up latency", "1.0", "2.0", "3.0", "1019.6")
     assert found.scans[0][:4] == ("longest", "3", "0.003 s", "long write")
     assert ("latest", "10", "0.010 s", "woken late") in [row[:4] for row in found.scans]
     assert dict(found.causes)["long write"] == "sending to the bus took long"
@@ -101,7 +101,7 @@ def test_html_and_pdf_have_the_tables() -> None:
     content = Content("", timing=timing_tables(found.timing))
     text = re.sub(r"<[^>]+>", " ", report_html(found, run, [], {}, {}, content=content).decode())
     words = " ".join(text.split())
-    assert "µs p50 p99 p99.9 max lateness 1.0 2.0 3.0 1019.6" in words
+    assert "µs p50 p99 p99.9 max wake-up latency 1.0 2.0 3.0 1019.6" in words
     assert "after scan time missed what took the time late read step write record 3 0.003 s 2 long write" in words
     assert "and 3 more, in timing.json" in words
     assert "longest 3 0.003 s long write" in words

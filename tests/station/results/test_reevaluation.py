@@ -10,9 +10,9 @@ from lostmotion_command import ROOT, here
 from run_copies import alone
 
 from recipes import RecipeError, Selection, load_recipe
+from station.atomic_file import as_json
 from station.cli.runs.analyze import reevaluation_heading
 from station.cli.runs.evaluate_anew import reevaluate
-from station.durable import as_json
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord

@@ -80,7 +80,7 @@ def test_a_record_that_stands_there_twice_is_not_called_missing(again: int) -> N
     rows = recorded()
     found = replay(b"".join([*rows, rows[again]]), Sums())
     assert found.identical == SCANS
-    assert found.damage == (f"record {again} stands a second time, where record {SCANS} belongs: the file was changed")
+    assert found.damage == (f"record {again} is there twice, in place of record {SCANS}: the file was changed")
 
 
 @pytest.mark.parametrize("at", [0, 5, SCANS - 1])

@@ -25,7 +25,7 @@ from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.run.conclusion import conclude
-from station.run.ending import Ending
+from station.run.outcome import RunOutcome
 
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
 REVISION = load_recipe(str(RECIPE)).recipe.revision
@@ -62,7 +62,7 @@ def again(record: RunRecord, **changes: Any) -> dict[str, Any]:
     written = changes.pop("written", record.records())
     as_recorded(record)
     job = load_job(str(record.folder / "recipe.yaml"), str(record.folder / "bench.yaml"))
-    result: dict[str, Any] = plain(conclude(record, job, Ending(written=written, **changes)).result)
+    result: dict[str, Any] = plain(conclude(record, job, RunOutcome(written=written, **changes)).result)
     return result
 
 

@@ -41,7 +41,7 @@ ITS_OWN = ("ended", "files", "desk", "trouble", "samples")
 
 @pytest.fixture
 def deserted(golden_run: Any, tmp_path: Path) -> Callable[[str], RunRecord]:
-    """Return a run, in a data folder of its own, whose desk was lost when its last record was on disk."""
+    """Return a run, in a data folder of its own, whose supervisor was lost when its last record was on disk."""
 
     def make(name: str) -> RunRecord:
         folder = tmp_path / name / golden_run.record.name

@@ -19,7 +19,7 @@ from station.records.ring.writer import RingWriter
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import alterations
-from station.run.ending import Ending
+from station.run.outcome import RunOutcome
 from station.run.way_back.recover import recover
 
 
@@ -55,16 +55,16 @@ def test_a_result_that_reads_back_differently_decides_nothing_and_is_not_sealed(
 def test_an_ending_that_the_version_before_kept_is_read_as_it_was_meant(copied: RunRecord) -> None:
     said = copied.read_json("desk-report.json") | {"disk": {}, "realtime": {"details": {}}}
     copied.write_json("desk-report.json", said)
-    kept = Ending.kept_in(copied)
+    kept = RunOutcome.kept_in(copied)
     assert kept is not None
     assert (kept.written, kept.disk) == (copied.records(), None)
     copied.write_json("desk-report.json", said | {"disk": {"refused": 1}, "lost": "many"})
-    assert Ending.kept_in(copied) is None
+    assert RunOutcome.kept_in(copied) is None
     copied.write_json("desk-report.json", said | {"disk": {"refused": 1}})
-    assert Ending.kept_in(copied).disk.refused == 1
+    assert RunOutcome.kept_in(copied).disk.refused == 1
 
 
-def test_a_desk_that_died_when_all_was_on_disk_costs_nothing(copied: RunRecord, tmp_path: Path) -> None:
+def test_a_supervisor_that_died_when_all_was_on_disk_costs_nothing(copied: RunRecord, tmp_path: Path) -> None:
     report = {"state": "finished", "written": copied.records(), "lost": 0, "realtime": {"details": {}}}
     desert(copied, ring=tmp_path / "gone", report=report)
     recover(copied)
@@ -102,7 +102,7 @@ def test_a_report_without_a_count_cannot_make_a_run_complete(copied: RunRecord, 
     assert "the number of records that the scan process wrote is not known" in " ".join(result["reasons"])
 
 
-def test_a_record_that_the_scan_appends_while_a_new_desk_looks_is_not_skipped(
+def test_a_record_that_the_scan_appends_while_a_new_supervisor_looks_is_not_skipped(
     copied: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(station.records.ring.ring, "SHARED_MEMORY", tmp_path)

@@ -26,7 +26,7 @@ WAITING = 50
 
 @pytest.fixture
 def deserted(golden_run: Any, tmp_path: Path) -> RunRecord:
-    """A run whose desk died when all was on disk, beside one that was concluded."""
+    """A run whose supervisor died when all was on disk, beside one that was concluded."""
     data = golden_run.copy(tmp_path / "runs").parent
     run = RunRecord(data / f"{golden_run.record.name}-deserted")
     shutil.copytree(golden_run.record, run.folder)

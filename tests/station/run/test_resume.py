@@ -1,4 +1,4 @@
-"""`lostmotion resume`: what a new desk shows, passes on and leaves behind, on a run whose scan goes on or has ended."""
+"""`lostmotion resume`: what a new supervisor shows, passes on and leaves, where the scan goes on or has ended."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ ON_DISK = 1000
 MADE_AT_THE_END = ("report.html", "report.pdf", "loop.png")
 
 # A scan process that goes on where the record on disk ends: with the images and orders that were recorded, 10 per ms,
-# once its new desk has been there for 2 s. Each state lasts for two looks at the screen, however busy the machine is:
-# a real one lasts longer.
+# once its new supervisor has been there for 2 s. Each state lasts for two looks at the screen, however busy the
+# machine is: a real one lasts longer.
 SCAN = """
 import os, signal, sys, time
 from pathlib import Path
@@ -44,7 +44,7 @@ writer.set_state(ScanState.RUNNING)
 print("running", flush=True)
 commands = []
 def wait_for_beats(beats):
-    while writer.desk_beats < beats:
+    while writer.supervisor_beats < beats:
         time.sleep(0.01)
 state = None
 wait_for_beats(100)
@@ -55,7 +55,7 @@ for number in range(on_disk, len(samples) // RECORD_BYTES):
     commands += filter(None, [writer.take_command()])
     if orders.state != state and interrupts <= len(commands):
         state = orders.state
-        wait_for_beats(writer.desk_beats + 2 * SHOW_EVERY_LOOKS)
+        wait_for_beats(writer.supervisor_beats + 2 * SHOW_EVERY_LOOKS)
     if interrupts > len(commands) and number % 500 == 0:
         os.kill(os.getppid(), signal.SIGINT)
     if number % 10 == 0:
@@ -72,7 +72,7 @@ def run(golden_run, tmp_path: Path) -> RunRecord:
 
 @pytest.fixture
 def scan(run: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
-    """The scan process of a run whose desk is dead: it has written the rest of the record when it ends."""
+    """The scan process of a run whose supervisor is dead: it has written the rest of the record when it ends."""
     yield from _scan(run, tmp_path, monkeypatch, interrupts=0)
 
 
@@ -105,7 +105,7 @@ def without_reports(run: RunRecord) -> None:
         (run.folder / name).unlink(missing_ok=True)
 
 
-def test_a_new_desk_shows_the_run_and_leaves_result_and_report_as_a_run_does(
+def test_a_new_supervisor_shows_the_run_and_leaves_result_and_report_as_a_run_does(
     run: RunRecord, scan: subprocess.Popen[str], golden_run
 ) -> None:
     without_reports(run)

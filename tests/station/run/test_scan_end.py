@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from station.durable import Appender
+from station.atomic_file import Appender
 from station.errors import BenchFaultError
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import create
 from station.records.ring.to_disk import RecordWriter
 from station.records.run_record import RunRecord
 from station.run import children
-from station.run.scan_end import SCAN_LOG, ending_of
+from station.run.scan_end import SCAN_LOG, outcome_of
 from station.scan.scan_spec import SpecFile
 from station.wall_clock import JumpWatch
 
@@ -41,5 +41,5 @@ def test_a_spec_that_was_changed_ends_the_run_before_anything_moves(tmp_path: Pa
         file = Appender(tmp_path / "samples.bin")
         writer = RecordWriter(ring, file)
         with pytest.raises(BenchFaultError, match=r"scan-spec\.json: not the one that was checked"):
-            ending_of(process, ring, record, writer, JumpWatch(), embedded=False, interrupted=False)
+            outcome_of(process, ring, record, writer, JumpWatch(), embedded=False, interrupted=False)
         file.close()

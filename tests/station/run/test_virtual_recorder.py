@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from station_samples import IMAGE, ORDERS
 
-from station.durable import Appender
+from station.atomic_file import Appender
 from station.records.samples.scan_record import RECORD_BYTES, pack, unpack
 from station.run.virtual_recorder import BLOCK_RECORDS, VirtualRecorder
 

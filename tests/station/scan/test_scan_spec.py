@@ -12,8 +12,8 @@ import pytest
 
 from definitions.plain_data import exact, plain
 from recipes import shipped_recipes
+from station.atomic_file import as_json
 from station.bench.request import Job, load_job
-from station.durable import as_json
 from station.records.program_file import PROGRAM, plain_program
 from station.run.process_specs import compiled
 from station.scan.scan_spec import Compiled, ScanSpec, SpecError, SpecFile, read_program, told, write_spec
@@ -42,7 +42,7 @@ def _spec(folder: Path, job: Job) -> SpecFile:
         clock="scan",
         fast=True,
         spin_ns=0,
-        desk=1,
+        supervisor=1,
         after_end_scans=0,
         left=None,
     )

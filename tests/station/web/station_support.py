@@ -13,6 +13,7 @@ from lostmotion_command import ROOT
 from sqlalchemy import insert
 from starlette.testclient import TestClient
 
+from station.records.recipe_revisions import History, Revision, ask_release, hash_of, release, save_draft
 from station.web.actions import Station
 from station.web.guard import Guard
 from station.web.models import load_models
@@ -35,15 +36,25 @@ LEAST_SLOPE = {"good": 80, "bad": 200}
 """Limits of the torque ratio, by recipe: what makes a unit of each a good or a bad one."""
 
 
+def released(data: Path, text: bytes) -> Revision:
+    """Save a text as one person, and release it as another."""
+    draft = save_draft(data, text, "the technician")
+    ask_release(data, draft.name, draft.revision, draft.sha256, "the technician")
+    return release(data, draft.name, draft.revision, draft.sha256, "the quality")
+
+
 def write_models(data: Path) -> None:
-    """Write the table of models and its recipes into a data folder."""
+    """Write the table of models and its recipes into a data folder, and release them."""
     recipes = data.parent / "recipes"
     recipes.mkdir(parents=True, exist_ok=True)
     data.mkdir(parents=True, exist_ok=True)
     golden = GOLDEN.read_text(encoding="utf-8")
     for name, least in LEAST_SLOPE.items():
         text = golden.replace("{id: torque_ratio_slope}", f"{{id: torque_ratio_slope, min: {least}}}")
-        (recipes / f"{name}.yaml").write_text(text.replace("name: golden", f"name: {name}"), encoding="utf-8")
+        text = text.replace("name: golden", f"name: {name}")
+        (recipes / f"{name}.yaml").write_text(text, encoding="utf-8")
+        if History(data).released_with(hash_of(text.encode())) is None:
+            released(data, text.encode())
     (data / "models.yaml").write_text(MODELS.replace("RECIPES", str(recipes)), encoding="utf-8")
 
 

@@ -66,7 +66,7 @@ def test_one_scan_without_a_click_comes_to_a_verdict(page: playwright.Page) -> N
     shown(page, "STARTING", "TESTING")
     scan(page, "SN-2", "Tab")
     page.wait_for_selector(".lm-refused:visible")
-    assert "A run is on" in page.inner_text(".lm-refused"), "a scan while a run is on is refused visibly"
+    assert "A run is in progress" in page.inner_text(".lm-refused"), "a scan while a run is on is refused visibly"
     assert shown(page, "PASS") == "PASS"
     tile = page.locator(".lm-tile")
     assert tile.locator("svg circle").count() == 1, "told by its shape too"

@@ -12,13 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from station_samples import SETUP
-from station_support import write_models
+from station_support import released, write_models
 
-from recipes import RecipeError
+from recipes import RecipeError, shipped_recipes
 from recipes.schema.bench_schema import MasterPart
 from station.bench.request import Job
 from station.documents.manifest import EarlierAttempt
 from station.records.data_folder import Store
+from station.records.recipe_revisions import save_draft
 from station.wall_clock import WALL_CLOCK
 from station.web import permission
 from station.web.mes.previous_step import PreviousStep
@@ -66,6 +67,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "model_known": dataclasses.replace(good, model=None, job=None),
         "previous_step_passed": dataclasses.replace(good, previous_step=FAILED_BEFORE),
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
+        "recipe_released": dataclasses.replace(good, release=None),
         "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1"),
         "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),
         "retest_reason": dataclasses.replace(good, before=(run(1, "FAIL"),)),
@@ -195,6 +197,44 @@ def test_a_wrong_table_of_models_is_refused_with_the_place(tmp_path: Path, text:
     with pytest.raises(RecipeError) as refused:
         load_models(tmp_path, None)
     assert place in str(refused.value)
+
+
+def recipe_of(data: Path, name: str) -> Situation:
+    """Look at a start whose model has this recipe."""
+    (data / "models.yaml").write_text(f"models:\n  - {{model: A, serial: '.*', recipe: {name}}}\n", encoding="utf-8")
+    return situation_of(data, load_models(data, None), Wanted("X"), busy=False, confirmed=frozenset())
+
+
+def test_a_file_counts_as_released_by_its_bytes_alone(tmp_path: Path) -> None:
+    shipped = shipped_recipes()["rv-40e-121-quick"].read_bytes()
+    file = tmp_path / "plant.yaml"
+    file.write_bytes(shipped)
+    assert refusals(recipe_of(tmp_path, str(file))) == [], "the program has released its own recipes"
+    file.write_bytes(shipped + b"# another line\n")
+    assert [name for name, _ in refusals(recipe_of(tmp_path, str(file)))] == ["recipe_released"]
+
+
+def test_a_name_means_its_newest_released_revision(tmp_path: Path) -> None:
+    name = "rv-40e-121-quick"
+    shipped = shipped_recipes()[name]
+    assert recipe_of(tmp_path, name).run_options()[0] == str(shipped)
+    third, fourth = (shipped.read_bytes().replace(b"revision: 2", f"revision: {one}".encode()) for one in (3, 4))
+    plant = released(tmp_path, third)
+    save_draft(tmp_path, fourth, "Ada")
+    found = recipe_of(tmp_path, name)
+    assert refusals(found) == []
+    assert found.run_options()[0] == str(plant.path)
+    assert found.job.recipe.recipe.revision == 3
+    plant.path.write_bytes(third.replace(b"max: 1 arcmin", b"max: 9 arcmin"))
+    assert [one for one, _ in refusals(recipe_of(tmp_path, name))] == ["recipe_released"], "it is another text now"
+
+
+def test_a_recipe_that_only_has_drafts_starts_nothing(tmp_path: Path) -> None:
+    text = shipped_recipes()["rv-40e-121-quick"].read_bytes().replace(b"name: rv-40e-121-quick", b"name: plant")
+    save_draft(tmp_path, text, "Ada")
+    ((refused, why),) = refusals(recipe_of(tmp_path, "plant"))
+    assert refused == "recipe_in_order"
+    assert "no released revision" in why
 
 
 def test_the_shipped_table_measures_a_unit(tmp_path: Path) -> None:

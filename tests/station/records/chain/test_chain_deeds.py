@@ -15,8 +15,8 @@ from lostmotion_command import here
 from run_copies import alone
 from stored_runs import metric, store_run
 
+from station.atomic_file import as_json
 from station.cli.runs.show import stored_result
-from station.durable import as_json
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import FIELDS, entry_of, signed_entry
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, own_key
@@ -183,7 +183,7 @@ def test_every_deed_is_named_and_leaves_no_altered_run_its_verdict(data: Path, d
 
 
 def test_every_kind_of_problem_is_met_or_belongs_to_another_test() -> None:
-    elsewhere = {"broken_link", "lost_entries", "old_index", "attempt"}
+    elsewhere = {"broken_link", "lost_entries", "old_index", "attempt", "recipes"}
     assert {kind for _, kind in DEEDS.values()} | elsewhere == set(PROBLEMS)
 
 

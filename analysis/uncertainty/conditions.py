@@ -59,7 +59,7 @@ class Points(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Circumstances:
+class MeasurementConditions:
     """Method, branches in time of the first cycle, encoders in the wind-up, and whether the fixture was corrected.
 
     u_drift_arcmin_per_min: standard uncertainty of what is left of the drift between cycles; 0 where it has no rate.
@@ -152,10 +152,10 @@ def line_name(sign: int, direction: int) -> str:
     return f"{'load' if sign == direction else 'unload'}_{'positive' if sign > 0 else 'negative'}"
 
 
-def circumstances_of(
+def conditions_of(
     found: Measured, *, late_s: float = 0.0, zero_shifts_nm: Mapping[TorqueChannel, float] | None = None
-) -> Circumstances:
-    """Return how the first cycle of a measurement was made; late_s and zero_shifts_nm as in `Circumstances`."""
+) -> MeasurementConditions:
+    """Return how the first cycle of a measurement was made; late_s and zero_shifts_nm as in `MeasurementConditions`."""
     method, trace, loop = found.method, found.trace, found.loops[0]
     encoders: dict[str, tuple[AngleName, ...]] = {
         "both": ("angle_in", "angle_out"),
@@ -166,7 +166,7 @@ def circumstances_of(
     by_curve = curve is not None and curve.angles == found.angles
     corrects = by_curve or (method.fixture_stiffness_nm_per_arcmin is not None and found.angles == "loaded")
     ends = [branch.torque_nm[[0, -1]] for branch in (loop.forward, loop.backward)]
-    return Circumstances(
+    return MeasurementConditions(
         method=method,
         peak_nm=float(np.abs(np.concatenate(ends)).max()),
         forward=_stretch(found.pairs[0][0]),

@@ -1,4 +1,4 @@
-"""The desk of a real-time run: starts the processes, brings the records to disk, passes the operator's wishes on.
+"""The supervisor of a real-time run: starts the processes, brings the records to disk, passes the operator's wishes on.
 
 Ctrl-C once asks for a stop: the torque is brought to zero before the lock opens. Twice is a quick stop. A terminal
 that is closed counts as Ctrl-C, and a screen that cannot be written to any more ends nothing. Whatever ends the
@@ -16,10 +16,10 @@ from queue import SimpleQueue
 from typing import Any, TypeVar
 
 from definitions.image import Command
+from station.atomic_file import Appender
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.manifest import LeftBy
-from station.durable import Appender
 from station.errors import BenchFaultError, RecordError
 from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
 from station.records.ring.reader import RingReader
@@ -28,10 +28,10 @@ from station.records.ring.to_disk import RecordsWaitError, RecordWriter
 from station.records.run_record import SCAN_REPORT, RunRecord
 from station.run import children
 from station.run.asked_to_stop import STOP_WORDS, Stopping, listening
-from station.run.ending import Ending, take_room
 from station.run.faults.companion import Companion, Reach
+from station.run.outcome import RunOutcome, take_room
 from station.run.process_specs import write_bench_spec, write_scan_spec
-from station.run.scan_end import SCAN_LOG, ending_of, what_waits
+from station.run.scan_end import SCAN_LOG, outcome_of, what_waits
 from station.wall_clock import JumpWatch
 
 BENCH_LOG = "virtual-bench.jsonl"
@@ -63,7 +63,7 @@ def _if_possible(tell: Callable[[Told], None]) -> Callable[[Told], None]:
     return told
 
 
-class Desk:
+class Supervisor:
     """One real-time run of a job.
 
     A recovery is one too: `left` says how the bench was left, and `attend` is called at every look, to tell and to ask.
@@ -85,7 +85,7 @@ class Desk:
     ) -> None:
         """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench.
 
-        meanwhile: done while the other processes start, when nobody waits for the desk.
+        meanwhile: done while the other processes start, when nobody waits for the supervisor.
         """
         self._job, self._record = job, record
         self._gateway = gateway
@@ -100,7 +100,7 @@ class Desk:
         self._seen: SimpleQueue[bytes] = SimpleQueue()
         self._wall_clock = JumpWatch()
 
-    def run(self, unit: VirtualUnit | None, scenario: Path | None) -> Ending:
+    def run(self, unit: VirtualUnit | None, scenario: Path | None) -> RunOutcome:
         """Run to the end; `unit` and `scenario` are for the embedded virtual bench.
 
         Raises:
@@ -137,7 +137,7 @@ class Desk:
             self._serve(process, ring, writer)
             try:
                 writer.finish()
-                ending = ending_of(
+                outcome = outcome_of(
                     process,
                     ring,
                     self._record,
@@ -146,11 +146,11 @@ class Desk:
                     embedded=life_line is not None,
                     interrupted=self._stopping.asked > 0,
                 )
-                ending.keep(self._record)
+                outcome.keep(self._record)
             except RecordError as error:
                 self._waits = True
                 raise RecordsWaitError(what_waits(self._record.id, error, ring)) from error
-            return ending
+            return outcome
 
     # --- starting
 
@@ -249,7 +249,7 @@ class Desk:
         self._say(STOP_WORDS[command])
         ring.send(command)
 
-    # --- ending
+    # --- end
 
     def _let_go(self, ring: RingReader, path: Path) -> None:
         """Close the ring, and remove it unless something waits in it for a disk that takes it."""

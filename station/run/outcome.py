@@ -1,4 +1,4 @@
-"""How a scan ended, as its desk knows it: on disk before the run is concluded, so that anybody else can conclude it.
+"""How a scan ended, as its supervisor knows it: on disk before the run is concluded, so that others can conclude it.
 
 The room for it is taken before the run starts: a disk that fills up in the meantime costs no verdict.
 """
@@ -10,18 +10,18 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+from station.atomic_file import reserve
 from station.documents.events import Note
 from station.documents.manifest import Count, Finite, Large
 from station.documents.reading import plain
 from station.documents.scan_report import ScanReport
 from station.documents.timing import Disk, Pace, Realtime, ScanTimes
-from station.durable import reserve
 from station.errors import BenchFaultError, RecordError
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import StopCause
 from station.records.run_record import SCAN_REPORT, RunRecord
 
-DESK_REPORT = "desk-report.json"
+SUPERVISOR_REPORT = "desk-report.json"
 REPORT_BYTES = 1 << 18
 """Room that is taken for it: counters, histograms of the timing, the periods that were missed, notes."""
 
@@ -33,7 +33,7 @@ VIRTUAL_REALTIME = Realtime(
 
 
 @dataclass(frozen=True)
-class Ending:
+class RunOutcome:
     """How the scan ended: records it says it wrote, those it lost, its report, and why it ended early if it did.
 
     `refused`: the bench could not be opened, nothing has moved. `started_ns`: monotonic time; scan n was due n + 1
@@ -56,38 +56,38 @@ class Ending:
     stopped_by: str = ""
     """Name of that cause (`StopCause`) in small letters; empty for the operator."""
     desk_died: str = ""
-    """What became of a run whose desk ended in the middle; empty where it was there to the end."""
+    """What became of a run whose supervisor ended in the middle; empty where it was there to the end."""
     disk: Disk | None = None
     pace: Pace | None = None
     """What the scan says of a bench that waited for it: its unit, and what was stretched; None for any other bench."""
 
     @classmethod
     def refused_by(cls, record: RunRecord, error: BenchFaultError) -> Self:
-        """Return the ending of a run whose bench could not be opened: nothing has moved."""
+        """Return the outcome of a run whose bench could not be opened: nothing has moved."""
         return cls(written=record.records(), realtime=Realtime(), trouble=str(error), refused=True)
 
     @classmethod
     def kept_in(cls, record: RunRecord) -> Self | None:
-        """Return the ending that a desk has put on disk; None where it did not come so far, or nobody can read it."""
+        """Return what the supervisor has put on disk; None where it did not come so far, or nobody can read it."""
         with suppress(RecordError):
-            kept = record.read(cls, DESK_REPORT)
+            kept = record.read(cls, SUPERVISOR_REPORT)
             # In virtual time nothing is measured of the disk, which versions before kept as an empty block.
             return replace(kept, disk=None) if kept.disk == Disk() else kept
         return None
 
     def keep(self, record: RunRecord) -> None:
-        """Put the ending on disk: from here on the run is concluded by it, whoever does that.
+        """Put the outcome on disk: from here on the run is concluded by it, whoever does that.
 
         Raises:
             RecordError: the disk refuses it.
 
         """
-        record.write_json(DESK_REPORT, plain(self))
+        record.write_json(SUPERVISOR_REPORT, plain(self))
 
 
 def take_room(record: RunRecord) -> None:
-    """Take the room for the ending before the run starts; RecordError when the disk has none."""
-    reserve(record.folder / DESK_REPORT, REPORT_BYTES)
+    """Take the room for the outcome before the run starts; RecordError when the disk has none."""
+    reserve(record.folder / SUPERVISOR_REPORT, REPORT_BYTES)
 
 
 def scan_report(record: RunRecord) -> ScanReport:

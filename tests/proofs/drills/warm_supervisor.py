@@ -1,8 +1,8 @@
 """A command that starts warm: the interpreter and its modules are there already, everything after that is the command.
 
-Loading the desk's modules takes seconds of processor time, in which no kill can hit anything: the run has not begun.
-A drill of hundreds of kills forks them instead. The child is a process of its own in a session of its own, as the shell
-starts it, and runs the same entry.
+Loading the supervisor's modules takes seconds of processor time, in which no kill can hit anything: the run has not
+begun. A drill of hundreds of kills forks them instead. The child is a process of its own in a session of its own, as
+the shell starts it, and runs the same entry.
 """
 
 from __future__ import annotations
@@ -103,5 +103,5 @@ def load() -> None:
     from station.bench import assemble_virtual  # noqa: F401, PLC0415
     from station.cli.measure import resume as command_resume  # noqa: F401, PLC0415
     from station.cli.measure import run as command_run  # noqa: F401, PLC0415
-    from station.run import desk  # noqa: F401, PLC0415
+    from station.run import supervisor  # noqa: F401, PLC0415
     from station.run.way_back import recover as recovery  # noqa: F401, PLC0415

@@ -1,4 +1,4 @@
-"""The scan's watch over its desk: a unit is not kept under load for a desk that is gone or stands still."""
+"""The scan's watch over its supervisor: a unit is not kept under load for a supervisor that is gone or stands still."""
 
 from __future__ import annotations
 
@@ -9,30 +9,32 @@ from station.records.ring.writer import RingWriter
 from station.scan.scan_loop import Stop
 
 LONGEST_SILENCE_S = 2.0
-"""A desk looks 50 times per second; a desk that takes a run over has this long to begin."""
+"""A supervisor looks 50 times per second; a supervisor that takes a run over has this long to begin."""
 
-DESK_SILENT = f"no sign of life from the supervisor process for {LONGEST_SILENCE_S:g} s: stop ordered, unit unloaded"
-DESK_GONE = "the supervisor process ended before the run started: stop ordered, nothing moved"
+SUPERVISOR_SILENT = (
+    f"no sign of life from the supervisor process for {LONGEST_SILENCE_S:g} s: stop ordered, unit unloaded"
+)
+SUPERVISOR_GONE = "the supervisor process ended before the run started: stop ordered, nothing moved"
 STRANGE_COMMANDS = "{} invalid command(s) ignored"
 
 
-class DeskWatch:
-    """Takes the desk's commands and asks for a stop, once, when the desk has been silent for too long."""
+class SupervisorWatch:
+    """Takes the supervisor's commands and asks for a stop, once, when the supervisor has been silent for too long."""
 
     def __init__(self, ring: RingWriter, stop: Stop, period_ns: int, *, commands_from: int = 0) -> None:
         """Watch; commands wait until the scan `commands_from`, so that a run can begin in the same scan every time."""
         self._ring, self._stop = ring, stop
         self._scans_to_wait = commands_from
-        self._beats = ring.desk_beats
+        self._beats = ring.supervisor_beats
         self._limit_scans = round(LONGEST_SILENCE_S * 1e9 / period_ns)
         self._silent_scans = 0
         self.silent_at: int | None = None
-        """Scan at which the desk was given up."""
+        """Scan at which the supervisor was given up."""
 
     def take_command(self) -> int:
-        """Return the next command of the desk, and count the scans since its last sign."""
+        """Return the next command of the supervisor, and count the scans since its last sign."""
         ring = self._ring
-        beats = ring.desk_beats
+        beats = ring.supervisor_beats
         if beats != self._beats:
             self._beats, self._silent_scans = beats, 0
         else:
@@ -47,10 +49,10 @@ class DeskWatch:
         return ring.take_command()
 
     def notes(self) -> list[dict[str, Any]]:
-        """Return what the record has to say of the desk, in the form of the controller's notes."""
-        said = [] if self.silent_at is None else [(max(self.silent_at, 0), DESK_SILENT)]
-        if self._stop.desk_gone:
-            said.append((max(self._ring.last_scan, 0), DESK_GONE))
+        """Return what the record has to say of the supervisor, in the form of the controller's notes."""
+        said = [] if self.silent_at is None else [(max(self.silent_at, 0), SUPERVISOR_SILENT)]
+        if self._stop.supervisor_gone:
+            said.append((max(self._ring.last_scan, 0), SUPERVISOR_GONE))
         if self._ring.strange_commands:
             said.append((max(self._ring.last_scan, 0), STRANGE_COMMANDS.format(self._ring.strange_commands)))
         return [{"scan": scan, "kind": "note", "state": "", "text": text} for scan, text in said]

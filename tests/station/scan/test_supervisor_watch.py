@@ -11,8 +11,8 @@ from definitions.image import Command
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import create
 from station.records.ring.writer import RingWriter
-from station.scan.desk_watch import DESK_GONE, LONGEST_SILENCE_S, DeskWatch
 from station.scan.scan_loop import Stop
+from station.scan.supervisor_watch import LONGEST_SILENCE_S, SUPERVISOR_GONE, SupervisorWatch
 
 PERIOD_NS = 10_000_000
 LIMIT_SCANS = round(LONGEST_SILENCE_S * 1e9 / PERIOD_NS)
@@ -28,10 +28,10 @@ def ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Ring
     reader.close()
 
 
-def test_a_desk_that_beats_is_never_given_up(ends: tuple[RingWriter, RingReader]) -> None:
+def test_a_supervisor_that_beats_is_never_given_up(ends: tuple[RingWriter, RingReader]) -> None:
     writer, reader = ends
     stop = Stop()
-    watch = DeskWatch(writer, stop, PERIOD_NS)
+    watch = SupervisorWatch(writer, stop, PERIOD_NS)
     for _ in range(5):
         for _ in range(LIMIT_SCANS):
             watch.take_command()
@@ -40,10 +40,10 @@ def test_a_desk_that_beats_is_never_given_up(ends: tuple[RingWriter, RingReader]
     assert watch.notes() == []
 
 
-def test_a_silent_desk_stops_the_run_once_and_the_record_says_so(ends: tuple[RingWriter, RingReader]) -> None:
+def test_a_silent_supervisor_stops_the_run_once_and_the_record_says_so(ends: tuple[RingWriter, RingReader]) -> None:
     writer, reader = ends
     stop = Stop()
-    watch = DeskWatch(writer, stop, PERIOD_NS)
+    watch = SupervisorWatch(writer, stop, PERIOD_NS)
     writer.append(41, 0, 0, IMAGE, ORDERS)
     for _ in range(LIMIT_SCANS):
         watch.take_command()
@@ -59,7 +59,7 @@ def test_a_silent_desk_stops_the_run_once_and_the_record_says_so(ends: tuple[Rin
     assert watch.take_command() == Command.QUICK_STOP
 
 
-def test_a_desk_that_was_gone_before_the_start_is_told_as_the_cause(ends: tuple[RingWriter, RingReader]) -> None:
+def test_a_supervisor_that_was_gone_before_the_start_is_told_as_the_cause(ends: tuple[RingWriter, RingReader]) -> None:
     stop = Stop()
-    stop.desk_gone = True
-    assert [note["text"] for note in DeskWatch(ends[0], stop, PERIOD_NS).notes()] == [DESK_GONE]
+    stop.supervisor_gone = True
+    assert [note["text"] for note in SupervisorWatch(ends[0], stop, PERIOD_NS).notes()] == [SUPERVISOR_GONE]

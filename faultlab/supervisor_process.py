@@ -1,8 +1,8 @@
-"""Entry of the desk that a scenario's faults of the machine reach: `python -m faultlab.desk_process SPEC.json`.
+"""Entry of the supervisor that faults of the machine reach: `python -m faultlab.supervisor_process SPEC.json`.
 
 Spec: recipe, bench, scenario (paths), unit (null behind a gateway), data (folder of the records). On standard output
-it says where its record is, and at its end whether the bench was refused, one JSON line each; a desk that is killed
-does not come to the second.
+it says where its record is, and at its end whether the bench was refused, one JSON line each; a supervisor that is
+killed does not come to the second.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from faultlab.desk import EXIT_RECORD_WAITS, run_here
+from faultlab.supervisor import EXIT_RECORD_WAITS, run_here
 from station.bench.request import load_job
 from station.bench.virtual_unit import VirtualUnit
 from station.errors import RecordError

@@ -51,7 +51,7 @@ def open_file(path: Path) -> BinaryIO:
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
-        raise OSError(EINVAL, "it is no file", str(path))
+        raise OSError(EINVAL, "it is not a file", str(path))
     return os.fdopen(handle, "rb")
 
 
@@ -64,7 +64,7 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def write_durable(path: Path, content: bytes, *, flush: bool = True) -> None:
+def write_atomic(path: Path, content: bytes, *, flush: bool = True) -> None:
     """Replace `path` by `content`, completely or not at all.
 
     Without `flush` that holds for killed processes only, not for a power failure; nobody waits for the disk then.
@@ -92,7 +92,7 @@ def write_durable(path: Path, content: bytes, *, flush: bool = True) -> None:
 
 
 def reserve(path: Path, size: int) -> None:
-    """Take room on the disk, in bytes, for the next `write_durable` of this path, which a full disk then takes.
+    """Take room on the disk, in bytes, for the next `write_atomic` of this path, which a full disk then takes.
 
     Raises:
         RecordError: the disk has no such room.

@@ -1,4 +1,4 @@
-"""The desk of a run with faults over wires: in this process or, where it is to suffer itself, in one of its own."""
+"""The supervisor of a run with faults over wires: in this process, or in its own where faults reach it."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from station.records.ring.ring import ScanState, StopCause
 from station.records.run_record import RECORDING, SCAN_REPORT, TIMING, RunRecord
 from station.run import children
 from station.run.conclusion import conclude
-from station.run.desk import Desk
-from station.run.ending import Ending, scan_report
 from station.run.faults.companion import Companion
 from station.run.faults.machine_faults import Traces, deed_of
+from station.run.outcome import RunOutcome, scan_report
+from station.run.supervisor import Supervisor
 from station.run.way_back.recover import recover
 from virtual_bench.faults.scenario import Scenario
 
 EXIT_RECORD_WAITS = 4
-"""What a desk ends with whose disk took no records: they wait in the ring for whoever looks at the run next."""
+"""What a supervisor ends with whose disk took no records: they wait in the ring for whoever looks at the run next."""
 
 LOOK_EVERY_S = 0.02
-LONGEST_AFTER_DESK_S = 60.0
-"""Time for a scan process without a desk to unload and end, with much to spare."""
+LONGEST_AFTER_SUPERVISOR_S = 60.0
+"""Time for a scan process without a supervisor to unload and end, with much to spare."""
 
 Say = Callable[[str], None]
 
@@ -60,7 +60,7 @@ class Left:
     traces: Traces = field(default_factory=Traces)
 
 
-def needs_desk_of_its_own(scenario: Scenario) -> bool:
+def needs_supervisor_of_its_own(scenario: Scenario) -> bool:
     """Tell whether a scenario has faults of the machine, which must not reach the process that judges."""
     return any(deed_of(fault) is not None for fault in scenario.faults)
 
@@ -75,7 +75,7 @@ def run_here(
     pacing: Pacing = BY_WALL_CLOCK,
     begun: Callable[[Path], None] | None = None,
 ) -> Left:
-    """Run a scenario with the desk in this process; `begun` is told the folder of the record once it is there.
+    """Run a scenario with the supervisor in this process; `begun` is told the folder of the record once it is there.
 
     A bench behind the gateway lives by its own clock, whatever `pacing` says.
 
@@ -88,17 +88,19 @@ def run_here(
     record = create_record(job, unit, scenario_path, scenario, data, clock=pacing.clock)
     if begun is not None:
         begun(record.folder)
-    desk = Desk(job, record, _nothing, say, Companion(scenario, judged=True), gateway=unit is None, pacing=pacing)
+    supervisor = Supervisor(
+        job, record, _nothing, say, Companion(scenario, judged=True), gateway=unit is None, pacing=pacing
+    )
     why_refused = ""
     try:
-        ending = desk.run(unit, record.folder / "scenario.yaml")
+        outcome = supervisor.run(unit, record.folder / "scenario.yaml")
     except BenchFaultError as error:
         why_refused = str(error)
         record.samples.touch()
-        ending = Ending.refused_by(record, error)
-    conclude(record, job, ending)
-    started_ns = 0 if pacing.clock == SCAN else ending.started_ns
-    return Left(record, started_ns, ending.written, bool(ending.trouble), why_refused)
+        outcome = RunOutcome.refused_by(record, error)
+    conclude(record, job, outcome)
+    started_ns = 0 if pacing.clock == SCAN else outcome.started_ns
+    return Left(record, started_ns, outcome.written, bool(outcome.trouble), why_refused)
 
 
 def _nothing(_record: bytes) -> None:
@@ -106,48 +108,52 @@ def _nothing(_record: bytes) -> None:
 
 
 def run_apart(job: Job, unit: VirtualUnit | None, scenario_path: Path, data: Path) -> Left:
-    """Run a scenario with the desk in a process of its own, and conclude the run where that could not.
+    """Run a scenario with the supervisor in a process of its own, and conclude the run where that could not.
 
     Raises:
         StationError: that process failed for another reason than the scenario's faults.
 
     """
     with ExitStack() as cleanup:
-        place = Path(cleanup.enter_context(TemporaryDirectory(prefix="lostmotion-desk-")))
+        place = Path(cleanup.enter_context(TemporaryDirectory(prefix="lostmotion-supervisor-")))
         sources = {"recipe": str(job.recipe_source.path), "bench": str(job.bench_source.path)}
         spec = place / "spec.json"
         plain = None if unit is None else unit.plain()
         spec.write_text(json.dumps(sources | {"unit": plain, "scenario": str(scenario_path), "data": str(data)}))
-        desk = children.run_module("faultlab.desk_process", spec, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
-        cleanup.callback(children.stop, desk, LONGEST_AFTER_DESK_S)
-        folder = _said(desk).get("record")
+        supervisor = children.run_module(
+            "faultlab.supervisor_process", spec, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+        )
+        cleanup.callback(children.stop, supervisor, LONGEST_AFTER_SUPERVISOR_S)
+        folder = _said(supervisor).get("record")
         if folder is None:
-            raise StationError(f"the supervisor process of the run failed: exit code {desk.wait()}; see above")
+            raise StationError(f"the supervisor process of the run failed: exit code {supervisor.wait()}; see above")
         record = RunRecord(Path(folder))
-        ring = _follow(desk, record)
+        ring = _follow(supervisor, record)
         if ring is not None:
             cleanup.callback(ring.close)
-        why_refused = _said(desk).get("refused", "")
-        desk.wait()
-        if desk.returncode not in (0, EXIT_RECORD_WAITS, -signal.SIGKILL):
-            raise StationError(f"the supervisor process of the run failed: exit code {desk.returncode}; see above")
+        why_refused = _said(supervisor).get("refused", "")
+        supervisor.wait()
+        if supervisor.returncode not in (0, EXIT_RECORD_WAITS, -signal.SIGKILL):
+            raise StationError(
+                f"the supervisor process of the run failed: exit code {supervisor.returncode}; see above"
+            )
         if ring is not None:
             _wait_for_end(ring)
         if record.manifest().state == RECORDING:
             recover(record)
-        return _left(record, ring, desk, why_refused)
+        return _left(record, ring, supervisor, why_refused)
 
 
-def _said(desk: subprocess.Popen[bytes]) -> dict[str, str]:
-    """Wait for the next JSON line of a desk; nothing from one that has ended."""
-    line = b"" if desk.stdout is None else desk.stdout.readline()
+def _said(supervisor: subprocess.Popen[bytes]) -> dict[str, str]:
+    """Wait for the next JSON line of a supervisor; nothing from one that has ended."""
+    line = b"" if supervisor.stdout is None else supervisor.stdout.readline()
     said: dict[str, str] = json.loads(line) if line else {}
     return said
 
 
-def _follow(desk: subprocess.Popen[bytes], record: RunRecord) -> RingReader | None:
+def _follow(supervisor: subprocess.Popen[bytes], record: RunRecord) -> RingReader | None:
     """Return the ring of the run once it is there: what it says was written is what must be found."""
-    while desk.poll() is None:
+    while supervisor.poll() is None:
         name = record.manifest().ring
         if name:
             return RingReader(Path(name))
@@ -156,21 +162,21 @@ def _follow(desk: subprocess.Popen[bytes], record: RunRecord) -> RingReader | No
 
 
 def _wait_for_end(ring: RingReader) -> None:
-    """Wait until a scan process that has lost its desk has ended."""
-    until = time.monotonic() + LONGEST_AFTER_DESK_S
+    """Wait until a scan process that has lost its supervisor has ended."""
+    until = time.monotonic() + LONGEST_AFTER_SUPERVISOR_S
     while ring.pid and process_birth(ring.pid):
         if time.monotonic() > until:
             raise StationError(f"the scan process {ring.pid} continues without its supervisor process: end it by hand")
         time.sleep(LOOK_EVERY_S)
 
 
-def _left(record: RunRecord, ring: RingReader | None, desk: subprocess.Popen[bytes], why_refused: str) -> Left:
+def _left(record: RunRecord, ring: RingReader | None, supervisor: subprocess.Popen[bytes], why_refused: str) -> Left:
     timing = record.read(Timing, TIMING)
     finished = record.has(SCAN_REPORT) and scan_report(record).state != "running"
     died = ring is not None and ring.written > 0 and not finished and ring.state is not ScanState.FINISHED
     traces = Traces(
         scan_died=died,
-        desk_killed=desk.returncode == -signal.SIGKILL,
+        supervisor_killed=supervisor.returncode == -signal.SIGKILL,
         disk_refused=ring is not None and ring.stop_cause is StopCause.DISK,
         clock_jumped_s=timing.wall_clock_jumped_s or 0.0,
         missed=timing.missed,

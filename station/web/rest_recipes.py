@@ -1,0 +1,98 @@
+"""Recipes by REST: which revisions there are, the text of one as a file, what `check` says of it, and the dry run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from fastapi import FastAPI, Response
+from fastapi import Path as InPath
+from fastapi.responses import JSONResponse
+
+from recipes.text.section import Name
+from station.documents.reading import plain
+from station.errors import StationError
+from station.records.recipe_revisions import History, Revision
+from station.web.actions import NOT_NOW, Station, said
+from station.web.recipe_check import look_at
+from station.web.rest_runs import CookieToken
+
+Number = Annotated[int, InPath(ge=1, le=1_000_000)]
+
+
+def as_json(one: Revision) -> dict[str, Any]:
+    """Return what is told of a revision."""
+    return {
+        "name": one.name, "revision": one.revision, "sha256": one.sha256, "state": one.state.value,
+        "shipped": one.shipped, "authors": list(one.authors), "saved": one.saved, "asked_by": one.asked_by,
+        "released_by": one.released_by, "released": one.released,
+    }  # fmt: skip
+
+
+def add_recipes(
+    app: FastAPI, station: Station, refuse: Callable[[str | None], Response | None], answers: Callable[..., Any]
+) -> None:
+    """Add the endpoints; refuse: what is answered to whoever is not logged in, by the session's cookie."""
+
+    @app.get("/api/recipes", summary="recipes with their revisions", tags=["recipes"], **answers(200, 401, 403, 503))
+    def recipes(token: CookieToken = None) -> Response:
+        return refuse(token) or _listed(station)
+
+    @app.get(
+        "/api/recipes/{name}/{revision}.yaml", summary="the text of a revision", tags=["recipes"],
+        **answers(200, 401, 403, 404, 409, 422, 503),
+    )  # fmt: skip
+    def text(name: Name, revision: Number, token: CookieToken = None) -> Response:
+        return refuse(token) or _of_text(station, name, revision, lambda content: _as_file(name, revision, content))
+
+    @app.get(
+        "/api/recipes/{name}/{revision}/check", summary="what 'lostmotion check' says of a revision",
+        tags=["recipes"], **answers(200, 401, 403, 404, 409, 422, 503),
+    )  # fmt: skip
+    def check(name: Name, revision: Number, token: CookieToken = None) -> Response:
+        return refuse(token) or _of_text(station, name, revision, lambda content: _checked(station, content))
+
+    @app.get("/api/dry-run", summary="the newest dry run of a recipe", tags=["recipes"], **answers(200, 401, 403, 503))
+    def dry_run(token: CookieToken = None) -> Response:
+        return refuse(token) or _tried(station)
+
+
+def _listed(station: Station) -> Response:
+    history = History(station.data)
+    return JSONResponse({"revisions": [as_json(one) for one in history.all()], "problems": history.problems})
+
+
+def _of_text(station: Station, name: str, revision: int, answer: Callable[[bytes], Response]) -> Response:
+    """Answer with the text of a revision, or why it cannot be had."""
+    found = History(station.data).find(name, revision)
+    if found is None:
+        return JSONResponse(said("recipe", "There is no such revision."), 404)
+    try:
+        return answer(found.text())
+    except StationError as error:
+        return JSONResponse(said("recipe", str(error)), NOT_NOW)
+
+
+def _as_file(name: str, revision: int, content: bytes) -> Response:
+    headers = {"Content-Disposition": f'attachment; filename="{name}-r{revision}.yaml"'}
+    return Response(content, media_type="application/yaml", headers=headers)
+
+
+def _checked(station: Station, content: bytes) -> Response:
+    looked = look_at(content, station.models)
+    return JSONResponse({
+        "fit": looked.job is not None, "peak_torque_nm": looked.peak_nm, "duration_s": looked.duration_s,
+        "messages": [
+            {"line": one.line, "column": one.column, "text": one.text, "warning": one.is_warning}
+            for one in looked.messages
+        ],
+        "load_profile": [{"t_s": t_s, "torque_nm": torque_nm} for t_s, torque_nm in looked.load_profile],
+    })  # fmt: skip
+
+
+def _tried(station: Station) -> Response:
+    now = station.dry_runs.now()
+    return JSONResponse({
+        "stage": now.stage, "recipe": now.title, "sha256": now.sha256, "said": now.said, "took_s": now.took_s,
+        "result": None if now.result is None else plain(now.result),
+    })  # fmt: skip

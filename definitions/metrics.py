@@ -177,8 +177,8 @@ class Metric(NamedTuple):
 
     @property
     def narrowed_by_delay(self) -> bool:
-        """Say whether a torque that lags makes it smaller: it is read between the branches."""
-        return self.branches in (WIDTH, UNLOAD)
+        """Say whether a delay makes it smaller: read between the branches, or from one side of zero to the other."""
+        return self.branches in (WIDTH, UNLOAD) or self.band is not None
 
 
 def _segment(number: int, torques: str) -> Metric:
@@ -229,8 +229,8 @@ _ROWS = (
         branches=WIDTH, estimator="table of grades", band=0.03, variants=tuple(GRADED), reach=0.03, graded=True,
     ),
     Metric(
-        "lost_motion", "LM", "Lost motion (centreline at ±3 % T_r unless chosen)", ARCMINUTES,
-        "centreline of the loop between plus and minus the band (3 % unless chosen): m(+b·T) − m(−b·T)",
+        "lost_motion", "LM", "Lost motion (centreline at ±3 % T_r by default)", ARCMINUTES,
+        "centreline of the loop between plus and minus the band (3 % by default): m(+b·T) − m(−b·T)",
         "Nabtesco, SPINEA", LOOSE, PLAY,
         band=0.03, free=("band",), reach=0.03,
     ),
@@ -269,7 +269,7 @@ _ROWS = (
     Metric(
         "stiffness_at", "K(T)", "Stiffness (slope of the fitted curve at a torque)", STIFFNESS,
         "1 / F′(T) of the fitted mean curve, or of a branch's own, at the chosen torque (50 % of the reference torque "
-        "unless chosen)",
+        "by default)",
         "inverse loading", SOFT, CATALOGUE,
         sides=SIDED, branches=CURVES, estimator="slope", torque=0.5, free=("torque",), fits=tuple(FITS), reach=0.5,
     ),
@@ -293,8 +293,8 @@ _ROWS = (
         branches=WIDTH, estimator="trapezoid", span=(0.0, 1.0),
     ),
     Metric(
-        "hysteresis_angle", "H", "Hysteresis (loop width at 50 % T_r unless chosen)", ARCSECONDS,
-        "loop width within one side at the chosen torque (50 % of the reference torque unless chosen): |f(T) − r(T)|",
+        "hysteresis_angle", "H", "Hysteresis (loop width at 50 % T_r by default)", ARCSECONDS,
+        "loop width within one side at the chosen torque (50 % of the reference torque by default): |f(T) − r(T)|",
         "stiffness characterization",
         Bad("high", "less hysteresis than expected", "more hysteresis than allowed: friction"),
         Usual(1.0, 900.0),

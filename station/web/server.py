@@ -18,6 +18,7 @@ from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
 from station.web.pages.operator import add_pages
+from station.web.pages.recipes import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
 from station.web.people.accounts import first_is_changed, first_password
@@ -83,6 +84,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_run_page(station)
     station.evaluations.start(station.data)
     nicegui.on_shutdown(station.evaluations.close)
+    add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
     return Guard(app, hosts_of(served, port))
 

@@ -13,7 +13,7 @@ from station.web.people.accounts import COOKIE, Session, session_of
 
 HERE = Path(__file__).parent
 
-PAGES = {"bench": "/", "results": "/results"}
+PAGES = {"bench": "/", "results": "/results", "recipes": "/recipes"}
 """The pages by their names in the bar."""
 
 SESSION_EVERY_S = 2.0

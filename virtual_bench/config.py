@@ -219,5 +219,6 @@ class ServerConfig:
     can_sensors: tuple[CanSensorPort, ...] = ()
     scenario: Path | None = None
     end_with_parent: bool = False  # ends when its standard input is closed
+    hands: bool = False  # its standard input says what somebody at the bench does
     pace: PaceServer | None = None  # None: by the wall clock, whatever a scan does
     truth: Path | None = None  # where the torque in the reducer over time is written at the end

@@ -27,7 +27,7 @@ from virtual_bench.devices.can_sensors import CanSensor
 from virtual_bench.devices.drive_node import DriveNode
 from virtual_bench.devices.modbus_rtu import RtuLine
 from virtual_bench.devices.modbus_servers import Device, ModbusServer
-from virtual_bench.devices.process_lines import NOT_SEEN, LogLine, ParentInput, log_line, print_ready, tell_acted
+from virtual_bench.devices.process_lines import NOT_SEEN, Hands, LogLine, ParentInput, log_line, print_ready, tell_acted
 from virtual_bench.drive.cia402_tables import HEARTBEAT_LOST
 from virtual_bench.errors import VirtualBenchError
 from virtual_bench.faults.frame_faults import FrameFaults
@@ -339,6 +339,8 @@ async def run(
         ready = await _start(bench, config)
         if config.end_with_parent:
             loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.tell, log).read)
+        elif config.hands:
+            loop.add_reader(sys.stdin.fileno(), Hands(loop, bench.drive.faults, log).read)
         gc.collect()
         gc.freeze()
         bench.advance()

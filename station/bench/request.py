@@ -15,6 +15,7 @@ from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
 from drivers.can.sensors import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
+from drivers.profile import DriveProfile
 from drivers.servo_drive.objects import missing_protections
 from recipes import (
     Bench,
@@ -36,6 +37,7 @@ from station.atomic_file import refused
 from station.bench.assemble import drive_profile, modbus_profile
 from station.bench.bus_traffic import bus_frames
 from station.bench.can_profile import DBC
+from station.bench.commissioned import is_virtual_drive, watchdogs_measured
 from station.bench.measuring import (
     can_sensors,
     channel_problems,
@@ -43,6 +45,7 @@ from station.bench.measuring import (
     channels_not_proven,
     missing_of_brake,
 )
+from station.documents.commissioning import StepDone
 from station.errors import StationError
 from station.records.run_record import RunRecord
 
@@ -105,12 +108,45 @@ class Job:
 
         What the drive of a virtual bench does is known from itself.
         """
-        profile = drive_profile(self.profile_sources[self.bench.drive.profile])
+        profile = self._drive_profile
         untried = f"drive profile '{profile.profile.name}': {NOT_TRIED}. Compare every value with the drive's manual."
         said = [] if profile.tried_on_hardware else [untried]
         said += [missing_text(one) for one in missing_protections(profile)]
         is_virtual = self.bench.bench.embedded or self.bench.pace is not None
-        return tuple(said if is_virtual else [*said, UNPROVEN])
+        return tuple(said if is_virtual or self.watchdogs is not None else [*said, UNPROVEN])
+
+    @property
+    def _drive_profile(self) -> DriveProfile:
+        return drive_profile(self.profile_sources[self.bench.drive.profile])
+
+    @cached_property
+    def watchdogs(self) -> StepDone | None:
+        """The measurement of the drive's watchdogs on this bench, as it is now; None where there is none that passed.
+
+        Raises:
+            RecordError: the protocol of the bench is damaged.
+
+        """
+        return watchdogs_measured(self.bench_source.path, self.bench, self.profile_sources)
+
+    @property
+    def no_automatic_run(self) -> str:
+        """Why no run may start by itself on this bench, with what to do; '' where one may.
+
+        A drive that is not the virtual one has to have shown that it ends its torque when the program dies.
+
+        Raises:
+            RecordError: the protocol of the bench is damaged.
+
+        """
+        virtual = DRIVER_PROFILES / "virtual-drive.yaml"
+        if self.bench.bench.embedded or is_virtual_drive(self._drive_profile, virtual) or self.watchdogs is not None:
+            return ""
+        path = self.bench_source.path
+        return (
+            f"{path}: watchdogs of drive '{self._drive_profile.profile.name}' not measured on this bench as it is now. "
+            f"Run: lostmotion bench status --bench {path}"
+        )
 
     @property
     def profile_names(self) -> tuple[str, ...]:

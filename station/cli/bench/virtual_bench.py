@@ -52,6 +52,7 @@ def virtual_bench(
     *,
     pace: str | None = None,
     seed: int | None = None,
+    hands: bool = False,
 ) -> int:
     """Serve a virtual bench until it is interrupted; its ports are printed as one JSON line when it is ready.
 
@@ -60,6 +61,7 @@ def virtual_bench(
     `modbus` is HOST:PORT of the measuring amplifier; brake, remote I/O and any other device take the next ports (0: any
     free ones).
     With `rtu` each device is on a serial port of its own. Serial ports that the bench file names get these names.
+    With `hands` lines on standard input say what somebody at the bench does (`virtual_bench.devices.process_lines`).
     `pace` is HOST:PORT where a scan may lead the bench; without it, that of the bench file, or a free port.
 
     Raises:
@@ -82,6 +84,7 @@ def virtual_bench(
         config = _moved(config, *address("--modbus", modbus))
     if pace is not None:
         config = dataclasses.replace(config, pace=PaceServer(*address("--pace", pace)))
+    config = dataclasses.replace(config, hands=hands)
     play_hardware(config)
     asyncio.run(run(config, faults))
     return 0

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass
+from pathlib import Path
 from urllib.parse import quote
 
 from fastapi import Request, Response
 from fastapi.responses import RedirectResponse
 from nicegui import ui
 
-from definitions.units import STIFFNESS
+from definitions.metrics import METRICS, WIDTH
+from definitions.units import ARCMINUTES, STIFFNESS
+from station.documents.result import MetricValue
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.store.run_search import search
@@ -37,6 +40,13 @@ FILE_WORDS = {
 """The files of a run as the page offers them."""
 
 
+def allowed_width(metric: MetricValue) -> float | None:
+    """Return how wide the loop may be where the metric reads its width [arcmin]; None for one that is no such width."""
+    row = METRICS.get(metric.id)
+    read_across = row is not None and row.branches == WIDTH and row.magnitude and row.kind == ARCMINUTES
+    return metric.limits.max if read_across else None
+
+
 def add_run_page(station: Station) -> None:
     """Add the page to the running application."""
 
@@ -57,18 +67,16 @@ class Beside:
     golden: tuple[StoredRun, ...]
 
 
-def beside(station: Station, shown: RunText, model: str) -> Beside:
-    """Return the runs that are offered beside a run.
+def beside(data: Path, run: str, serial: str, model: str) -> Beside:
+    """Return the runs that are offered beside a run of a unit and its model.
 
     Raises:
         StationError: the store cannot be used.
 
     """
-    same = search(station.data, Wanted(serial=shown.serial), count=MOST_ATTEMPTS).rows
-    golden = search(station.data, Wanted(model=model, master="PASS", verdict="PASS"), count=1).rows
-    return Beside(
-        tuple(one for one in same if one.run != shown.run), tuple(one for one in golden if one.serial != shown.serial)
-    )
+    same = search(data, Wanted(serial=serial), count=MOST_ATTEMPTS).rows
+    golden = search(data, Wanted(model=model, master="PASS", verdict="PASS"), count=1).rows
+    return Beside(tuple(one for one in same if one.run != run), tuple(one for one in golden if one.serial != serial))
 
 
 class _RunPage:
@@ -136,15 +144,15 @@ class _RunPage:
         self._own = own
         rows = self._shown.rows
         self._marked = [
-            Marked(metric_title(rows[place.row]), verdict, place.spans_nm, rows[place.row].unit == STIFFNESS.shown)
+            Marked(metric_title(row), verdict, place.spans_nm, row.unit == STIFFNESS.shown, allowed_width(row))
             for place in own.curves.places
-            if (verdict := rows[place.row].verdict or "") in MARKED
+            if (row := rows[place.row]) and (verdict := row.verdict or "") in MARKED
         ]
         self._look.set_visibility(bool(self._marked))
         self._say("" if own.curves.loop else "Nothing was measured that could be drawn.")
         self._draw()
         try:
-            found = await asyncio.to_thread(beside, self._station, self._shown, self._model)
+            found = await asyncio.to_thread(beside, self._station.data, self._name, self._shown.serial, self._model)
         except StationError as error:
             self._say(str(error))
             return

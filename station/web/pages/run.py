@@ -85,6 +85,7 @@ class _RunPage:
     def __init__(self, station: Station, session: Session, run: str) -> None:
         self._station, self._session, self._name = station, session, run
         self._own: Drawn | None = None
+        self._chosen: set[str] = set()
         self._others: dict[str, Drawn] = {}
         self._marked: list[Marked] = []
         self._close = False
@@ -166,7 +167,7 @@ class _RunPage:
         """Offer a run to be drawn; one whose record is not as it was left cannot be."""
         words = f"{what}: {verdict_text(run)}, {local(run.started)}"
         with ui.element("span").classes("lm-offer"):
-            box = ui.checkbox(words, value=run.run in self._others).props("dense")
+            box = ui.checkbox(words, value=run.run in self._chosen).props("dense")
             name = f"{what}, {verdict_text(run)}"
             box.on_value_change(lambda event: self._choose(run.run, name, on=bool(event.value)))
             box.set_enabled(not run.altered)
@@ -177,12 +178,20 @@ class _RunPage:
         if not await still_open(self._station, self._session):
             return
         if not on:
+            self._chosen.discard(run)
             self._others.pop(run, None)
-        elif len(self._others) >= len(OTHERS):
+        elif len(self._chosen) >= len(OTHERS):
             self._say(f"{len(OTHERS)} other runs can be drawn at once. Take one away first.")
             return
-        elif (found := await self._drawn(name, run)) is not None:
-            self._others[run] = found
+        else:
+            self._chosen.add(run)
+            self._say(f"{name} is being evaluated.")
+            found = await self._drawn(name, run)
+            if found is None:
+                return
+            self._say("")
+            if run in self._chosen:  # and was not taken away meanwhile
+                self._others[run] = found
         self._draw()
 
     async def _search(self) -> None:

@@ -14,9 +14,9 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from recipes.text.problems import OptionPath, Problem, RecipeError, Source, nearest
+from recipes.text.problems import OptionPath, Problem, RecipeError, Source, dotted, nearest
 from recipes.text.section import FROM_DOCUMENT
-from recipes.text.translation import options_at, problem_of
+from recipes.text.translation import POINT, decimal_commas, options_at, problem_of
 from recipes.text.yaml_source import parse_source, read_source
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -58,10 +58,22 @@ def load_source(
         )
     except ValidationError as error:
         details = error.errors(include_url=False)
-        problems.extend(problem_of(detail, source, model) for detail in _without_echoes(details, model))
+        found = (problem_of(detail, source, model) for detail in _without_echoes(details, model))
+        problems.extend(_with_commas_told(list(found), source))
     if loaded is None or problems:
         raise RecipeError(problems)
     return loaded
+
+
+def _with_commas_told(found: list[Problem], source: Source) -> list[Problem]:
+    """Tell a decimal comma once, with the number as it stands there, in the place of what YAML makes of its halves."""
+    commas = list(decimal_commas(source.data))
+    halves = {dotted(option) for whole, rest, _ in commas for option in (whole, rest)}
+    told = [
+        source.problem(whole, f"'{text}', with a decimal comma", f"'{text.replace(',', '.')}'", POINT)
+        for whole, _, text in commas
+    ]
+    return [*(one for one in found if one.option not in halves), *told]
 
 
 def _without_echoes(details: list[ErrorDetails], model: type[BaseModel]) -> list[ErrorDetails]:

@@ -47,9 +47,24 @@ PATTERNS = {
 BEHIND_COMMA = re.compile(r"[0-9]+(\s*[^0-9\s].*)?")
 """What YAML makes of the rest of `{torque: 110,5 N·m}`: an option without a value."""
 
-POINT = "A decimal comma? Write the decimal sign as a point."
+POINT = "Write the decimal sign as a point."
 
 QUOTED = re.compile(r"'([^']*)'")
+
+
+def decimal_commas(data: Any, place: OptionPath = ()) -> Iterator[tuple[OptionPath, OptionPath, str]]:
+    """Yield each number that a comma cut in two within `{...}`: both options that YAML made of it, and its text."""
+    if isinstance(data, list):
+        for index, inner in enumerate(data):
+            yield from decimal_commas(inner, (*place, index))
+    if not isinstance(data, dict):
+        return
+    before: tuple[str, Any] = ("", None)
+    for name, value in data.items():
+        if value is None and isinstance(before[1], int) and BEHIND_COMMA.fullmatch(str(name)):
+            yield (*place, before[0]), (*place, name), f"{before[1]},{name}"
+        yield from decimal_commas(value, (*place, name))
+        before = (name, value)
 
 
 def problem_of(error: Mapping[str, Any], source: Source, model: type[BaseModel]) -> Problem:
@@ -68,8 +83,7 @@ def problem_of(error: Mapping[str, Any], source: Source, model: type[BaseModel])
         case "extra_forbidden":
             names = options_at(model, place[:-1])
             found, allowed = f"the unknown option {excerpt(place[-1])}", one_of(names) or "no options"
-            behind_comma = error["input"] is None and BEHIND_COMMA.fullmatch(str(place[-1]))
-            hint = POINT if behind_comma else did_you_mean(place[-1], names) or "Delete it."
+            hint = did_you_mean(place[-1], names) or "Delete it."
         case "model_type":
             names = options_at(model, place)
             allowed = f"a section with the options {one_of(names)}" if names else "a section (lines of name: value)"

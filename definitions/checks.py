@@ -318,6 +318,14 @@ _ROWS = (
         settable=SHARES,
     ),
     Check(
+        "angle_waves", "Waves of the wind-up", FRACTION, 0.1,
+        "amplitude of a wave over the angle in loading branches, beyond noise, rounding and the declared error of the "
+        "encoders, of the whole wind-up",
+        "an angle has an error that repeats as its encoder turns",
+        "check mounting, coupling and electrical adjustment of the encoders, and measure again",
+        settable=SHARES,
+    ),
+    Check(
         "calibrated_turn", "Turning points of the calibration", FRACTION, 0.4,
         "deviation of the input torque at the turning points of the cycles from that at the turning points of the "
         "calibration, where it converts the torque",

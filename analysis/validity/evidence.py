@@ -11,6 +11,7 @@ from typing import NamedTuple
 from analysis.loop.measured import Measured
 from analysis.uncertainty.figures import TORQUES, SensorFigures, TorqueChannel
 from analysis.validity.ramp_ends import Lateness
+from definitions.units import ARCMIN_PER_RAD
 
 NOT_EVALUATED = "the trace could not be evaluated"
 NO_SPAN = "the wind-up does not change over the cycle"
@@ -60,6 +61,7 @@ class Evidence:
     how late the torque is behind the wind-up, or why nothing tells it. torque_gain: gain error that is declared of both
     torque sensors together, relative; None where nothing is. zero_moves_nm: by how much the zero of a torque channel
     may move in a run: friction at rest alone, and the largest move; of the channels whose sensors are declared.
+    angle_wave_arcmin: peak that is declared of the error within a line of the loaded shaft's encoder, at the output.
     """
 
     measured: Measured | None
@@ -71,6 +73,7 @@ class Evidence:
     late: Lateness | str = NOT_EVALUATED
     torque_gain: float | None = None
     zero_moves_nm: Mapping[TorqueChannel, tuple[float, float]] = field(default_factory=dict)
+    angle_wave_arcmin: float = 0.0
 
 
 def evidence_of(
@@ -88,7 +91,14 @@ def evidence_of(
         torque_noise_nm=figures.torque_noise_nm,
         torque_gain=figures.torque_gain,
         zero_moves_nm={name: move for name in TORQUES if (move := figures.zero_move_nm(name)) is not None},
+        angle_wave_arcmin=_declared_wave_arcmin(found, figures),
     )
+
+
+def _declared_wave_arcmin(found: Measured, figures: SensorFigures) -> float:
+    by_input = found.method.loading == "input"
+    encoder, over = (figures.angle_in, found.method.ratio) if by_input else (figures.angle_out, 1.0)
+    return 0.0 if encoder is None else encoder.interpolation_rad * ARCMIN_PER_RAD / over
 
 
 class Reading(NamedTuple):

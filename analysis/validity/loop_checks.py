@@ -1,4 +1,4 @@
-"""Figures of the validity checks that ask whether a loop can be a reducer's at all: stiffness, loss, and how it creeps.
+"""Figures of the validity checks that ask whether a loop can be a reducer's at all: stiffness, loss, creep, waves.
 
 Each returns a Reading, or the reason in words why the figure does not apply here.
 """
@@ -13,8 +13,22 @@ import numpy as np
 
 from analysis.loop.loop import Loop
 from analysis.loop.measured import Measured
+from analysis.loop.method import REVERSAL_EXCLUSION
+from analysis.loop.samples import BranchSamples, part_ends_nm
 from analysis.loop.windup import measured_windup
-from analysis.validity.evidence import NO_SPAN, Figure, Reading, has_span, of_measured, of_span, span_arcmin
+from analysis.trace.units import FloatArray
+from analysis.validity.channel_checks import angle_steps
+from analysis.validity.evidence import (
+    NO_SPAN,
+    NOT_EVALUATED,
+    Evidence,
+    Figure,
+    Reading,
+    has_span,
+    of_measured,
+    of_span,
+    span_arcmin,
+)
 
 SECANT = (0.25, 0.75)
 """Torques between which the stiffness is read, of the lesser of peak and reference torque: beyond play and reversal."""
@@ -147,11 +161,94 @@ def creep_back(found: Measured) -> Reading | str:
     return of_span(found, back, words)
 
 
+WAVE_AT = (0.25, 0.95)
+"""Shares of the largest torque of a loading branch between which waves are looked for: there a unit's curve is even."""
+
+LEAST_WAY = 0.4
+"""Share of that torque that is left at least, where friction takes a part: while it reverses no curve is even."""
+
+WAVE_BLOCKS, LEAST_PER_BLOCK = 200, 2
+"""Blocks of samples that such a stretch is averaged into, and the fewest samples of a block."""
+
+WAVES = np.arange(1.0, 12.25, 0.25)
+"""Waves in the stretch that are tried. Less than one is a curve that the unit may have."""
+
+BY_CHANCE = 4.0
+"""Standard uncertainties that the amplitude of noise at the best of all `WAVES` comes to at most."""
+
+
+def angle_waves(evidence: Evidence) -> Reading | str:
+    """Amplitude of a wave over the angle in loading branches, beyond noise, rounding and what is declared, %.
+
+    A unit's loading curve is even: a polynomial of the third degree leaves less than 0.02 % of the wind-up. What an
+    encoder repeats in its turn stands in all cycles at the same angle.
+    """
+    found = evidence.measured
+    if found is None:
+        return NOT_EVALUATED
+    if not has_span(found):
+        return "not measured: the wind-up does not change"
+    if found.interruptions:
+        return "not measured: a ramp was interrupted"
+    steps = angle_steps(evidence)
+    rounding = steps.figure / math.pi * span_arcmin(found) / 100.0 if isinstance(steps, Reading) else 0.0
+    friction_nm = REVERSAL_EXCLUSION * max(loop.friction_nm for loop in found.loops)
+    worst, words = 0.0, ""
+    for side, branches in enumerate(zip(*found.pairs, strict=True)):
+        left = [_left_of_even_curve(one, 1 - 2 * side, friction_nm) for one in branches]
+        stretches = [one for one in left if one is not None]
+        if len(stretches) < len(left):
+            return (
+                "not measured: a loading branch is in steps, friction is most of its torque, or it has less than "
+                f"{WAVE_BLOCKS * LEAST_PER_BLOCK} samples up to {100 * WAVE_AT[1]:g} % of its torque"
+            )
+        way = float(np.ptp(stretches[0][0]))
+        amplitudes = [_amplitude_arcmin(stretches, way / waves) for waves in WAVES] if way else [0.0]
+        beyond = max(amplitudes) - BY_CHANCE * _of_noise_arcmin(stretches) - rounding - evidence.angle_wave_arcmin
+        if beyond > worst:
+            worst = beyond
+            words = f"an even curve leaves a wave of {max(amplitudes):.2g} arcmin over the angle in the loading branch"
+    return of_span(found, worst, words)
+
+
+def _left_of_even_curve(branch: BranchSamples, side: int, friction_nm: float) -> tuple[FloatArray, FloatArray] | None:
+    """Angle of the loading part of a branch, what an even curve leaves of it [arcmin], in blocks; None of few."""
+    if part_ends_nm(branch).size:
+        return None
+    torque = side * branch.torque_nm
+    peak = float(torque.max())
+    low, high = max(WAVE_AT[0] * peak, friction_nm), WAVE_AT[1] * peak
+    if high - low < LEAST_WAY * peak:
+        return None
+    inside = (torque > low) & (torque < high)
+    per_block = int(np.count_nonzero(inside)) // WAVE_BLOCKS
+    if per_block < LEAST_PER_BLOCK:
+        return None
+    at, angle = (
+        values[inside][: per_block * WAVE_BLOCKS].reshape(WAVE_BLOCKS, per_block).mean(axis=1)
+        for values in (torque / high, branch.windup_arcmin)
+    )
+    return angle, angle - np.polyval(np.polyfit(at, angle, 3), at)
+
+
+def _amplitude_arcmin(stretches: list[tuple[FloatArray, FloatArray]], length_arcmin: float) -> float:
+    """Amplitude of the wave of a length that all cycles have in common, arcmin."""
+    turns = [np.exp(-2j * math.pi / length_arcmin * angle) for angle, _ in stretches]
+    return 2.0 * abs(complex(np.mean([np.mean(left * turn) for turn, (_, left) in zip(turns, stretches, strict=True)])))
+
+
+def _of_noise_arcmin(stretches: list[tuple[FloatArray, FloatArray]]) -> float:
+    """Standard uncertainty of either part of such an amplitude, by what neighbouring blocks differ, arcmin."""
+    variance = float(np.mean([np.mean(np.square(np.diff(left, 2))) / 6.0 for _, left in stretches]))
+    return math.sqrt(2.0 * variance / (WAVE_BLOCKS * len(stretches)))
+
+
 FIGURES: dict[str, Figure] = {
     "stiffness_low": stiffness_low,
     "stiffness_high": stiffness_high,
     "loss": loss,
     "width_growth": width_growth,
     "creep_back": creep_back,
+    "angle_waves": angle_waves,
 }
 """Figures of these checks, by their ids."""

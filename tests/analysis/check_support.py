@@ -131,6 +131,11 @@ def creeping(arcmin_per_min: float) -> dict[str, Any]:
     return changed(angle_in_rad=GOOD.angle_in_rad + crept * ARC * RATIO)
 
 
+def repeating(angle_rad: np.ndarray, peak_rad: float, per_turn: float) -> np.ndarray:
+    """An encoder's angle with an error that comes so often in its turn."""
+    return angle_rad - peak_rad * np.sin(per_turn * angle_rad)
+
+
 def uneven_ramp() -> dict[str, Any]:
     """Every second stretch of the way is run ten times as slowly."""
     step = np.where((np.arange(GOOD.samples) // 700) % 2, 1e-3, 1e-2)
@@ -291,6 +296,7 @@ BAD: dict[str, Bad] = {
     "stiffness_low": lambda: angles_times(60.0),
     "stiffness_high": lambda: angles_times(1.0 / 60.0),
     "loss": nearly_one_curve,
+    "angle_waves": lambda: changed(angle_in_rad=repeating(GOOD.angle_in_rad, 20.0 * ARC, 60.0)),
     "calibrated_turn": lambda: calibrated_to(500.0),
     "calibrated_gap": lambda: calibrated_without(5.0),
     "calibrated_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0) | {"method": CONVERTED},

@@ -1,4 +1,4 @@
-"""Creep against the torque, copies with dither: what makes a bad unit pass, and leaves U as it was."""
+"""Creep against the torque, copies with dither, waves of an encoder: what passes a bad unit and leaves U as it was."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
 from analysis.trace.trace import Trace
 from benchmarks.simulated.loop_generator import (
+    ARCMIN_RAD,
     KINDS,
     Bench,
     Defect,
@@ -44,6 +45,41 @@ def test_creep_against_the_torque_is_seen_in_dwells_or_in_the_width(dwell_s: flo
         result = judged(trace, bench)
         assert ("creep_back" if dwell_s else "width_growth") in failed(result)
         assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+@pytest.mark.parametrize("dwell_s", [0.5, 0.0])
+@pytest.mark.parametrize(("arcmin", "per_turn"), [(-20.0, 60.0), (-10.0, 60.0), (10.0, 128.0), (-10.0, 128.0)])
+def test_an_error_of_the_encoder_that_comes_often_in_its_turn_is_seen(
+    arcmin: float, per_turn: float, dwell_s: float
+) -> None:
+    """60 in a turn, 20 arcmin at the input: a backlash of 1.14 read 0.845 and passed, and 10 arcmin made it 0.993."""
+    bench = Bench(dwell_s=dwell_s, cycles=2)
+    course = course_of(with_backlash(RV40, 1.14, 1.1 * RV40.rated_nm), bench)
+    defect = Defect(ripple_arcmin=arcmin, ripple_per_turn=per_turn)
+    result = judged(measured(RV40, course, bench, np.random.default_rng(1), defect), bench)
+    assert "angle_waves" in failed(result)
+    assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+def test_angles_that_are_coarse_or_noisy_are_no_waves() -> None:
+    """Rounding to a fortieth of the wind-up is a wave too, as long as a step; the uncertainty has it."""
+    bench = Bench(cycles=2, dwell_s=0.0)
+    trace = measured(RV40, course_of(RV40, bench), bench, np.random.default_rng(1))
+    step = 0.2 * ARCMIN_RAD * RV40.ratio
+    noise = np.random.default_rng(2).normal(0.0, step, trace.t_s.size)
+    for angle in (np.round(trace.angle_in_rad / step) * step, trace.angle_in_rad + noise):
+        assert "angle_waves" not in failed(judged(replace(trace, angle_in_rad=angle), bench))
+
+
+@pytest.mark.parametrize(
+    ("kind", "threshold", "peak"), [("RV-20E", 0.3, 0.6), ("RV-50", 0.3, 1.1), ("RV-40E", 0.15, 0.3)]
+)
+def test_friction_that_still_reverses_is_no_wave(kind: str, threshold: float, peak: float) -> None:
+    """What a play of much friction leaves in the loading branch was a wave of 0.2 to 0.3 % of the wind-up."""
+    unit, bench = replace(KINDS[kind], threshold=(0.02, threshold)), Bench(cycles=2, peak=peak, rate_per_s=0.3)
+    trace = measured(unit, course_of(unit, bench), bench, np.random.default_rng(1))
+    method = method_of(unit, bench, reference_torque_nm=unit.rated_nm * peak / 1.1)
+    assert "angle_waves" not in failed(analyse(trace, method, BACKLASH, figures=figures_of(unit)))
 
 
 @pytest.mark.parametrize("dither_nm", [0.0, 0.01, 0.1])

@@ -245,6 +245,6 @@ def end(bench: OnWires, done: StepDone, blocks: list[Block], more: dict[str, Any
     if following is not None:
         blocks += [f"Next: lostmotion bench {following.id} --bench {bench.path}", f"  {following.needs}."]
     elif not done.passed:
-        blocks.append(f"Mend it, then: lostmotion bench {step.id} --bench {bench.path}")
+        blocks.append(f"Mend it, then: lostmotion bench status --bench {bench.path}")
     say(document, blocks, as_json=as_json)
     return 0 if done.passed else NOT_PASSED

@@ -29,7 +29,7 @@ from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import Job, load_job
 from station.records.samples.table import Table, table_of
 from station.results.evaluation import evaluate_trace, method_of, segment_table, trace_of, wanted_of
-from station.run.virtual_recorder import VirtualRecorder
+from station.run.virtual_run import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
 from virtual_bench.config import BenchConfig

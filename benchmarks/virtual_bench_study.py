@@ -28,7 +28,7 @@ from station.bench.figures import figures_of
 from station.bench.request import Job, load_job
 from station.records.samples.table import table_of
 from station.results.evaluation import method_of, trace_of
-from station.run.virtual_recorder import VirtualRecorder
+from station.run.virtual_run import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
 from virtual_bench.config import AngleSensor, BenchConfig, TorqueSensor

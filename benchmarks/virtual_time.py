@@ -15,7 +15,7 @@ from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import load_job
 from station.bench.virtual_unit import FIXED_SEED
 from station.results.replay import replay
-from station.run.virtual_recorder import VirtualRecorder
+from station.run.virtual_run import VirtualRecorder
 from station.scan.realtime import quiet_collector
 from station.scan.scan_loop import run_virtual, start_once
 from virtual_bench.in_process import VirtualTimeBench

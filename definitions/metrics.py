@@ -114,6 +114,9 @@ SOFT = Bad("low", "the unit is softer than allowed", "the unit is stiffer than a
 PLAY = Usual(0.01, 15.0)
 CATALOGUE = Usual(0.1, 3.0, Scale.STIFFNESS)
 
+SPRING_STEP_ENDS = {"ending": 0.0, "centred": 0.5, "from": 1.0, "direct": 0.0}
+"""Where the torque step of a spring constant ends, in steps beyond the reference torque, by its variant."""
+
 BOTH = ("both",)
 SIDED = ("+", "-")
 WIDTH = ("width",)
@@ -151,6 +154,9 @@ class Metric(NamedTuple):
     """Torque where it is read on both sides, as a fraction of the reference torque."""
     torque: float | None = None
     """Torque where it is read on one side, as a fraction of the reference torque."""
+    span: tuple[float, float] | None = None
+    """Torques on one side that it holds between, as fractions of the reference torque; None where band, torque, the
+    break torques or a step say it."""
     free: tuple[str, ...] = ()
     """Of `band` and `torque`, what may be chosen; the rest is part of the definition."""
     reach: float = 0.0
@@ -171,8 +177,8 @@ class Metric(NamedTuple):
 
     @property
     def narrowed_by_delay(self) -> bool:
-        """Say whether a torque that lags makes it smaller: it is read between the branches."""
-        return self.branches in (WIDTH, UNLOAD)
+        """Say whether a delay makes it smaller: read between the branches, or from one side of zero to the other."""
+        return self.branches in (WIDTH, UNLOAD) or self.band is not None
 
 
 def _segment(number: int, torques: str) -> Metric:
@@ -211,7 +217,7 @@ _ROWS = (
         "unloading branches at zero torque: half the distance of r(0) and f(0), and each side from their mean (so both "
         "sides read half the width), or from the zero of the angle by variant intercept",
         "static testing", LOOSE, PLAY,
-        sides=(*BOTH, *SIDED), branches=UNLOAD, variants=("centred", "intercept"),
+        sides=(*BOTH, *SIDED), branches=UNLOAD, variants=("centred", "intercept"), span=(0.0, 0.0),
     ),
     Metric(
         "grade", "G", "Precision grade (of the mean backlash)", NUMBER,
@@ -223,8 +229,8 @@ _ROWS = (
         branches=WIDTH, estimator="table of grades", band=0.03, variants=tuple(GRADED), reach=0.03, graded=True,
     ),
     Metric(
-        "lost_motion", "LM", "Lost motion (centreline at ±3 % T_r unless chosen)", ARCMINUTES,
-        "centreline of the loop between plus and minus the band (3 % unless chosen): m(+b·T) − m(−b·T)",
+        "lost_motion", "LM", "Lost motion (centreline at ±3 % T_r by default)", ARCMINUTES,
+        "centreline of the loop between plus and minus the band (3 % by default): m(+b·T) − m(−b·T)",
         "Nabtesco, SPINEA", LOOSE, PLAY,
         band=0.03, free=("band",), reach=0.03,
     ),
@@ -233,37 +239,37 @@ _ROWS = (
         "least squares of wind-up over 200 equally spaced torques of the loading branch, 20–80 % of the "
         "reference torque",
         "static testing; stiffness characterization 4.4", SOFT, CATALOGUE,
-        sides=SIDED, branches=LOAD, estimator="least squares", reach=0.8,
+        sides=SIDED, branches=LOAD, estimator="least squares", reach=0.8, span=(0.2, 0.8),
     ),
     Metric(
         "stiffness_two_point", "K_2p", "Stiffness (chord, 20–80 % T_r)", STIFFNESS,
         "chord of the loading branch between 20 % and 80 % of the reference torque",
         "stiffness characterization 4.3", SOFT, CATALOGUE,
-        sides=SIDED, branches=LOAD, estimator="chord", reach=0.8,
+        sides=SIDED, branches=LOAD, estimator="chord", reach=0.8, span=(0.2, 0.8),
     ),
     Metric(
         "stiffness_end_point", "K_ep", "Stiffness (end point: chord of the unloading branch)", STIFFNESS,
         "reference torque over loading branch at that torque minus unloading branch at zero (the unloading chord: it "
         "reads high)",
         "stiffness characterization 4.2", SOFT, CATALOGUE,
-        sides=SIDED, branches=LOAD, estimator="chord", reach=1.0,
+        sides=SIDED, branches=LOAD, estimator="chord", reach=1.0, span=(0.0, 1.0),
     ),
     Metric(
         "stiffness_estimate", "K_est", "Stiffness (chord, 0–100 % T_r)", STIFFNESS,
         "chord of the whole loading branch, from zero to the reference torque; the slope as read by eye",
         "stiffness characterization 4.1", SOFT, CATALOGUE,
-        sides=SIDED, branches=LOAD, estimator="chord", reach=1.0,
+        sides=SIDED, branches=LOAD, estimator="chord", reach=1.0, span=(0.0, 1.0),
     ),
     Metric(
         "stiffness_50_100", "K_50", "Stiffness (secant, 50–100 % T_r)", STIFFNESS,
         "secant between 50 % and 100 % of the reference torque on the chosen branch, as measured",
         "Nabtesco, general practice", SOFT, CATALOGUE,
-        sides=SIDED, branches=BRANCHES, estimator="secant", reach=1.0,
+        sides=SIDED, branches=BRANCHES, estimator="secant", reach=1.0, span=(0.5, 1.0),
     ),
     Metric(
         "stiffness_at", "K(T)", "Stiffness (slope of the fitted curve at a torque)", STIFFNESS,
         "1 / F′(T) of the fitted mean curve, or of a branch's own, at the chosen torque (50 % of the reference torque "
-        "unless chosen)",
+        "by default)",
         "inverse loading", SOFT, CATALOGUE,
         sides=SIDED, branches=CURVES, estimator="slope", torque=0.5, free=("torque",), fits=tuple(FITS), reach=0.5,
     ),
@@ -272,7 +278,7 @@ _ROWS = (
         "ΔT / ΔF over 10 N·m of the fitted mean curve, or of a branch's own, ending at the reference torque (centred "
         "on it or starting from it by variant)",
         TWO_SYSTEMS, SOFT, CATALOGUE,
-        sides=SIDED, branches=CURVES, estimator="chord", variants=("ending", "centred", "from", "direct"),
+        sides=SIDED, branches=CURVES, estimator="chord", variants=tuple(SPRING_STEP_ENDS),
         fits=tuple(FITS), reach=1.0,
     ),
     _segment(1, "from zero to T1"),
@@ -284,11 +290,11 @@ _ROWS = (
         "stiffness characterization",
         Bad("high", "less energy is lost than expected", "more energy is lost in friction than allowed"),
         Usual(0.003, 1.0, Scale.LOSS),
-        branches=WIDTH, estimator="trapezoid",
+        branches=WIDTH, estimator="trapezoid", span=(0.0, 1.0),
     ),
     Metric(
-        "hysteresis_angle", "H", "Hysteresis (loop width at 50 % T_r unless chosen)", ARCSECONDS,
-        "loop width within one side at the chosen torque (50 % of the reference torque unless chosen): |f(T) − r(T)|",
+        "hysteresis_angle", "H", "Hysteresis (loop width at 50 % T_r by default)", ARCSECONDS,
+        "loop width within one side at the chosen torque (50 % of the reference torque by default): |f(T) − r(T)|",
         "stiffness characterization",
         Bad("high", "less hysteresis than expected", "more hysteresis than allowed: friction"),
         Usual(1.0, 900.0),
@@ -300,7 +306,7 @@ _ROWS = (
         "all",
         Bad("high", "the unit winds up less than allowed", "the unit winds up more than allowed"),
         Usual(0.3, 10.0, Scale.WINDUP),
-        estimator="difference", variants=("fitted", "direct"), fits=tuple(FITS), reach=1.0,
+        estimator="difference", variants=("fitted", "direct"), fits=tuple(FITS), reach=1.0, span=(0.0, 1.0),
     ),
     Metric(
         "asymmetry_at_rated", "A", "Asymmetry of the sides at T_r", ARCSECONDS,
@@ -309,7 +315,7 @@ _ROWS = (
         "static testing, there called transmission accuracy",
         Bad("high", "the two sides differ less than expected", "one side winds up more than the other"),
         Usual(1.0, 600.0),
-        reach=1.0, magnitude=True,
+        reach=1.0, span=(0.0, 1.0), magnitude=True,
     ),
     Metric(
         "torque_ratio_slope", "m", "Torque ratio, slope (loading)", NUMBER,

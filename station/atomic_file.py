@@ -55,6 +55,14 @@ def open_file(path: Path) -> BinaryIO:
     return os.fdopen(handle, "rb")
 
 
+def seen_text(found: os.stat_result) -> str:
+    """Return size, times and inode of a file, by which a change of it shows.
+
+    The time of the last change of the file itself (ctime) is among them: to set it takes setting the computer's clock.
+    """
+    return f"{found.st_size}:{found.st_mtime_ns}:{found.st_ctime_ns}:{found.st_ino}"
+
+
 def sync_folder(folder: Path) -> None:
     """Flush a folder, so that a rename in it survives a power failure."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

@@ -23,13 +23,16 @@ TEMPERATURE_STEP_C = 0.1
 
 
 def remote_io_shows(plant: Plant, faults: FaultInjector) -> dict[str, float]:
-    """Return what contacts and sensors at the remote I/O show, by the names of the image."""
+    """Return what contacts and sensors at the remote I/O show, by the names of the image.
+
+    A sensor that the physics does not know lies in the room: it shows the room's temperature, or a closed contact.
+    """
     wires = faults.wires
-    return {
+    in_the_room = {field.name: plant.ambient_temp_c if field.unit == "°C" else 1 for field in REMOTE_IO_FIELDS}
+    return in_the_room | {
         "estop_released": wires.estop_released,
         "guard_closed": wires.guard_closed,
         "housing_temp_c": plant.housing_temp_c + wires.housing_offset_k,
-        "ambient_temp_c": plant.ambient_temp_c,
     }
 
 

@@ -78,7 +78,7 @@ def correct_drift(pairs: Pairs, blocks: Sequence[Blocks], method: Method) -> tup
     significant = abs(rate) > SIGNIFICANT * error and abs(rate * cycle) > SMALLEST_ARCMIN
     apply = significant and timed and method.drift == "correct"
     if apply:
-        text = f"{said}, taken out"
+        text = f"{said}, corrected"
     elif not significant:
         text = f"{said}, within {SIGNIFICANT:g} standard errors of zero: not corrected"
     else:

@@ -21,7 +21,7 @@ from analysis.loop.curves import DEFAULT_FIT, fitted_curve
 from analysis.loop.loop import Curve, Loop
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
-from definitions.metrics import GRADES, LSQ_POINTS
+from definitions.metrics import GRADES, LSQ_POINTS, SPRING_STEP_ENDS
 from definitions.units import ARCSEC_PER_ARCMIN
 
 LSQ_BAND = (0.2, 0.8)
@@ -163,7 +163,7 @@ def spring_constant(loop: Loop, ask: Ask) -> float:
     fit, over the step that ends there.
     """
     step = loop.method.spring_step_nm
-    end = loop.reference_nm + {"ending": 0.0, "centred": 0.5, "from": 1.0, "direct": 0.0}[ask.variant] * step
+    end = loop.reference_nm + SPRING_STEP_ENDS[ask.variant] * step
     torques = ask.side * np.array([end - step, end])
     if ask.variant == "direct":
         angles = np.array([ask.side * loop.branch_at(ask.branch, ask.side, float(abs(torque))) for torque in torques])

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from station.atomic_file import sync_folder
 from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess, Setup
 from station.documents.reading import plain
+from station.documents.result import Result
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
 from station.records.chain.entries import CREATED
-from station.records.earlier_attempts import earlier_attempts
 from station.records.process_birth import process_birth
-from station.records.run_record import MANIFEST, RECORDING, RunRecord
+from station.records.run_record import MANIFEST, RECORDING, RESULT, RunRecord
 from station.records.samples.layout import CURRENT, LAYOUT
 from station.wall_clock import WALL_CLOCK, now_text
 
@@ -258,3 +259,38 @@ class Store:
 
     def _is_run(self, name: str) -> bool:
         return (self.data / name / MANIFEST).is_file()
+
+
+MOST = 5
+"""The newest are told: a master part is measured every day for years."""
+
+
+def earlier_attempts(runs: Sequence[RunRecord], serial: str) -> tuple[EarlierAttempt, ...]:
+    """Return the newest of these runs that are of a serial number, oldest first; damaged ones are left out."""
+    found: list[EarlierAttempt] = []
+    for run in reversed(runs):
+        try:
+            manifest = run.manifest()
+        except StationError:
+            continue
+        if manifest.serial == serial and manifest.recovery_of is None:
+            one = EarlierAttempt(
+                attempt=manifest.attempt,
+                run=run.id,
+                state=manifest.state,
+                verdict=manifest.verdict,
+                failed=_failed(run),
+            )
+            found.append(one)
+        if len(found) == MOST:
+            break
+    return tuple(reversed(found))
+
+
+def _failed(run: RunRecord) -> tuple[str, ...]:
+    """Return the metrics that failed, by their titles without what stands in brackets."""
+    try:
+        metrics = run.read(Result, RESULT).metrics if run.has(RESULT) else ()
+    except StationError:
+        return ()
+    return tuple((one.title or one.id).partition(" (")[0] for one in metrics if one.verdict == "FAIL")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from definitions.checks import CHECKS
-from station.documents.manifest import Unit
+from station.documents.manifest import BenchSource, Manifest, Unit
 from station.documents.result import Result
 from station.records.clocks import VIRTUAL, clock_of
 from station.reports.result_text import titled_reason
@@ -97,8 +98,18 @@ def virtual_unit(unit: Unit | None) -> str:
 
 def virtual_badges(result: Result) -> tuple[str, ...]:
     """Return what says that no real unit was measured; empty for a real bench in real time."""
-    bench, unit, timing = result.bench, result.unit, result.timing
-    in_virtual_time = VIRTUAL in (clock_of(result.clock), clock_of(None if timing is None else timing.clock))
+    timing = result.timing
+    clocks = (result.clock, None if timing is None else timing.clock)
+    return _virtual_badges(clocks, result.bench, result.unit)
+
+
+def manifest_badges(manifest: Manifest) -> tuple[str, ...]:
+    """Return the same of a run whose result is not believed, by what was known when it began."""
+    return _virtual_badges((manifest.clock,), manifest.bench, manifest.unit)
+
+
+def _virtual_badges(clocks: Sequence[str | None], bench: BenchSource | None, unit: Unit | None) -> tuple[str, ...]:
+    in_virtual_time = VIRTUAL in map(clock_of, clocks)
     found = []
     if in_virtual_time and bench is not None and not bench.embedded:
         found.append(f"SIMULATED BENCH {bench.name}")

@@ -48,6 +48,11 @@ def all_rows(metrics: Sequence[MetricValue]) -> list[MetricValue]:
     return [row for metric in metrics for row in side_rows(metric)]
 
 
+def worst_first(metrics: Sequence[MetricValue]) -> list[MetricValue]:
+    """Return every side of every metric: those that failed, those that were not decided, passed, and reported ones."""
+    return sorted(all_rows(metrics), key=lambda row: SEVERITY.get(row.verdict or "", len(SEVERITY)))
+
+
 def judging_rows(metrics: Sequence[MetricValue]) -> list[MetricValue]:
     """Return one row per metric: the side that is nearest to refusal, or beyond it."""
     return [side_rows(metric)[0] for metric in metrics]

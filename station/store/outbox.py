@@ -25,6 +25,12 @@ from station.store.tables import PROJECTIONS, RUNS
 BATCH = 100
 """Runs that are put into the store at a time: they are kept together, and others may write between two batches."""
 
+FEW = 5
+"""Runs up to which their lines are looked for in the chain; for more of them it is gone through once."""
+
+SEALED_LINE = b'\n{"kind":"sealed"'
+"""How a line begins that concludes a run, with the end of the line before it."""
+
 Told = Callable[[int, int], None]
 
 
@@ -44,15 +50,15 @@ def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, t
     """
     if not chain.there:
         return 0
+    read = _ReadSoFar(chain)
     with database.reading() as connection:
-        if _up_to_date(connection, chain):
+        if _up_to_date(connection, chain, read):
             return 0
-    chain.index()
     end = None if most_s is None else time.monotonic() + most_s
     done = 0
     while True:
         with database.writing() as connection:
-            left = _one_batch(connection, chain)
+            left = _one_batch(connection, chain, read)
         done += BATCH
         if told is not None and left:
             told(done, done + left)
@@ -60,11 +66,43 @@ def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, t
             return left
 
 
+class _ReadSoFar:
+    """Of the beginning of a chain's file, the hash, and of its rest the number of sealed runs.
+
+    Batch after batch both go on from where they were: from the start each time, they would take longer than the runs.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        self._chain = chain
+        self._hash, self._at = hashlib.sha256(), 0
+        self._left: int | None = None
+        self._left_at = 0
+
+    def sha256(self, offset: int) -> str:
+        """Return the SHA-256 of the file up to an offset."""
+        if offset < self._at:
+            self._hash, self._at = hashlib.sha256(), 0
+        self._hash.update(memoryview(self._chain.content)[self._at : offset])
+        self._at = offset
+        return self._hash.hexdigest()
+
+    def sealed_behind(self, offset: int) -> int:
+        """Return how many lines behind an offset, where a line begins, conclude a run."""
+        content, at = self._chain.content, max(offset - 1, 0)
+        if self._left is None:
+            self._left = content.count(SEALED_LINE, at)
+        else:
+            low, high = sorted((self._left_at, at))
+            between = content.count(SEALED_LINE, low, high + len(SEALED_LINE) - 1)
+            self._left += between if at < self._left_at else -between
+        self._left_at = at
+        return self._left
+
+
 def put_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
     """Put single runs into the store anew: their folders have changed, or were there before the chain."""
-    if not runs:
-        return
-    chain.index()
+    if len(runs) > FEW:
+        chain.index()
     names = sorted(runs)
     for begin in range(0, len(names), BATCH):
         with database.writing() as connection:
@@ -99,17 +137,21 @@ def stored_walk(connection: Connection, chain: Chain) -> Walk:
     return found
 
 
-def _up_to_date(connection: Connection, chain: Chain) -> bool:
+def _up_to_date(connection: Connection, chain: Chain, read: _ReadSoFar) -> bool:
     row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+    if row is None:
+        return False
+    if row["seen"] and row["seen"] == chain.seen_now():
+        return True  # without reading the file: a hundred megabytes where it has a few hundred thousand lines
     end = chain.content.rfind(b"\n") + 1
-    return row is not None and row["offset"] == end and row["prefix_sha256"] == _hash(chain.content[:end])
+    return bool(row["offset"] == end and row["prefix_sha256"] == read.sha256(end))
 
 
-def _one_batch(connection: Connection, chain: Chain) -> int:
+def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
     """Put the next runs of the chain into the store; return how many are left."""
     row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
     begin, before = Place(), Walk()
-    if row is not None and _hash(chain.content[: row["offset"]]) == row["prefix_sha256"]:
+    if row is not None and read.sha256(row["offset"]) == row["prefix_sha256"]:
         begin, before = Place(row["offset"], row["counter"], row["sha256"]), stored_walk(connection, chain)
     limit = _end_of_batch(chain, begin.offset)
     found = walk(chain, begin, limit)
@@ -123,19 +165,22 @@ def _one_batch(connection: Connection, chain: Chain) -> int:
         for run in dict.fromkeys((*found.created, *found.sealed))
         if run not in found.sealed or stored.get(run) != found.sealed[run][-1].sha256
     ]
+    if len(runs) > FEW:
+        chain.index()
     put_rows(connection, chain.id, {run.id: rows_of(run, chain) for run in runs})
     whole = {
         "chain": chain.id,
         "offset": found.place.offset,
         "counter": found.place.counter,
         "sha256": found.place.sha256,
-        "prefix_sha256": _hash(chain.content[: found.place.offset]),
+        "prefix_sha256": read.sha256(found.place.offset),
         "problems": [list(problem) for problem in (*before.problems, *found.problems)],
         "keys": dict(before.keys + found.keys),
+        "seen": chain.seen if found.place.offset == len(chain.content) else "",
     }
     connection.execute(PROJECTIONS.delete().where(PROJECTIONS.c.chain == chain.id))
     connection.execute(insert(PROJECTIONS), [whole])
-    return chain.content.count(b'\n{"kind":"sealed"', max(found.place.offset - 1, 0))
+    return read.sealed_behind(found.place.offset)
 
 
 def _entries_there(connection: Connection, chain: Chain) -> dict[str, Any]:
@@ -152,7 +197,3 @@ def _end_of_batch(chain: Chain, offset: int) -> int:
             break
         at = end + 1
     return at
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()

@@ -12,6 +12,7 @@ from sqlalchemy import Connection, Table, delete, insert
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
+from station.atomic_file import seen_text
 from station.documents.manifest import Manifest
 from station.documents.ratio import RatioRecord
 from station.documents.result import MetricValue, Result, SideValue
@@ -20,7 +21,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
 from station.records.seal import alterations, is_sealed, sealed_names
-from station.reports.headline import objection, virtual_badges
+from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
 
 MOST_AT_ONCE = 500
@@ -94,16 +95,11 @@ def _put_missing(connection: Connection, table: Table, content: list[Row]) -> No
 
 
 def seen(path: str, folder: int | None = None) -> str:
-    """Return size, times and inode of a file, by which a change of it shows; '' where it is not there.
-
-    The time of the last change of the file itself (ctime) is among them: to set it takes setting the computer's clock.
-    folder: open folder that the path begins in.
-    """
+    """Return what `seen_text` has of a file, '' where it is not there; folder: open one that the path begins in."""
     try:
-        stat = os.stat(path, dir_fd=folder)
+        return seen_text(os.stat(path, dir_fd=folder))
     except OSError:
         return ""
-    return f"{stat.st_size}:{stat.st_mtime_ns}:{stat.st_ctime_ns}:{stat.st_ino}"
 
 
 def seen_files(run: RunRecord) -> str:
@@ -168,6 +164,7 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "verdict": said["verdict"],
         "serial": said["serial"],
         "attempt": said["attempt"],
+        "model": manifest.unit.model,
         "recipe": manifest.recipe.name,
         "revision": manifest.recipe.revision,
         "bench": "" if result is None or result.bench is None else result.bench.name,
@@ -176,7 +173,7 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "operator": manifest.operator,
         "scenario": manifest.scenario,
         "clock": manifest.clock,
-        "virtual": result is not None and bool(virtual_badges(result)),
+        "virtual": bool(manifest_badges(manifest) if result is None else virtual_badges(result)),
         "master": manifest.unit.master or "",
         "torque_source": "" if torque is None else CONVERTED if torque.applied else MEASURED,
         "objection": "" if result is None else objection(result),
@@ -199,7 +196,7 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
         row = dict.fromkeys(column.name for column in tables.RUNS.columns)
         row |= {name: sealed.fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
         row |= {"chain": chain, "counter": sealed.counter, "entry_sha256": sealed.sha256, "key": sealed.key}
-        row |= dict.fromkeys(("recipe", "bench", "master", "torque_source", "objection"), "")
+        row |= dict.fromkeys(("model", "recipe", "bench", "master", "torque_source", "objection"), "")
         row |= {"virtual": False, "altered": text, "seen": seen(f"{run.folder}/{MANIFEST}")}
         found[tables.RUNS] = [row | {"seen_files": seen_files(run)}]
     return found

@@ -6,28 +6,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from sqlalchemy import Select, select
+from sqlalchemy import select
 
+from station.store.stored_runs import COLUMNS, StoredRun, Wanted, believed, meant
 from station.store.tables import METRICS, RUNS
 from station.store.view import View
 
 RUN_COLUMNS = (
-    "run", "started", "ended", "serial", "attempt", "recipe", "revision", "bench", "operator", "clock", "virtual",
-    "master", "scenario", "state", "verdict", "objection", "altered",
+    "run", "started", "ended", "serial", "attempt", "model", "recipe", "revision", "bench", "operator", "clock",
+    "virtual", "master", "scenario", "state", "verdict", "objection", "altered",
 )  # fmt: skip
 """What a row says of its run."""
 
 METRIC_COLUMNS = ("metric", "choices", "branch", "side", "unit")
 """What tells a column of values from the others."""
-
-
-class Filters(NamedTuple):
-    """Which runs are meant; None takes all. since: a moment as the runs have it, in UTC."""
-
-    serial: str | None = None
-    recipe: str | None = None
-    verdict: str | None = None
-    since: str | None = None
 
 
 class MetricColumn(NamedTuple):
@@ -56,49 +48,32 @@ class Value(NamedTuple):
 
 @dataclass
 class RunTableRow:
-    """A run: its entries by the names of `RUN_COLUMNS`, and its values by column.
+    """A run as far as it is believed, and its values by column."""
 
-    One that was altered, or signed by nobody whom this computer knows, has no verdict.
-    """
-
-    run: dict[str, str | int | bool | None]
+    run: StoredRun
     values: dict[MetricColumn, Value] = field(default_factory=dict)
 
 
-def run_table(view: View, filters: Filters) -> list[RunTableRow]:
-    """Return every concluded run that is meant, oldest first."""
+def run_table(view: View, wanted: Wanted) -> list[RunTableRow]:
+    """Return every concluded run that is meant, oldest first; the verdict that is asked for is one that is believed."""
     found: dict[str, RunTableRow] = {}
     with view.database.reading() as connection:
-        columns = [RUNS.c[name] for name in (*RUN_COLUMNS, "key")]
-        for *entries, key in connection.execute(_meant(select(*columns), view, filters).order_by(RUNS.c.run)).all():
-            entry = dict(zip(RUN_COLUMNS, entries, strict=True))
-            if not entry["altered"] and not view.trusted(key):
-                entry["altered"] = f"is signed by {key}, which this computer does not know"
-            entry |= {"verdict": None} if entry["altered"] else {}
-            if filters.verdict is None or entry["verdict"] == filters.verdict:
-                found[entry["run"]] = RunTableRow(entry)
+        asked = meant(select(*COLUMNS), view.chain, wanted).order_by(RUNS.c.run)
+        for stored in map(StoredRun._make, connection.execute(asked).all()):
+            run = believed(stored, view.chain, view.trust)
+            if wanted.verdict is None or run.verdict == wanted.verdict:
+                found[run.run] = RunTableRow(run)
         together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
         of_metrics = [METRICS.c[name] for name in ("run", *METRIC_COLUMNS, *Value._fields)]
-        asked = _meant(select(*of_metrics).select_from(RUNS).join(METRICS, together), view, filters)
+        asked = meant(select(*of_metrics).select_from(RUNS).join(METRICS, together), view.chain, wanted)
         for run, *rest in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)).all():
             if run in found:
                 column = MetricColumn(*(text or "" for text in rest[: len(METRIC_COLUMNS)]))
-                found[run].values[column] = Value(*rest[len(METRIC_COLUMNS) :])
+                value = Value(*rest[len(METRIC_COLUMNS) :])
+                found[run].values[column] = value._replace(verdict=None) if found[run].run.altered else value
     return list(found.values())
 
 
 def columns_of(rows: Iterable[RunTableRow]) -> list[MetricColumn]:
     """Return the columns of all rows, in the order in which they come first."""
     return list(dict.fromkeys(column for row in rows for column in row.values))
-
-
-def _meant(asked: Select[tuple[object, ...]], view: View, filters: Filters) -> Select[tuple[object, ...]]:
-    """Return the runs of a folder's chain that pass the filters; the verdict is held against what is believed later."""
-    asked = asked.where(RUNS.c.chain == view.chain.id)
-    if filters.serial is not None:
-        asked = asked.where(RUNS.c.serial == filters.serial)
-    if filters.recipe is not None:
-        asked = asked.where(RUNS.c.recipe == filters.recipe)
-    if filters.since is not None:
-        asked = asked.where(RUNS.c.started >= filters.since)
-    return asked

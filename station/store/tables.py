@@ -29,8 +29,12 @@ PROJECTIONS = _of_a_chain(
     Column("prefix_sha256", Text, nullable=False),
     Column("problems", JSON, nullable=False),
     Column("keys", JSON, nullable=False),
+    Column("seen", Text, nullable=False, server_default=""),
 )
-"""How far each chain is in the store: bytes of its file, last entry, hash of all before, and what was wrong there."""
+"""How far each chain is in the store: bytes of its file, last entry, hash of all before, and what was wrong there.
+
+`seen`: size, times and inode of the file when all of it was there; '' where some was not.
+"""
 
 RECIPES = _of_a_chain(
     "recipes",
@@ -77,6 +81,7 @@ RUNS = _of_a_chain(
     Column("verdict", Text),
     Column("serial", Text, nullable=False),
     Column("attempt", Integer, nullable=False),
+    Column("model", Text, nullable=False, server_default=""),
     Column("recipe", Text, nullable=False),
     Column("revision", Integer),
     Column("bench", Text, nullable=False),
@@ -95,12 +100,15 @@ RUNS = _of_a_chain(
     Column("seen_files", Text, nullable=False),
     Index("runs_recipe", "chain", "recipe"),
     Index("runs_serial", "chain", "serial"),
+    Index("runs_model", "chain", "model"),
+    Index("runs_search", "chain", "run", "serial", "model", "recipe", "verdict", "operator", "started", "master"),
 )
 """Every run that was concluded. `altered` has a line for each alteration, and is '' for none.
 
 `master`: of a master part, the verdict that it should have; '' for a product.
 
-`seen`, `seen_files`: size, times and inode of the files that were compared.
+`seen`, `seen_files`: size, times and inode of the files that were compared. The index `runs_search` holds all that runs
+are looked for by, so that a search and its count read none of the rows that are not shown.
 """
 
 METRICS = _of_a_chain(

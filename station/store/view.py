@@ -53,12 +53,6 @@ class View:
     """Runs that were begun, and not concluded yet."""
     problems: list[Problem] = field(default_factory=list)
 
-    def trusted(self, key: str | None) -> bool:
-        """Whether a run that this key signed counts; for one from before the chain that of its first entry does."""
-        if key is None and self.chain.start is not None:
-            key = self.chain.start.key
-        return key is None or key in self.trust.keys
-
 
 @contextmanager
 def without_collector() -> Iterator[None]:
@@ -284,28 +278,3 @@ def bring_up(data: Path, most_s: float) -> int:
         return catch_up(database, Chain(data), most_s=most_s)
     finally:
         database.close()
-
-
-class StoredRun(NamedTuple):
-    """A concluded run as the list shows it; the names are those of the columns."""
-
-    run: str
-    serial: str
-    attempt: int
-    recipe: str
-    revision: int | None
-    started: str | None
-    state: str
-    verdict: str | None
-    records: int | None
-    altered: str
-    key: str | None
-
-
-def run_rows(view: View, runs: list[str]) -> dict[str, StoredRun]:
-    """Return the rows of concluded runs, by run."""
-    wanted = set(runs)
-    columns = [RUNS.c[name] for name in StoredRun._fields]
-    with view.database.reading() as connection:
-        rows = connection.execute(select(*columns).where(RUNS.c.chain == view.chain.id)).all()
-        return {row.run: row for row in map(StoredRun._make, rows) if row.run in wanted}

@@ -28,6 +28,7 @@ from station.records.recipe_revisions import History, Revision, RevisionError, a
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.bypasses import LONGEST_HOURS, BypassError, add_bypass, bypasses_now, end_bypass
 from station.web.dry_run import DryRuns
+from station.web.evaluations import Evaluations
 from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.mes.settings import MesSettings
 from station.web.models import Models
@@ -187,6 +188,14 @@ class Station:
     mes: MesSettings | None = None
     """The MES of the plant; None: none is asked or told."""
     dry_runs: DryRuns = field(default_factory=DryRuns)
+    evaluations: Evaluations = field(default_factory=Evaluations)
+    """The process that makes reports and loops of stored runs."""
+
+    def close(self) -> None:
+        """Close what is open of it; a run that is on goes on."""
+        self.dry_runs.close()
+        self.evaluations.close()
+        self.database.close()
 
 
 @dataclass(frozen=True)

@@ -91,8 +91,13 @@ def refuse_unfit(content: bytes, models: Models) -> Job:
 
 
 def encoded(text: str) -> bytes:
-    """Return the bytes of a text that was sent; BadRecipeError where a recipe cannot be that long."""
-    content = text.replace("\r\n", "\n").encode()
+    """Return the bytes of a text that was sent, with line feeds alone and without a mark of its encoding.
+
+    Raises:
+        BadRecipeError: a recipe cannot be that long.
+
+    """
+    content = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").encode()
     if len(content) > LARGEST_FILE:
         raise BadRecipeError(f"The text has {len(content)} bytes; a recipe has {LARGEST_FILE} at most.")
     return content

@@ -1,30 +1,68 @@
-"""Runs by REST: looked for, and the report of one as a page or a file. Nothing changes by GET."""
+"""Runs by REST: looked for, and the files of one, made when they are asked for. Nothing changes by GET."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import UTC, date, datetime, timedelta
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
+from urllib.parse import quote
 
 from fastapi import Cookie, FastAPI, Query, Response
 from fastapi.responses import JSONResponse
 
-from station.errors import RecordError, StationError
+from station.errors import StationError
 from station.records.data_folder import Store
-from station.reports.report_of_run import report_of
-from station.store.run_search import MOST_ROWS, Wanted, search
+from station.records.run_record import RunRecord
+from station.store.run_search import MOST_ROWS, search
+from station.store.stored_runs import Wanted
 from station.web.actions import NOT_NOW, Station, said
+from station.web.evaluations import Evaluations
 from station.web.people.accounts import COOKIE
 
 LONGEST_TEXT = 100
 
 CookieToken = Annotated[str | None, Cookie(alias=COOKIE)]
 
-Kind = Literal["html", "pdf"]
-MEDIA: dict[str, str] = {"html": "text/html; charset=utf-8", "pdf": "application/pdf"}
-
 NOTHING_FROM_ELSEWHERE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; base-uri 'none'"
 """A report stands alone: what it shows is in it, and nothing in it is a script."""
+
+SHOWN = (
+    "run", "serial", "attempt", "model", "recipe", "revision", "started", "operator", "state", "verdict", "virtual",
+    "scenario", "master", "altered",
+)  # fmt: skip
+"""What the answer to a search says of a run."""
+
+
+class RunFile(NamedTuple):
+    """A file that is made of a run when it is asked for: what it is, its type, how it is made, and how it is called.
+
+    ending: of its name, '' for one that is only looked at. disposition: whether a browser shows it or keeps it.
+    """
+
+    text: str
+    media: str
+    made: Callable[[Evaluations, RunRecord], bytes]
+    ending: str = ""
+    disposition: str = "attachment"
+
+
+FILES: dict[str, RunFile] = {
+    "report.html": RunFile(
+        "the report of a run as a page", "text/html; charset=utf-8", lambda made, run: made.report(run)[0]
+    ),
+    "report.pdf": RunFile(
+        "the report of a run as PDF", "application/pdf", lambda made, run: made.report(run)[1], ".pdf", "inline"
+    ),
+    "loop.csv": RunFile(
+        "the loop of a run: torque, wind-up and segment of every branch", "text/csv; charset=utf-8",
+        lambda made, run: made.loop_csv(run), "-loop.csv",
+    ),
+    "run.parquet": RunFile(
+        "all samples of a run, as 'lostmotion export' writes them", "application/vnd.apache.parquet",
+        lambda made, run: made.parquet(run), ".parquet",
+    ),
+}  # fmt: skip
+"""The files of a run by the end of their address."""
 
 Verdict = Literal["PASS", "FAIL", "NOT DECIDABLE"]
 Part = Annotated[str | None, Query(max_length=LONGEST_TEXT)]
@@ -51,6 +89,8 @@ def add_runs(
     def runs(  # noqa: PLR0917 - every one is named in the address
         token: CookieToken = None,
         serial: Part = None,
+        unit: Part = None,
+        model: Part = None,
         recipe: Part = None,
         verdict: Verdict | None = None,
         operator: Part = None,
@@ -62,15 +102,25 @@ def add_runs(
         refused = refuse(token)
         if refused is not None:
             return refused
-        wanted = Wanted(serial, recipe, verdict, operator, begin_of(since), begin_of(until, after=True))
+        wanted = Wanted(
+            serial=unit, begins=serial, model=model, recipe=recipe, verdict=verdict, operator=operator,
+            since=begin_of(since), until=begin_of(until, after=True),
+        )  # fmt: skip
         page = search(station.data, wanted, first=first, count=count)
-        return JSONResponse({"total": page.total, "runs": [row._asdict() for row in page.rows]})
+        shown = [{name: getattr(row, name) for name in SHOWN} for row in page.rows]
+        return JSONResponse({"total": page.total, "behind": page.behind, "runs": shown})
 
-    @app.get(
-        "/api/runs/{run}/report.{kind}", summary="the report of a run", tags=["runs"],
-        **answers(200, 401, 403, 404, 409, 422, 503),
-    )  # fmt: skip
-    def report(run: str, kind: Kind, token: CookieToken = None) -> Response:
+    for path, row in FILES.items():
+        told = answers(200, 401, 403, 404, 409, 503)
+        app.get(f"/api/runs/{{run}}/{path}", summary=row.text, tags=["runs"], name=path, **told)(
+            _file_endpoint(station, refuse, row)
+        )
+
+
+def _file_endpoint(
+    station: Station, refuse: Callable[[str | None], Response | None], row: RunFile
+) -> Callable[..., Response]:
+    def file(run: str, token: CookieToken = None) -> Response:
         refused = refuse(token)
         if refused is not None:
             return refused
@@ -78,10 +128,13 @@ def add_runs(
         if there is None:
             return JSONResponse(said("run", "There is no such run."), 404)
         try:
-            html, pdf = report_of(there)
-        except (RecordError, StationError) as error:
+            content = row.made(station.evaluations, there)
+        except StationError as error:
             return JSONResponse(said("run", str(error)), NOT_NOW)
         headers = {"Content-Security-Policy": NOTHING_FROM_ELSEWHERE}
-        if kind == "pdf":
-            headers["Content-Disposition"] = f'inline; filename="{there.id}.pdf"'
-        return Response(html if kind == "html" else pdf, media_type=MEDIA[kind], headers=headers)
+        if row.ending:
+            name = quote(f"{there.id}{row.ending}", safe="")
+            headers["Content-Disposition"] = f"{row.disposition}; filename*=UTF-8''{name}"
+        return Response(content, media_type=row.media, headers=headers)
+
+    return file

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import uvicorn
+from nicegui import app as nicegui
 from nicegui import ui
 from starlette.types import ASGIApp
 
@@ -17,7 +18,9 @@ from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
 from station.web.pages.operator import add_pages
+from station.web.pages.recipes import add_recipe_pages
 from station.web.pages.results import add_results
+from station.web.pages.run import add_run_page
 from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
 from station.web.rest import rest_of
@@ -78,6 +81,10 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
     add_results(station)
+    add_run_page(station)
+    station.evaluations.start(station.data)
+    nicegui.on_shutdown(station.evaluations.close)
+    add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
     return Guard(app, hosts_of(served, port))
 
@@ -129,5 +136,4 @@ def serve(served: Served) -> None:
     finally:
         if sender is not None:
             sender.close()
-        station.dry_runs.close()
-        station.database.close()
+        station.close()

@@ -16,6 +16,7 @@ from station.documents.result import Result
 from station.errors import StationError
 from station.records.run_record import RESULT, RunRecord
 from station.store.run_table import RunTableRow
+from station.store.stored_runs import StoredRun
 from station.web.people import audit
 from station.web.people.database import AUDIT
 
@@ -87,10 +88,10 @@ def shift_of(
 
     rows: runs from `begin` on, oldest first. alarms: of them, as `alarms_of`. Both moments in UTC as runs have them.
     """
-    runs = [row.run for row in rows if row.run["scenario"] is None and begin <= str(row.run["started"]) < end]
-    production = [run for run in runs if run["master"] is None]
-    first = [run for run in production if run["attempt"] == 1]
-    final = {run["serial"]: run for run in production}
+    runs = [row.run for row in rows if row.run.scenario is None and begin <= str(row.run.started) < end]
+    production = [run for run in runs if not run.master]
+    first = [run for run in production if run.attempt == 1]
+    final = {run.serial: run for run in production}
     said = connection.execute(select(AUDIT).where(AUDIT.c.at < end).order_by(AUDIT.c.number))
     detail = [(row, json.loads(row.detail)) for row in said if row.action in ("add_bypass", "start_run")]
     return Shift(
@@ -99,8 +100,8 @@ def shift_of(
         verdicts=_by_verdict(production),
         first_pass=_yield(first),
         final=_yield(list(final.values())),
-        master_parts=_by_verdict([run for run in runs if run["master"] is not None]),
-        ended_otherwise=tuple((str(run["run"]), str(run["state"])) for run in runs if run["state"] != "complete"),
+        master_parts=_by_verdict([run for run in runs if run.master]),
+        ended_otherwise=tuple((run.run, run.state) for run in runs if run.state != "complete"),
         bypasses=tuple(
             f"{row.at} {row.name}: {told['condition']}, {told['hours']:g} h: {told['reason']}"
             for row, told in detail
@@ -128,8 +129,8 @@ def alarms_of(data: Path, rows: Sequence[RunTableRow], end: str) -> dict[str, in
     """Return how often each alarm came in these runs, without those of fault injection."""
     counts: Counter[str] = Counter()
     for row in rows:
-        run = RunRecord(data / str(row.run["run"]))
-        if row.run["scenario"] is not None or str(row.run["started"]) >= end or not run.has(RESULT):
+        run = RunRecord(data / row.run.run)
+        if row.run.scenario is not None or str(row.run.started) >= end or not run.has(RESULT):
             continue
         try:
             counts.update(one.id for one in run.read(Result, RESULT).alarms if one.kind == "alarm")
@@ -138,12 +139,12 @@ def alarms_of(data: Path, rows: Sequence[RunTableRow], end: str) -> dict[str, in
     return dict(counts)
 
 
-def _by_verdict(runs: Sequence[dict[str, Any]]) -> dict[str, int]:
-    return dict(Counter(str(run["verdict"] or NO_VERDICT) for run in runs))
+def _by_verdict(runs: Sequence[StoredRun]) -> dict[str, int]:
+    return dict(Counter(str(run.verdict or NO_VERDICT) for run in runs))
 
 
-def _yield(runs: Sequence[dict[str, Any]]) -> Yield:
-    return Yield(sum(run["verdict"] == PASS for run in runs), len(runs))
+def _yield(runs: Sequence[StoredRun]) -> Yield:
+    return Yield(sum(run.verdict == PASS for run in runs), len(runs))
 
 
 def _counts(counts: dict[str, int]) -> str:

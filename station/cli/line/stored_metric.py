@@ -13,6 +13,7 @@ from typing import NamedTuple
 from station.errors import StationError
 from station.records.run_record import RunRecord
 from station.store.metric_rows import MetricRow, Place
+from station.store.stored_runs import is_trusted
 from station.store.view import View
 
 
@@ -128,7 +129,7 @@ def _left_out(view: View, run: MetricRow) -> str:
         return f"that ended as {run.state}"
     if view.missing and run.run in view.missing:
         return "whose folder is missing"
-    if run.altered or not view.trusted(run.key):
+    if run.altered or not is_trusted(run.key, view.chain, view.trust):
         return "altered"
     return "whose measurement was invalid" if run.objection else ""
 

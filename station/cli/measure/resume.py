@@ -36,9 +36,9 @@ def resume_run(name: str, data: Path, *, as_json: bool, report: bool | None = No
     from recipes import RecipeError  # noqa: PLC0415
     from station.bench.request import stored_job  # noqa: PLC0415
     from station.cli.measure.run import exit_code, finish, no_record, print_result, report_wanted  # noqa: PLC0415
-    from station.cli.runs.report import shown_of  # noqa: PLC0415
-    from station.cli.runs.show import stored_result  # noqa: PLC0415
     from station.log import open_log  # noqa: PLC0415
+    from station.reports.report_of_run import shown_of  # noqa: PLC0415
+    from station.reports.stored_result import stored_result  # noqa: PLC0415
 
     if refused is not None:
         return no_record(run, refused, as_json=as_json)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from recipes import Recipe
 from station.bench.request import Job, Source, load_job
 from station.bench.virtual_unit import VirtualUnit
-from station.cli.runs.show import stored_result
 from station.documents.reading import plain
 from station.documents.result import Result
 from station.errors import BenchFaultError, RecordError, StationError
@@ -24,6 +23,7 @@ from station.records.clocks import SCAN, VIRTUAL, Pacing
 from station.records.data_folder import Store, check_note, check_operator, check_reason, check_serial
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
+from station.reports.stored_result import stored_result
 from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude, load_ahead
 from station.run.disk_space import refuse_full_disk
 from station.run.new_record import Wanted, new_record

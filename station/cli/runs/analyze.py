@@ -11,7 +11,6 @@ from station.bench.request import trace_file
 from station.cli.measure.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
 from station.cli.runs.monte_carlo_table import check_draws, show_monte_carlo
-from station.cli.runs.show import stored_result
 from station.documents.reading import plain
 from station.documents.result import Evaluation, Result
 from station.errors import StationError
@@ -19,6 +18,7 @@ from station.records.data_folder import Store
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RunRecord
 from station.records.seal import alterations
 from station.reports.result_view import result_console, show_result
+from station.reports.stored_result import stored_result
 from station.run.conclusion import NOT_DECIDABLE
 
 

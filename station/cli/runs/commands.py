@@ -55,10 +55,10 @@ def runs(
 ) -> None:
     """Show all concluded runs with their metrics, a row for each: on the screen, or as CSV for a spreadsheet."""
     from station.cli.runs import run_table as command_runs
-    from station.store.run_table import Filters
+    from station.store.stored_runs import Wanted
 
-    filters = Filters(serial, recipe, verdict, since)
-    raise typer.Exit(command_runs.runs(data, filters, out, locale, as_csv=as_csv, as_json=as_json))
+    wanted = Wanted(serial=serial, recipe=recipe, verdict=verdict, since=since)
+    raise typer.Exit(command_runs.runs(data, wanted, out, locale, as_csv=as_csv, as_json=as_json))
 
 
 def show(

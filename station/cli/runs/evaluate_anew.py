@@ -26,13 +26,13 @@ from recipes import (
     load_recipe,
     warnings,
 )
-from station.cli.runs.show import stored_result
 from station.documents.manifest import RecipeHead, Software
 from station.documents.result import Evaluation, Judged, Result
 from station.documents.timing import Timing
 from station.errors import StationError
 from station.records.run_record import RESULT, TIMING, RunRecord
 from station.records.seal import alterations
+from station.reports.stored_result import stored_result
 from station.results.evaluation import decision_of, figures_for, method_fields, method_of, planned_rates, wanted_of
 from station.results.export_origin import Origin, origin_of
 from station.results.judged import judged_in

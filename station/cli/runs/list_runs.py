@@ -12,7 +12,8 @@ from station.documents.reading import plain
 from station.errors import StationError
 from station.records.run_record import NOT_CONCLUDED, RunRecord
 from station.run.run_list import RunRow, print_runs, row
-from station.store.view import StoredRun, View, look_at, run_rows, without_collector
+from station.store.stored_runs import StoredRun, believed, runs_named
+from station.store.view import View, look_at, without_collector
 
 NEWEST = 50
 """Runs that are read from their folders each time, so that nothing but folder and chain has a say in what they are."""
@@ -59,14 +60,17 @@ def _below(rows: list[RunRow]) -> list[str]:
 def list_rows(view: View, runs: list[str]) -> list[RunRow]:
     """Return runs as rows of the list. The newest ones are read from their folders, older ones from the store."""
     view.chain.index()
-    stored = run_rows(view, runs[:-NEWEST]) if len(runs) > NEWEST else {}
+    stored: dict[str, StoredRun] = {}
+    if len(runs) > NEWEST:
+        with view.database.reading() as connection:
+            stored = runs_named(connection, view.chain, runs[:-NEWEST])
     missing = set(view.missing)
     rows = []
     for run in runs:
         if run in missing:
             rows.append(_missing_row(view, run))
         elif run in stored:
-            rows.append(_stored_row(view, stored[run]))
+            rows.append(_stored_row(believed(stored[run], view.chain, view.trust)))
         else:
             rows.append(row(RunRecord(view.data / run), view.chain))
     return rows
@@ -77,10 +81,7 @@ def _missing_row(view: View, run: str) -> RunRow:
     return RunRow(run=run, state="missing", serial=created.get("serial"), attempt=created.get("attempt"))
 
 
-def _stored_row(view: View, stored: StoredRun) -> RunRow:
-    altered = stored.altered.splitlines()
-    if not view.trusted(stored.key):
-        altered.append(f"is signed by {stored.key}, which this computer does not know")
+def _stored_row(stored: StoredRun) -> RunRow:
     return RunRow(
         run=stored.run,
         serial=stored.serial,
@@ -88,10 +89,10 @@ def _stored_row(view: View, stored: StoredRun) -> RunRow:
         recipe=stored.recipe,
         revision=stored.revision,
         started=stored.started,
-        state="altered" if altered else stored.state,
-        verdict=None if altered else stored.verdict,
+        state="altered" if stored.altered else stored.state,
+        verdict=stored.verdict,
         records=stored.records,
-        altered=tuple(altered) or None,
+        altered=tuple(stored.altered.splitlines()) or None,
     )
 
 

@@ -8,19 +8,13 @@ import tempfile
 import webbrowser
 from pathlib import Path
 
-from jinja2 import TemplateError
-
-from analysis.trace.errors import AnalysisError
-from recipes import RecipeError
 from station.atomic_file import write_atomic
-from station.bench.request import stored_job
 from station.cli.out_file import refuse_records, writing
-from station.cli.runs.show import stored_result
-from station.errors import RecordError, StationError
+from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import NOT_CONCLUDED, RunRecord
-from station.reports.illustrate import HTML, PDF, Shown, illustrate
-from station.results.run_analysis import complete_run
+from station.records.run_record import NOT_CONCLUDED
+from station.reports.illustrate import HTML, PDF
+from station.reports.report_of_run import made_report
 
 
 def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: bool) -> int:
@@ -41,11 +35,7 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
     if folder.resolve() != run.folder.resolve():
         refuse_records(folder / HTML)
     _refuse_unwritable(folder)
-    try:
-        html, pdf = illustrate(run, shown_of(run), keep=out is None)
-    except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
-        what = " ".join(str(error).split())
-        raise RecordError(f"{run.id}: no report: its record is damaged: {what}. See 'lostmotion show'") from error
+    html, pdf = made_report(run, keep=out is None)
     for file, content in ((HTML, html), (PDF, pdf)):
         write_atomic(folder / file, content)
     paths = {"html": str(folder / HTML), "pdf": str(folder / PDF)}
@@ -64,18 +54,3 @@ def _refuse_unwritable(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-
-
-def shown_of(run: RunRecord) -> Shown:
-    """Return what is shown of a run: its stored result, and its evaluation where the record bears one."""
-    result = stored_result(run)
-    try:
-        if result.state == "complete" and not result.altered:
-            found = complete_run(run)
-            return Shown(found.job, result, found.result)
-        job = stored_job(run)
-    except AnalysisError:
-        job = stored_job(run)
-    except RecipeError as error:
-        raise RecordError(f"{run.id}: no report: its recipe or bench cannot be read any more: {error}") from error
-    return Shown(job, result, None)

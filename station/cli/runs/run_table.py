@@ -15,7 +15,8 @@ from station.documents.manifest import VERDICTS
 from station.errors import StationError
 from station.reports.result_text import number
 from station.results.export import LOCALES, CsvStyle
-from station.store.run_table import RUN_COLUMNS, Filters, RunTableRow, columns_of, run_table
+from station.store.run_table import RUN_COLUMNS, RunTableRow, columns_of, run_table
+from station.store.stored_runs import Wanted
 from station.store.view import look_at, without_collector
 
 SHOWN = ("run", "serial", "attempt", "recipe", "verdict")
@@ -25,7 +26,7 @@ MARK = "\ufeff"
 """By this a spreadsheet knows the file for UTF-8."""
 
 
-def runs(data: Path, filters: Filters, out: Path | None, locale: str, *, as_csv: bool, as_json: bool) -> int:
+def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: bool, as_json: bool) -> int:
     """Print the runs that are meant, oldest first; return 0.
 
     out: file for the CSV; None writes it to standard output. locale: one of `LOCALES`.
@@ -36,15 +37,15 @@ def runs(data: Path, filters: Filters, out: Path | None, locale: str, *, as_csv:
     """
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
-    if filters.verdict is not None and filters.verdict not in VERDICTS:
-        raise StationError(f"--verdict: found {filters.verdict!r}; allowed are {', '.join(VERDICTS)}")
+    if wanted.verdict is not None and wanted.verdict not in VERDICTS:
+        raise StationError(f"--verdict: found {wanted.verdict!r}; allowed are {', '.join(VERDICTS)}")
     if locale not in LOCALES:
         raise StationError(f"--locale: found {locale!r}; allowed are {', '.join(LOCALES)}")
     if out is not None:
         refuse_records(out)
-    filters = filters._replace(since=None if filters.since is None else moment_of(filters.since))
+    wanted = wanted._replace(since=None if wanted.since is None else moment_of(wanted.since))
     with look_at(data) as view, without_collector():
-        rows = run_table(view, filters)
+        rows = run_table(view, wanted)
     if out is not None:
         with writing(out):
             out.write_text(MARK + csv_of(rows, LOCALES[locale]), encoding="utf-8", newline="")
@@ -79,7 +80,7 @@ def csv_of(rows: list[RunTableRow], style: CsvStyle) -> str:
         heads += [f"{column.name}{unit}", f"U({column.name}){unit}"]
     writer.writerow(heads)
     for row in rows:
-        cells = [_text(row.run[name]) for name in RUN_COLUMNS]
+        cells = [_text(getattr(row.run, name)) for name in RUN_COLUMNS]
         for column in columns:
             found = row.values.get(column)
             cells += [_figure(part, style) for part in ((None, None) if found is None else found[:2])]
@@ -100,7 +101,8 @@ def _figure(value: float | None, style: CsvStyle) -> str:
 def _document(rows: list[RunTableRow]) -> dict[str, Any]:
     return {
         "runs": [
-            row.run | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
+            {name: getattr(row.run, name) for name in RUN_COLUMNS}
+            | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
             for row in rows
         ]
     }
@@ -112,6 +114,6 @@ def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
         bad = [(column, value) for column, value in row.values.items() if value.verdict == "FAIL"]
         why = ", ".join(f"{column.name} {number(value.value, value.uncertainty)}" for column, value in bad)
         shown.append(
-            [*(_text(row.run[name]) for name in SHOWN), why or str(row.run["altered"] or row.run["objection"])]
+            [*(_text(getattr(row.run, name)) for name in SHOWN), why or str(row.run.altered or row.run.objection)]
         )
     return [Grid((*SHOWN, "problems"), shown, right=(2,)), f"{len(rows)} runs"]

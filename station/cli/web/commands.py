@@ -78,7 +78,8 @@ def audit_shift(
 ) -> None:
     """Report a shift: runs, first-pass and final yield, bypasses, refused starts, and the head of the audit trail."""
     from station.cli.runs.run_table import moment_of
-    from station.store.run_table import Filters, run_table
+    from station.store.run_table import run_table
+    from station.store.stored_runs import Wanted
     from station.store.view import look_at
     from station.wall_clock import now_text
     from station.web.shift_report import alarms_of, shift_of
@@ -86,7 +87,7 @@ def audit_shift(
     begin, end = moment_of(since), now_text() if until is None else moment_of(until, "--until")
     database = _database_of(data)
     with look_at(data) as view:
-        rows = run_table(view, Filters(since=begin))
+        rows = run_table(view, Wanted(since=begin))
     with database.reading() as connection:
         found = shift_of(rows, alarms_of(data, rows, end), connection, begin, end)
     database.close()

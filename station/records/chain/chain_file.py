@@ -16,7 +16,7 @@ from errno import ENOSPC
 from pathlib import Path
 from typing import Any
 
-from station.atomic_file import open_file, refused, sync_folder
+from station.atomic_file import open_file, refused, seen_text, sync_folder
 from station.documents.manifest import ChainPlace
 from station.documents.reading import plain
 from station.errors import RecordError
@@ -51,6 +51,7 @@ class Chain:
         self.data = data
         self.path = data / CHAIN
         self._content: bytes | None = None
+        self._seen = ""
         self._start: Entry | None = None
         self._lines: dict[bytes, list[bytes]] | None = None
         self._entries: dict[str, list[Entry]] = {}
@@ -71,12 +72,27 @@ class Chain:
         if self._content is None:
             try:
                 with open_file(self.path) as file:
+                    before = os.fstat(file.fileno())
                     self._content = file.read()
+                    # One that grew while it was read is not as it was seen.
+                    self._seen = seen_text(before) if len(self._content) == before.st_size else ""
             except FileNotFoundError:
                 return b""
             except OSError as error:
                 raise refused(self.path, error, "read") from error
         return self._content
+
+    @property
+    def seen(self) -> str:
+        """What was seen of the file when its content was read, as `seen_text`; '' where that cannot be told."""
+        return self._seen if self.content else ""
+
+    def seen_now(self) -> str:
+        """Return what is seen of the file now; '' where it is not there."""
+        try:
+            return seen_text(self.path.stat())
+        except OSError:
+            return ""
 
     @property
     def start(self) -> Entry | None:

@@ -13,29 +13,17 @@ from matplotlib.figure import Figure
 from analysis.evaluation.pipeline import Result
 from analysis.loop.branches import Branch
 from analysis.loop.method import Method
+from definitions.metrics import METRICS
+from definitions.units import STIFFNESS
 from station.documents.result import MetricValue, SideValue
 from station.reports.figures.loop_plot import GRID, INK, LOADING, MEAN, STYLE
+from station.reports.metric_torques import side_span
 from station.reports.result_text import limits_text, number
 
 SIZE_INCH = (8.4, 4.2)
 POINTS = 241
 WINDOW = 0.02
 """Half the torque step of the measured local stiffness, of the reference torque: less is noise of the encoders."""
-
-SPANS: dict[str, tuple[float, float]] = {
-    "stiffness_lsq": (0.2, 0.8),
-    "stiffness_two_point": (0.2, 0.8),
-    "stiffness_50_100": (0.5, 1.0),
-    "stiffness_estimate": (0.0, 1.0),
-    "stiffness_end_point": (0.0, 1.0),
-}
-"""Metrics that hold over a range of torque, in fractions of the reference torque."""
-
-SEGMENTS = ("k1", "k2", "k3")
-"""Metrics between zero, the two break torques and the reference torque."""
-
-POINTS_AT: tuple[str, ...] = ("stiffness_at", "spring_constant")
-"""Metrics at one torque: the chosen one, or the reference torque."""
 
 COLOURS = ("#b00020", "#1b7f3b", "#7b1fa2", "#c2571a", "#00796b", "#5d4037", "#9e9d24", "#37474f")
 
@@ -79,46 +67,46 @@ def _positive(values: Any) -> Any:
     return np.where(np.isfinite(found) & (found > 0), found, np.nan)
 
 
-def _loading(axes: Axes, branch: Branch, side: int, reference: float) -> list[float]:
-    """Draw the measured local stiffness of a loading branch; return its heights."""
+def local_stiffness(branch: Branch, side: int, reference: float) -> tuple[Any, Any] | None:
+    """Return torque [N·m] and measured local stiffness [N·m/arcmin] of a loading branch, NaN where there is none.
+
+    None where the branch does not cover its side to the reference torque.
+    """
     step = WINDOW * reference
     torque = side * np.linspace(step, reference - step, POINTS)
     if not branch.covers(min(side * reference, 0.0), max(side * reference, 0.0)):
-        return []
+        return None
     with np.errstate(all="ignore"):
-        stiffness = _positive(1.0 / _slopes(branch.at, torque, step))
+        return torque, _positive(1.0 / _slopes(branch.at, torque, step))
+
+
+def _loading(axes: Axes, branch: Branch, side: int, reference: float) -> list[float]:
+    """Draw the measured local stiffness of a loading branch; return its heights."""
+    found = local_stiffness(branch, side, reference)
+    if found is None:
+        return []
+    torque, stiffness = found
     label = "loading branch, measured" if side > 0 else None
     axes.plot(torque, stiffness, color=LOADING, linewidth=1.2, alpha=0.85, label=label)
     return [float(value) for value in stiffness[np.isfinite(stiffness)]]
 
 
-def _span_nm(name: str, method: Method) -> tuple[float, float] | None:
-    """Return the torques [N·m] between which a metric holds; None for one at a single torque."""
-    if name in SEGMENTS:
-        borders = (0.0, *method.stiffness_breaks_nm, method.reference_nm)
-        place = SEGMENTS.index(name)
-        return borders[place], borders[place + 1]
-    if name not in SPANS:
-        return None
-    low, high = SPANS[name]
-    return low * method.reference_nm, high * method.reference_nm
-
-
 def _metrics(axes: Axes, metrics: Sequence[MetricValue], method: Method) -> list[float]:
     """Draw every stiffness metric over the torque where it holds, both sides; return their heights."""
     drawn: list[float] = []
-    stiff = [one for one in metrics if one.id in (*SPANS, *SEGMENTS, *POINTS_AT)]
+    stiff = [one for one in metrics if one.id in METRICS and METRICS[one.id].kind is STIFFNESS]
     for place, metric in enumerate(stiff):
         colour = COLOURS[place % len(COLOURS)]
         sides: Mapping[str, SideValue | MetricValue] = metric.sides or {metric.side: metric}
-        span = _span_nm(metric.id, method)
+        row, span = METRICS[metric.id], side_span(metric, method)
+        wide = row.segmented or row.span is not None
         said = []
         for name, found in sides.items():
             if found.value is None or name not in ("+", "-"):
                 continue
             side = 1.0 if name == "+" else -1.0
             value = float(found.value)
-            if span is not None:
+            if wide and span is not None:
                 axes.plot([side * span[0], side * span[1]], [value, value], color=colour, linewidth=2)
             else:
                 at = metric.torque_nm or method.reference_nm
@@ -130,6 +118,6 @@ def _metrics(axes: Axes, metrics: Sequence[MetricValue], method: Method) -> list
             limit = limits_text(metric.limits)
             label = " ".join([metric.id + branch, *metric.choices])
             text = f"{label}\n{' and '.join(said)}{f'   ({limit})' if limit else ''}"
-            marker = {"linewidth": 2} if span is not None else {"marker": "o", "linestyle": ""}
+            marker = {"linewidth": 2} if wide else {"marker": "o", "linestyle": ""}
             axes.plot([], [], color=colour, label=text, **marker)
     return drawn

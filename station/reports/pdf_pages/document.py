@@ -35,6 +35,10 @@ from station.reports.pdf_pages.layout import (
 )
 from station.reports.result_text import guarded_text, limits_text, number, spread_text, unit_text
 
+METRIC_HEADS = ("metric", "", "value", "", "unit", "limit", "")
+METRIC_WIDTHS = (64, 5, 17, 18, 22, 32, 28)
+"""Shares of the width; below the values of a metric its definition goes over all of them."""
+
 PICTURE_SHARE = 0.84
 """Share of the width at which the first pictures leave room on the first page for what is said there."""
 
@@ -137,6 +141,7 @@ def _metrics(result: Result, content: Content) -> list[Any]:
     if not result.metrics:
         return []
     rows: list[Sequence[Any]] = []
+    style: list[Any] = []
     for group in metric_groups(result.metrics):
         metric, sides = group.metric, group.rows
         guarded = [guarded_text(side, result.decision) for side in sides]
@@ -151,11 +156,16 @@ def _metrics(result: Result, content: Content) -> list[Any]:
                 unit_text(metric.unit),
                 limit,
                 [_tag(side.verdict) for side in sides],
-                paragraph(explained(metric), "soft"),
             )
         )
-    heads = ("metric", "", "value", "", "unit", "limit", "", "definition")
-    table = grid(heads, rows, (34, 4, 13, 14, 18, 24, 26, 47))
+        rows.append((paragraph(explained(metric), "soft"), *[""] * (len(METRIC_HEADS) - 1)))
+        values_at, text_at = len(rows) - 1, len(rows)  # behind the row of heads
+        style += [
+            ("LINEBELOW", (0, values_at), (-1, values_at), 1.2, white),
+            ("SPAN", (0, text_at), (-1, text_at)),
+            ("NOSPLIT", (0, values_at), (-1, text_at)),
+        ]
+    table = grid(METRIC_HEADS, rows, METRIC_WIDTHS, style)
     said = paragraph(f"{rule_text(result)} {content.uncertainty}", "soft")
     return [*heading("Metrics", table), table, Spacer(1, 3), said]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 from fastapi import Request
@@ -12,14 +13,31 @@ from station.web.people.accounts import COOKIE, Session, session_of
 
 HERE = Path(__file__).parent
 
-PAGES = {"bench": "/", "results": "/results"}
+PAGES = {"bench": "/", "results": "/results", "recipes": "/recipes"}
 """The pages by their names in the bar."""
+
+SESSION_EVERY_S = 2.0
+"""How often an open page looks whether its session has ended."""
 
 
 def session_of_request(station: Station, request: Request) -> Session | None:
     """Return the session that a request comes from; None where nobody is logged in."""
+    return session_of_token(station, request.cookies.get(COOKIE))
+
+
+def session_of_token(station: Station, token: str | None) -> Session | None:
+    """Return the session of a token; None where it has ended, or never was."""
     with station.database.reading() as connection:
-        return session_of(connection, request.cookies.get(COOKIE))
+        return session_of(connection, token)
+
+
+async def still_open(station: Station, session: Session) -> bool:
+    """Say whether the session of an open page has not ended; where it has, the page is left, and shows nothing more."""
+    found = await asyncio.to_thread(session_of_token, station, session.token)
+    if found is None or found.person.must_change:
+        ui.navigate.to("/enter")
+        return False
+    return True
 
 
 def bar(session: Session, here: str) -> ui.label:

@@ -203,10 +203,11 @@ def _why(now: Now) -> str:
     if now.result is None:
         return ""
     reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(now.result)[:4])
-    return f"{reasons}{_table(now.result)}"
+    return f"{reasons}{metrics_table(now.result)}"
 
 
-def _table(result: Result) -> str:
+def metrics_table(result: Result) -> str:
+    """Return the metrics that have limits, with value, uncertainty, limits and verdict, as a table."""
     rows = "".join(_row(one) for one in result.metrics if one.limits)
     return f'<table class="lm">{rows}</table>' if rows else ""
 

@@ -1,9 +1,9 @@
-"""The page of results: runs looked for by serial number, recipe, verdict, operator and day, each with its report."""
+"""The page of results: runs looked for by serial number, model, recipe, verdict, operator and day."""
 
 from __future__ import annotations
 
 import asyncio
-from datetime import date, datetime
+from datetime import date
 from html import escape
 from typing import Any
 from urllib.parse import quote
@@ -13,19 +13,16 @@ from fastapi.responses import RedirectResponse
 from nicegui import ui
 
 from station.errors import StationError
-from station.store.run_search import Page, RunRow, Wanted, search
+from station.store.run_search import Page, search
+from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
-from station.web.pages.frame import bar, session_of_request
+from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.words import SHAPES, local, verdict_text
 from station.web.people.accounts import Session
 from station.web.rest_runs import begin_of
 
 ROWS = 50
 """Runs on one page of the table."""
-
-SHAPES = {"PASS": "●", "FAIL": "■", "NOT DECIDABLE": "▲"}
-"""Shape of each verdict, as on the operator's page: colour alone tells nobody who does not see it."""
-
-NO_VERDICT = "–"
 
 COLUMNS: tuple[dict[str, Any], ...] = (
     {
@@ -34,14 +31,18 @@ COLUMNS: tuple[dict[str, Any], ...] = (
         "width": 190,
         "cellClassRules": {"lm-bad": "data.verdict.includes('FAIL')", "lm-open": "!/PASS|FAIL/.test(data.verdict)"},
     },
-    {"field": "serial", "headerName": "Serial number", "width": 200},
+    {"field": "open", "headerName": "Serial number", "width": 200},
     {"field": "attempt", "headerName": "Attempt", "width": 110, "type": "rightAligned"},
     {"field": "started", "headerName": "Started", "width": 200},
-    {"field": "recipe", "headerName": "Recipe", "width": 230},
-    {"field": "operator", "headerName": "Operator", "width": 160},
+    {"field": "model", "headerName": "Model", "width": 160},
+    {"field": "recipe", "headerName": "Recipe", "width": 210},
+    {"field": "operator", "headerName": "Operator", "width": 140},
     {"field": "notes", "headerName": "To know", "flex": 1, "minWidth": 220, "wrapText": True, "autoHeight": True},
     {"field": "report", "headerName": "Report", "width": 150, "pinned": "right"},
 )
+
+LINKS = ("open", "report")
+"""Columns that hold links; everything else is text."""
 
 
 def add_results(station: Station) -> None:
@@ -69,13 +70,22 @@ class _Results:
         with ui.element("main").classes("lm-page"):
             with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
                 self._serial = ui.input("Serial number begins with").props("outlined dense clearable autofocus")
+                self._model = ui.select({"": "any"}, value="", label="Model").props("outlined dense")
                 self._recipe = ui.select({"": "any"}, value="", label="Recipe").props("outlined dense")
                 choices = {"": "any"} | {one: one for one in SHAPES}
                 self._verdict = ui.select(choices, value="", label="Verdict").props("outlined dense")
                 self._operator = ui.input("Operator").props("outlined dense clearable")
                 self._since = ui.input("From day").props("outlined dense type=date stack-label")
                 self._until = ui.input("To day").props("outlined dense type=date stack-label")
-            for one in (self._serial, self._recipe, self._verdict, self._operator, self._since, self._until):
+            for one in (
+                self._serial,
+                self._model,
+                self._recipe,
+                self._verdict,
+                self._operator,
+                self._since,
+                self._until,
+            ):
                 one.on_value_change(self._again)
             with ui.element("div").classes("lm-pager"):
                 self._newer = ui.button("Newer", on_click=lambda: self._turn(-ROWS)).props("outline no-caps")
@@ -89,8 +99,10 @@ class _Results:
                 ":getRowId": "params => params.data.run",
                 "overlayNoRowsTemplate": "No run fits.",
             }
-            report = next(place for place, one in enumerate(COLUMNS) if one["field"] == "report")
-            self._grid = ui.aggrid(options, html_columns=[report]).classes("lm-grid")
+            links = [place for place, one in enumerate(COLUMNS) if one["field"] in LINKS]
+            self._grid = ui.aggrid(options, html_columns=links).classes("lm-grid")
+            self._behind = ui.label().classes("lm-bypasses").props('role="status"')
+        ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
         await self._look()
 
     async def _again(self) -> None:
@@ -102,8 +114,11 @@ class _Results:
         await self._look()
 
     async def _look(self) -> None:
+        if not await still_open(self._station, self._session):
+            return
         wanted = Wanted(
-            serial=(self._serial.value or "").strip() or None,
+            begins=(self._serial.value or "").strip() or None,
+            model=self._model.value or None,
             recipe=self._recipe.value or None,
             verdict=self._verdict.value or None,
             operator=(self._operator.value or "").strip() or None,
@@ -119,6 +134,9 @@ class _Results:
 
     def _show(self, page: Page) -> None:
         self._recipe.set_options({"": "any"} | {name: name for name in page.recipes})
+        self._model.set_options({"": "any"} | {name: name for name in page.models})
+        self._behind.set_text(f"{page.behind} runs are not in the search yet. They are being added: look again soon.")
+        self._behind.set_visibility(page.behind > 0)
         last = self._first + len(page.rows)
         self._said.set_text(f"{self._first + 1} to {last} of {page.total} runs" if page.rows else "No run fits.")
         self._newer.set_enabled(self._first > 0)
@@ -127,47 +145,30 @@ class _Results:
         self._grid.update()
 
 
-def row_of(one: RunRow) -> dict[str, Any]:
+def row_of(one: StoredRun) -> dict[str, Any]:
     """Return what the table shows of a run; all but the links is text, and stays text whatever it holds."""
-    address = f"/api/runs/{quote(one.run, safe='')}/report"
-    what = f"of {escape(one.serial)}, attempt {one.attempt}"
+    name, what = quote(one.run, safe=""), f"of {escape(one.serial)}, attempt {one.attempt}"
     return {
         "run": one.run,
         "verdict": verdict_text(one),
-        "serial": one.serial,
+        "open": f'<a href="/runs/{name}" aria-label="run {what}">{escape(one.serial)}</a>',
         "attempt": one.attempt,
-        "started": _local(one.started),
+        "started": local(one.started),
+        "model": one.model,
         "recipe": one.recipe if one.revision is None else f"{one.recipe} r{one.revision}",
         "operator": one.operator or "",
         "notes": " ".join(_notes(one)),
-        "report": f'<a href="{address}.html" aria-label="report {what}">page</a> '
-        f'<a href="{address}.pdf" aria-label="report as PDF {what}">PDF</a>',
+        "report": f'<a href="/api/runs/{name}/report.html" aria-label="report {what}">page</a> '
+        f'<a href="/api/runs/{name}/report.pdf" aria-label="report as PDF {what}">PDF</a>',
     }
 
 
-def verdict_text(one: RunRow) -> str:
-    """Return the verdict with its shape; how the run ended where it has none."""
-    if one.doubt:
-        return f"{NO_VERDICT} NO VERDICT"
-    if one.state != "complete":
-        return f"{NO_VERDICT} {one.state.upper()}"
-    return f"{SHAPES.get(one.verdict or '', NO_VERDICT)} {one.verdict or 'NO VERDICT'}"
-
-
-def _notes(one: RunRow) -> list[str]:
-    notes = [one.doubt] if one.doubt else []
+def _notes(one: StoredRun) -> list[str]:
+    doubts = one.altered.splitlines()[:1]
+    notes = [f"{text[:1].upper()}{text[1:]}." for text in doubts]
     notes += ["Faults were injected."] if one.scenario else []
-    return [*notes, "Virtual bench."] if one.virtual else notes
-
-
-def _local(moment: str | None) -> str:
-    """Return a moment by the computer's time zone."""
-    if moment is None:
-        return ""
-    try:
-        return datetime.fromisoformat(moment).astimezone().strftime("%Y-%m-%d %H:%M:%S")
-    except ValueError:
-        return moment
+    notes += ["Virtual bench."] if one.virtual else []
+    return notes + (["Master part."] if one.master else [])
 
 
 def _day(text: str | None) -> date | None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import NamedTuple
+
+from station.store.stored_runs import StoredRun
 
 CIRCLE = (
     '<svg viewBox="0 0 100 100" aria-hidden="true"><circle cx="50" cy="50" r="46" fill="none" stroke="white" '
@@ -16,6 +19,34 @@ TRIANGLE = (
     '<svg viewBox="0 0 100 100" aria-hidden="true"><path d="M50 6 L96 92 L4 92 Z" fill="none" stroke="white" '
     'stroke-width="8"/><path d="M50 38 L50 64 M50 72 L50 82" stroke="white" stroke-width="11"/></svg>'
 )
+
+
+SHAPES = {"PASS": "●", "FAIL": "■", "NOT DECIDABLE": "▲"}
+"""Shape of each verdict in a line of text, as on the tile: colour alone tells nobody who does not see it."""
+
+STYLES = {"PASS": "PASS", "FAIL": "FAIL", "NOT DECIDABLE": "OPEN"}
+"""Style of each verdict."""
+
+NO_VERDICT = "–"
+
+
+def verdict_text(one: StoredRun) -> str:
+    """Return the verdict of a run with its shape; how the run ended where it has none."""
+    if one.altered:
+        return f"{NO_VERDICT} NO VERDICT"
+    if one.state != "complete":
+        return f"{NO_VERDICT} {one.state.upper()}"
+    return f"{SHAPES.get(one.verdict or '', NO_VERDICT)} {one.verdict or 'NO VERDICT'}"
+
+
+def local(moment: str | None) -> str:
+    """Return a moment by the computer's time zone."""
+    if moment is None:
+        return ""
+    try:
+        return datetime.fromisoformat(moment).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+    except ValueError:
+        return moment
 
 
 class Shown(NamedTuple):
@@ -37,6 +68,7 @@ VERDICTS: dict[str, Shown] = {
 BENCH_FAULT = Shown("OPEN", TRIANGLE, "BENCH FAULT", "Do not touch the unit. Call the technician.")
 STOPPED = Shown("OPEN", TRIANGLE, "STOPPED", "The unit has no verdict. Test it again.")
 NOT_BELIEVED = Shown("OPEN", TRIANGLE, "NO VERDICT", "The record is not as it was left. Call the technician.")
+NOT_CONCLUDED = Shown("BUSY", "", "NOT CONCLUDED", "There is no verdict yet.")
 READY = Shown("", "", "READY", "Scan the unit.")
 STARTING = Shown("BUSY", "", "STARTING", "Keep your hands off the bench.")
 RUNNING = Shown("BUSY", "", "TESTING", "Keep your hands off the bench.")

@@ -15,7 +15,7 @@ from stored_runs import metric, store_lot, store_run
 
 from analysis.trace.errors import AnalysisError
 from station.cli.csv_columns import read_csv_columns
-from station.cli.json_errors import errors_of
+from station.cli.errors import errors_of
 from station.cli.line import gage as command_gage
 from station.cli.line import line_statistics as line
 from station.cli.line.line_statistics import Asked

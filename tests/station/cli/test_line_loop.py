@@ -123,6 +123,6 @@ def test_scans_become_runs_over_wires_and_those_during_a_run_are_refused(tmp_pat
         said += line.stdout.read()
     assert line.returncode == 0
     assert re.search("^PASS  SN-7", said, re.MULTILINE), said
-    assert re.search("^REFUSED  'SN-8' was scanned while a run was on", said, re.MULTILINE), said
+    assert re.search("^REFUSED  'SN-8' was scanned during a run", said, re.MULTILINE), said
     (run,) = here("list", "--data", str(data), "--json").json
     assert (run["serial"], run["verdict"]) == ("SN-7", "PASS")

@@ -17,7 +17,7 @@ from printed_numbers import alike, reads
 from analysis.torque_ratio.quadrants import QUADRANTS
 from analysis.trace.errors import AnalysisError
 from station.cli import app
-from station.cli.json_errors import errors_of
+from station.cli.errors import errors_of
 from station.errors import StationError
 
 PUBLISHED = Path(__file__).parents[2] / "data" / "torque_ratio_rv40e.csv"

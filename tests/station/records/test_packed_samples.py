@@ -21,7 +21,6 @@ from stored_runs import store_run
 
 import station.records.samples.packed
 import station.records.samples.samples
-from station.cli.runs.show import stored_result
 from station.documents.manifest import PackedSamples
 from station.errors import RecordError
 from station.records.run_record import PACKED, SAMPLES, RunRecord
@@ -30,6 +29,7 @@ from station.records.samples.packed import column_name, packed, unpacked, unpack
 from station.records.samples.samples import channel_values, check_samples, pack_samples, read_samples
 from station.records.samples.table import AbsentChannelError, table_of
 from station.records.seal import alterations, fingerprint, seal
+from station.reports.stored_result import stored_result
 
 PLACE = Path("samples.parquet")
 AWKWARD = (0.0, -0.0, np.nan, -np.nan, np.inf, -np.inf, 5e-324, 0.1, -1e308)

@@ -17,7 +17,6 @@ import station.records.data_folder
 import station.records.ring.ring
 from station.atomic_file import NEXT_ACTIONS, Appender, read_from_disk, refused, write_atomic
 from station.bench.request import load_job
-from station.cli.runs.show import stored_result
 from station.errors import RecordError, StationError
 from station.records.data_folder import Store, check_operator, check_serial
 from station.records.process_birth import process_birth
@@ -25,6 +24,7 @@ from station.records.ring.ring import ScanState, create
 from station.records.ring.writer import RingWriter
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import pack
+from station.reports.stored_result import stored_result
 from station.run.new_record import Wanted, new_record
 from station.run.way_back.recover import recover
 from station.wall_clock import WallClock

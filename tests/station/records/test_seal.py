@@ -16,7 +16,6 @@ from run_samples import as_recorded, flip
 from station_samples import SETUP
 
 from station.atomic_file import as_json
-from station.cli.runs.show import stored_result
 from station.documents.reading import plain
 from station.documents.result import MetricValue
 from station.records.chain.chain_file import CHAIN, Chain
@@ -24,6 +23,7 @@ from station.records.chain.walk import walk
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, seal
+from station.reports.stored_result import stored_result
 from station.run.run_list import row
 
 

@@ -11,7 +11,6 @@ from analysis.evaluation.verdict import Verdict
 from analysis.loop.branches import Branch
 from analysis.loop.method import Decision
 from definitions.image import State
-from definitions.metrics import METRICS
 from definitions.program import Program
 from recipes import shipped_recipes
 from station.bench.request import load_job
@@ -19,7 +18,7 @@ from station.records.samples.history import History, history_of
 from station.records.samples.layout import CURRENT
 from station.records.samples.table import Table
 from station.reports.figures.loop_plot import loop_figure
-from station.reports.figures.stiffness_plot import POINTS_AT, SEGMENTS, SPANS, stiffness_figure
+from station.reports.figures.stiffness_plot import stiffness_figure
 from station.reports.figures.time_plot import BANDS, time_figure
 from station.reports.figures.timing_plot import timing_figure
 from station.results.evaluation import method_of
@@ -91,11 +90,6 @@ def test_the_loop_without_an_analysis_shows_all_samples_and_the_alarm() -> None:
     assert labels == ["all samples", "alarm", "last scan"]
     torque = figure.axes[0].lines[0].get_xdata()
     assert min(torque) == -5.0
-
-
-def test_every_stiffness_metric_has_its_place_in_the_picture() -> None:
-    drawn = {*SPANS, *SEGMENTS, *POINTS_AT}
-    assert drawn == {name for name, row in METRICS.items() if row.unit == "N·m/arcmin"}
 
 
 def test_the_picture_of_stiffness_shows_metrics_where_they_hold() -> None:

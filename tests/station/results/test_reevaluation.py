@@ -167,7 +167,7 @@ def test_a_run_without_an_end_is_told_in_a_sentence(failed: RunRecord, state: st
 def test_a_folder_that_is_no_run_is_called_so(tmp_path: Path) -> None:
     done = here("analyze", str(tmp_path))
     assert done.exit_code == 2
-    assert "this folder is no run" in done.err
+    assert "this folder is not a run" in done.err
 
 
 @pytest.mark.parametrize("what", ["nothing", "file"])

@@ -60,7 +60,7 @@ def test_a_guard_band_passes_nothing_while_nobody_knows_the_sensors(tmp_path: Pa
     guarded = elsewhere(two, recipe(tmp_path, "guard_band"), None)
     assert guarded.metrics[0].uncertainty_kind == "repeatability"
     assert guarded.verdict == "NOT DECIDABLE"
-    assert "without a bench U holds the scatter of the cycles alone" in guarded.reasons[0]
+    assert "without a bench U is only the scatter between cycles" in guarded.reasons[0]
     assert elsewhere(two, recipe(tmp_path, "guard_band"), "virtual").verdict == "PASS"
     assert elsewhere(two, recipe(tmp_path, "simple"), None).verdict == "PASS"
 

@@ -20,13 +20,13 @@ from station_samples import SETUP
 import station.records.seal
 import station.run.conclusion
 from analysis.trace.trace import Trace
-from station.cli.runs.show import stored_result
 from station.errors import RecordError
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.walk import walk
 from station.records.data_folder import Store
 from station.records.run_record import PACKED, SAMPLES, RunRecord
 from station.records.seal import CONCLUDED, alterations, finish_seal
+from station.reports.stored_result import stored_result
 from station.results.export_origin import fingerprint_of
 from station.run.run_list import row
 from station.run.way_back.recover import recover

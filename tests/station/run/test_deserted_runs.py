@@ -11,7 +11,6 @@ from run_copies import copy_of, desert
 import station.records.ring.ring
 import station.run.conclusion
 import station.run.way_back.recover
-from station.cli.runs.show import stored_result
 from station.errors import RecordError
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, ScanState, create
@@ -19,6 +18,7 @@ from station.records.ring.writer import RingWriter
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import alterations
+from station.reports.stored_result import stored_result
 from station.run.outcome import RunOutcome
 from station.run.way_back.recover import recover
 

@@ -10,7 +10,7 @@ from station_samples import IMAGE, ORDERS
 
 from station.atomic_file import Appender
 from station.records.samples.scan_record import RECORD_BYTES, pack, unpack
-from station.run.virtual_recorder import BLOCK_RECORDS, VirtualRecorder
+from station.run.virtual_run import BLOCK_RECORDS, VirtualRecorder
 
 
 @pytest.mark.parametrize("count", [0, 1, BLOCK_RECORDS - 1, BLOCK_RECORDS, 2 * BLOCK_RECORDS + 3])

@@ -125,7 +125,7 @@ def test_spinning_needs_fifo_and_says_so() -> None:
         Grant("spin_tail", granted=True, detail=spin_tail(100_000, fifo)[1].detail),
     )
     assert "100 µs" in spin_tail(100_000, fifo)[1].detail
-    for wanted, grants, said in ((100_000, none, "SCHED_FIFO"), (0, fifo, "not asked for")):
+    for wanted, grants, said in ((100_000, none, "SCHED_FIFO"), (0, fifo, "not requested")):
         spin_ns, answer = spin_tail(wanted, grants)
         assert (spin_ns, answer.granted) == (0, False)
         assert said in answer.detail

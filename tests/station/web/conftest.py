@@ -14,11 +14,11 @@ def shared_station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station
     """A station whose accounts stay as they are: to make them takes a while."""
     station = station_in(tmp_path_factory.mktemp("station") / "runs")
     yield station
-    station.database.close()
+    station.close()
 
 
 @pytest.fixture
 def station(tmp_path: Path) -> Iterator[Station]:
     found = station_in(tmp_path / "runs")
     yield found
-    found.database.close()
+    found.close()

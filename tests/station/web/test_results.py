@@ -9,15 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from lostmotion_command import here
 from sqlalchemy import update
 from station_support import Client, client_of, station_in
 
 from benchmarks.many_runs import make_runs
-from station.store.run_search import RunRow, Wanted, search
+from station.store.run_search import search
+from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
-from station.web.pages.results import row_of, verdict_text
+from station.web.pages.results import LINKS, row_of
+from station.web.pages.words import verdict_text
 from station.web.people.database import PEOPLE
-from station.web.rest_runs import begin_of
+from station.web.rest_runs import FILES, begin_of
 
 COUNT = 60
 """Three of these units failed, and were measured twice."""
@@ -44,11 +47,13 @@ def test_pages_are_of_the_newest_first_and_hold_each_run_once(folder: Path) -> N
     [
         (Wanted(verdict="FAIL"), 3),
         (Wanted(verdict="PASS"), COUNT - 3),
-        (Wanted(serial="U00001"), 10),
+        (Wanted(begins="U00001"), 10),
         (Wanted(serial="U000018"), 2),
-        (Wanted(serial="%"), 0),
-        (Wanted(serial="U_0001"), 0),
+        (Wanted(begins="%"), 0),
+        (Wanted(begins="U_0001"), 0),
         (Wanted(recipe="none"), 0),
+        (Wanted(model="RV-40E-121"), COUNT),
+        (Wanted(model="RV-80E-101"), 0),
         (Wanted(since="2024-01-01T02:00:00.000+00:00"), COUNT - 30),
         (Wanted(until="2024-01-01T02:00:00.000+00:00"), 30),
         (Wanted(since="2024-01-01T01:00:00.000+00:00", until="2024-01-01T02:00:00.000+00:00"), 15),
@@ -67,18 +72,25 @@ def test_a_record_that_is_not_as_it_was_left_has_no_verdict(folder: Path, tmp_pa
     shutil.rmtree(gone)
     rows = {row.run: row for row in search(data, Wanted(), count=3).rows}
     assert [rows[row.run].verdict for row in newest[:2]] == [None, None]
-    assert all(rows[row.run].doubt for row in newest[:2])
+    assert all(rows[row.run].altered for row in newest[:2])
     assert "NO VERDICT" in verdict_text(rows[newest[0].run])
 
 
+def stored(**entries: Any) -> StoredRun:
+    known = dict.fromkeys(StoredRun._fields, "") | {"attempt": 2, "revision": 3, "virtual": True, "state": "complete"}
+    return StoredRun(**known | entries)
+
+
 def test_a_row_shows_texts_as_texts() -> None:
-    row = RunRow("R 1/../x", "<script>alert(1)</script>", 2, "<b>r</b>", 3, "2026-01-02T03:04:05.000+00:00",
-                 "<img src=x onerror=alert(1)>", "complete", "FAIL",
-                 virtual=True, scenario="f.yaml", doubt="")  # fmt: skip
+    row = stored(run="R 1/../x", serial="<script>alert(1)</script>", recipe="<b>r</b>", scenario="f.yaml",
+                 started="2026-01-02T03:04:05.000+00:00", operator="<img src=x onerror=alert(1)>",
+                 verdict="FAIL")  # fmt: skip
     shown = row_of(row)
-    assert shown["serial"] == row.serial, "the table's own cells are text"
-    assert "<script>" not in shown["report"]
+    assert shown["operator"] == row.operator, "the table's own cells are text"
+    for name in LINKS:
+        assert "<script>" not in shown[name]
     assert "/api/runs/R%201%2F..%2Fx/report.html" in shown["report"]
+    assert 'href="/runs/R%201%2F..%2Fx"' in shown["open"]
     assert "FAIL" in shown["verdict"]
     stopped = row._replace(state="stopped", verdict=None)
     assert "STOPPED" in verdict_text(stopped)
@@ -99,7 +111,7 @@ def station(quick_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     shutil.copytree(quick_run.data, data)
     found = station_in(data)
     yield found
-    found.database.close()
+    found.close()
 
 
 @pytest.fixture
@@ -109,7 +121,7 @@ def client(station: Station) -> Client:
 
 def test_runs_and_reports_are_for_who_is_logged_in(station: Station, client: Client) -> None:
     run = client.http.get("/api/runs").json()["runs"][0]["run"]
-    for address in ("/api/runs", f"/api/runs/{run}/report.html", f"/api/runs/{run}/report.pdf"):
+    for address in ("/api/runs", *(f"/api/runs/{run}/{name}" for name in FILES)):
         assert client_of(station).http.get(address).status_code == 401
         assert client.http.get(address).status_code == 200
     found = client.http.get("/api/runs", params={"verdict": "PASS", "since": "2020-01-01", "count": 5}).json()
@@ -130,15 +142,32 @@ def test_a_report_is_a_page_that_runs_nothing(client: Client) -> None:
     assert client.http.get(f"/api/runs/{run}/report.exe").status_code in (404, 422)
 
 
+def test_the_files_of_a_run_are_those_of_the_commands(station: Station, client: Client, tmp_path: Path) -> None:
+    run = client.http.get("/api/runs").json()["runs"][0]["run"]
+    loop = client.http.get(f"/api/runs/{run}/loop.csv")
+    assert loop.headers["content-disposition"].startswith("attachment")
+    (tmp_path / "loop.csv").write_bytes(loop.content)
+    samples = client.http.get(f"/api/runs/{run}/run.parquet").content
+    assert here("export", run, "--data", str(station.data), "--out", str(tmp_path / "x.parquet")).exit_code == 0
+    assert samples == (tmp_path / "x.parquet").read_bytes()
+    recipe = str(station.data / run / "recipe.yaml")
+    again = here("analyze", str(tmp_path / "loop.csv"), "--recipe", recipe, "--json").json
+    stored = {one["id"]: one["value"] for one in client.http.get(f"/api/runs/{run}").json()["metrics"]}
+    assert {one["id"]: one["value"] for one in again["metrics"]}["lost_motion"] == pytest.approx(
+        stored["lost_motion"], rel=1e-3
+    )
+
+
 def test_no_report_of_a_record_that_is_not_as_it_was_left(station: Station, client: Client) -> None:
     run = client.http.get("/api/runs").json()["runs"][0]["run"]
     result = station.data / run / "result.json"
     before = result.read_bytes()
     result.write_bytes(before.replace(b'"PASS"', b'"FAIL"', 1))
     try:
-        answer = client.http.get(f"/api/runs/{run}/report.html")
-        assert answer.status_code == 409
-        assert "not as it was left" in answer.text
+        for name in FILES:
+            answer = client.http.get(f"/api/runs/{run}/{name}")
+            assert answer.status_code == 409, name
+            assert "not as it was left" in answer.text
         assert client.http.get(f"/api/runs/{run}").status_code == 409
         assert client.http.get("/api/runs").json()["runs"][0]["verdict"] is None
     finally:

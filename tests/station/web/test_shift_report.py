@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 from lostmotion_command import ROOT, here
 from station_support import GOLDEN, client_of
+from stored_runs import metric, store_run
 
 from station.documents.result import Result
 from station.records.data_folder import Store
 from station.records.run_record import RESULT
-from station.store.run_table import RunTableRow
+from station.store.run_table import RunTableRow, run_table
+from station.store.stored_runs import StoredRun, Wanted
+from station.store.view import look_at
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.actions import Station
 from station.web.shift_report import UNREADABLE, Yield, alarms_of, shift_of
@@ -20,10 +24,14 @@ from station.web.shift_report import UNREADABLE, Yield, alarms_of, shift_of
 BEGIN, END = "2026-01-05T06:00:00.000+00:00", "2026-01-05T14:00:00.000+00:00"
 
 
+def stored(**entries: Any) -> StoredRun:
+    return StoredRun(**dict.fromkeys(StoredRun._fields, "") | entries)
+
+
 def row(serial: str, attempt: int, verdict: str | None, hour: int, **more: str | None) -> RunTableRow:
-    known = {"run": f"R{hour}", "started": f"2026-01-05T{hour:02}:00:00.000+00:00", "state": "complete"}
-    known |= {"master": None, "scenario": None, "serial": serial, "attempt": attempt, "verdict": verdict}
-    return RunTableRow(known | more)
+    started = f"2026-01-05T{hour:02}:00:00.000+00:00"
+    known = {"run": f"R{hour}", "started": started, "state": "complete", "scenario": None}
+    return RunTableRow(stored(**known | {"serial": serial, "attempt": attempt, "verdict": verdict} | more))
 
 
 ROWS = [
@@ -48,6 +56,18 @@ def test_yields_are_not_mixed_and_master_parts_are_no_production(station: Statio
     assert found.master_parts == {"FAIL": 1}
     assert found.ended_otherwise == (("R10", "fault"),)
     assert (found.bypasses, found.refused) == ((), {})
+
+
+def test_a_product_in_the_store_is_production_and_a_master_part_is_none(station: Station, tmp_path: Path) -> None:
+    data = tmp_path / "stored"
+    store_run(data, "SN-1", [metric(0.4)])
+    store_run(data, "MASTER", [metric(2.0)], failed="too large", master="FAIL")
+    with look_at(data) as view:
+        rows = run_table(view, Wanted())
+    with station.database.reading() as connection:
+        found = shift_of(rows, {}, connection, "2020-01-01", "2100-01-01")
+    assert (found.verdicts, found.master_parts) == ({"PASS": 1}, {"FAIL": 1})
+    assert found.first_pass == found.final == Yield(1, 1)
 
 
 def test_a_shift_without_runs_has_no_yield(station: Station) -> None:
@@ -89,10 +109,10 @@ def test_alarms_are_counted_by_their_ids(tmp_path: Path) -> None:
     (run,) = [one.id for one in Store(tmp_path).runs()]
     result = Store(tmp_path).by_id(run).read(Result, RESULT)
     assert result.alarms
-    of_run = RunTableRow({"run": run, "scenario": None, "started": BEGIN})
+    of_run = RunTableRow(stored(run=run, scenario=None, started=BEGIN))
     assert alarms_of(tmp_path, [of_run], END) == dict(Counter(one.id for one in result.alarms if one.kind == "alarm"))
-    injected = RunTableRow({"run": run, "scenario": "cut", "started": BEGIN})
-    assert alarms_of(tmp_path, [injected, RunTableRow({"run": run, "scenario": None, "started": END})], END) == {}
+    injected = RunTableRow(stored(run=run, scenario="cut", started=BEGIN))
+    assert alarms_of(tmp_path, [injected, RunTableRow(stored(run=run, scenario=None, started=END))], END) == {}
     (tmp_path / run / RESULT).write_text("{")
     assert alarms_of(tmp_path, [of_run], END) == {UNREADABLE: 1}
 

@@ -16,7 +16,6 @@ from run_copies import alone
 from stored_runs import metric, store_run
 
 from station.atomic_file import as_json
-from station.cli.runs.show import stored_result
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import FIELDS, entry_of, signed_entry
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, own_key
@@ -25,6 +24,7 @@ from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, seal
 from station.records.verify import verify_folder
+from station.reports.stored_result import stored_result
 from station.run.run_list import row
 
 

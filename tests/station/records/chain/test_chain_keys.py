@@ -91,7 +91,7 @@ def test_the_private_key_is_the_services_alone(place: Path) -> None:
         own_key()
     path.chmod(0o600)
     path.write_text("no key")
-    with pytest.raises(RecordError, match="is no private key"):
+    with pytest.raises(RecordError, match="is not a private key"):
         own_key()
 
 

@@ -1,0 +1,120 @@
+"""Concluded runs as the store has them: what one says of itself, which of them are meant, and which are believed.
+
+The list, the search, the table of runs and the shift report all read runs here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection, Select, func, select
+
+from station.records.chain.chain_file import Chain
+from station.records.chain.walk import Trust
+from station.store.tables import RUNS
+
+
+class StoredRun(NamedTuple):
+    """A concluded run; the names are those of the columns. Its verdict counts only where `believed` leaves it.
+
+    master: of a master part, the verdict that it should have; '' for a product. altered: a line for each alteration.
+    """
+
+    run: str
+    started: str | None
+    ended: str | None
+    serial: str
+    attempt: int
+    model: str
+    recipe: str
+    revision: int | None
+    bench: str
+    operator: str | None
+    clock: str | None
+    virtual: bool
+    master: str
+    scenario: str | None
+    state: str
+    verdict: str | None
+    objection: str
+    altered: str
+    records: int | None
+    key: str | None
+    seen: str
+    seen_files: str
+
+
+MOST_NAMED = 500
+"""Runs that one statement names: databases have limits. Of more all are read."""
+
+COLUMNS = [RUNS.c[name] for name in StoredRun._fields]
+
+
+class Wanted(NamedTuple):
+    """Which runs are meant; None takes all. begins: how a serial number begins. since, until: moments in UTC."""
+
+    serial: str | None = None
+    begins: str | None = None
+    model: str | None = None
+    recipe: str | None = None
+    verdict: str | None = None
+    operator: str | None = None
+    since: str | None = None
+    until: str | None = None
+    master: str | None = None
+
+
+def meant(asked: Select[Any], chain: Chain, wanted: Wanted) -> Select[Any]:
+    """Return a statement on `RUNS` with the conditions by which runs are meant."""
+    asked = asked.where(RUNS.c.chain == chain.id)
+    for name in ("serial", "model", "recipe", "verdict", "operator", "master"):
+        value = getattr(wanted, name)
+        if value is not None:
+            asked = asked.where(RUNS.c[name] == value)
+    if wanted.begins:
+        asked = asked.where(RUNS.c.serial.startswith(wanted.begins, autoescape=True))
+    if wanted.since is not None:
+        asked = asked.where(RUNS.c.started >= wanted.since)
+    if wanted.until is not None:
+        asked = asked.where(RUNS.c.started < wanted.until)
+    return asked
+
+
+def is_trusted(key: str | None, chain: Chain, trust: Trust) -> bool:
+    """Whether a run that this key signed counts; one from before the chain counts as the chain's first entry does."""
+    if key is None and chain.start is not None:
+        key = chain.start.key
+    return key is None or key in trust.keys
+
+
+def believed(run: StoredRun, chain: Chain, trust: Trust) -> StoredRun:
+    """Return a run with its verdict, where its record is as it was left and somebody known signed it; else without."""
+    altered = run.altered
+    if not is_trusted(run.key, chain, trust):
+        altered = "\n".join([*altered.splitlines(), f"is signed by {run.key}, which this computer does not know"])
+    return run._replace(altered=altered, verdict=None if altered else run.verdict)
+
+
+def runs_named(connection: Connection, chain: Chain, runs: Iterable[str]) -> dict[str, StoredRun]:
+    """Return the concluded ones of these runs."""
+    wanted = set(runs)
+    asked = select(*COLUMNS).where(RUNS.c.chain == chain.id)
+    if len(wanted) <= MOST_NAMED:
+        asked = asked.where(RUNS.c.run.in_(wanted))
+    rows = map(StoredRun._make, connection.execute(asked).all())
+    return {row.run: row for row in rows if row.run in wanted}
+
+
+def values_of(connection: Connection, chain: Chain, column: str) -> tuple[str, ...]:
+    """Return the different values of a column with an index, in order, by a step in it for each.
+
+    A statement that reads them all takes as long as there are runs.
+    """
+    found: list[str] = []
+    least = select(func.min(RUNS.c[column])).where(RUNS.c.chain == chain.id)
+    while (
+        value := connection.execute(least.where(RUNS.c[column] > (found[-1] if found else ""))).scalar()
+    ) is not None:
+        found.append(str(value))
+    return tuple(found)

@@ -1,0 +1,156 @@
+"""Stored runs evaluated in a process of their own: reports, loops and files are made there, beside the server.
+
+A report keeps a processor busy for a second or two. In the server's own process it would hold up every open page; so
+one further process makes them, one after another, and gives way to a run that is on.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from multiprocessing import get_context
+from pathlib import Path
+from threading import Event, Lock, Thread
+from typing import TypeVar
+
+from station.errors import StationError
+from station.records.chain.chain_file import Chain
+from station.records.run_record import MANIFEST, RunRecord
+from station.reports.export_of_run import export_run
+from station.reports.loop_curves import LoopCurves, loop_curves
+from station.reports.report_of_run import loop_of, report_of
+from station.reports.stored_result import refuse_doubtful
+from station.store.projection import seen, seen_files
+from station.store.view import bring_up
+
+LONGEST_S = 180.0
+"""Longest time that a page or a request waits, those before it included."""
+
+GIVES_WAY_BY = 5
+"""Steps of priority below the server."""
+
+KEEP_UP_S = 2.0
+KEEP_UP_EVERY_S = 5.0
+"""For how long runs are put into the store at a time, and how often it is looked whether there are any."""
+
+MOST_KEPT = 32
+"""Reports and loops that are kept while the files of their runs are as they were."""
+
+LOOK_FOR_SERVER_S = 1.0
+
+Made = TypeVar("Made")
+
+
+class Evaluations:
+    """The process, which is started when it is first needed, and again where it was killed."""
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._one_at_a_time, self._over = Lock(), Event()
+        self._kept: OrderedDict[tuple[str, ...], object] = OrderedDict()
+
+    def report(self, run: RunRecord) -> tuple[bytes, bytes]:
+        """Return the report of a run as HTML and as PDF; StationError as `report_of`."""
+        return self._once(report_of, run)
+
+    def loop_csv(self, run: RunRecord) -> bytes:
+        """Return the loop of a run as CSV; StationError as `loop_of`."""
+        return self._made(loop_of, run.folder)
+
+    def parquet(self, run: RunRecord) -> bytes:
+        """Return all samples of a run as Parquet; StationError as `export_run`, or where its record is doubtful."""
+        return self._made(_parquet_of, run.folder)
+
+    def loop(self, run: RunRecord) -> LoopCurves:
+        """Return what is drawn of a run, StationError as `loop_curves`."""
+        return self._once(loop_curves, run)
+
+    def start(self, data: Path) -> None:
+        """Start the process before anybody waits for it, and have it keep the store of a data folder up to its chain.
+
+        A folder of thousands of runs takes minutes once; whoever waits for a report meanwhile waits for a part of it.
+        """
+        Thread(target=self._keep_up, args=(data,), daemon=True).start()
+
+    def _keep_up(self, data: Path) -> None:
+        while not self._over.is_set():
+            left = 0
+            # Who looks for runs is told what is wrong; here it is tried again.
+            with suppress(StationError, OSError, RuntimeError, CancelledError, BrokenProcessPool):
+                behind: Future[int] = self._submit(bring_up, data, KEEP_UP_S)
+                left = behind.result()
+            self._over.wait(0.0 if left else KEEP_UP_EVERY_S)
+
+    def close(self) -> None:
+        """End the process; what it has begun is finished."""
+        self._over.set()
+        self._end()
+
+    def _end(self) -> None:
+        with self._one_at_a_time:
+            pool, self._pool = self._pool, None
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)
+
+    def _once(self, make: Callable[[RunRecord], Made], run: RunRecord) -> Made:
+        """Return what is made of a run; what was made before while its files, and the chain, are as they were."""
+        chain = Chain(run.folder.parent)
+        key = make.__name__, run.id, seen(f"{run.folder}/{MANIFEST}"), seen_files(run), chain.seen_now()
+        with self._one_at_a_time:
+            kept = self._kept.get(key)
+        if kept is not None:
+            return kept  # type: ignore[return-value]  # by its key it was made by the same function
+        found = self._made(make, run.folder)
+        with self._one_at_a_time:
+            self._kept[key] = found
+            while len(self._kept) > MOST_KEPT:
+                self._kept.popitem(last=False)
+        return found
+
+    def _made(self, make: Callable[[RunRecord], Made], folder: Path) -> Made:
+        try:
+            return self._submit(_on_run, make, folder).result(LONGEST_S)
+        except TimeoutError as error:
+            raise StationError("Others wait for reports already. Try again in a minute.") from error
+        except BrokenProcessPool as error:
+            self._end()
+            raise StationError(f"{folder.name}: the process that evaluates runs was ended. Try again.") from error
+
+    def _submit(self, *call: object) -> Future[Made]:
+        with self._one_at_a_time:
+            if self._over.is_set():
+                raise StationError("The server is ending. Try again when it is back.")
+            if self._pool is None:
+                # Spawned, not forked: the server has threads, and what they hold a fork would hold for ever.
+                self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (os.getpid(),))
+            return self._pool.submit(*call)  # type: ignore[arg-type]
+
+
+def _begin(server: int) -> None:
+    """Give way to everybody, and end with the server, also where that was killed."""
+    os.nice(GIVES_WAY_BY)
+
+    def watch() -> None:
+        while os.getppid() == server:
+            time.sleep(LOOK_FOR_SERVER_S)
+        os._exit(0)
+
+    Thread(target=watch, daemon=True).start()
+
+
+def _on_run(make: Callable[[RunRecord], Made], folder: Path) -> Made:
+    return make(RunRecord(folder))
+
+
+def _parquet_of(run: RunRecord) -> bytes:
+    refuse_doubtful(run)
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / "run.parquet"
+        export_run(run, "parquet", file)
+        return file.read_bytes()

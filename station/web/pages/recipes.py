@@ -1,0 +1,127 @@
+"""The page of recipes: every revision with its state, and a file taken in as a draft."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from html import escape
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import Request, Response
+from fastapi.responses import RedirectResponse
+from nicegui import events, ui
+
+from recipes.text.yaml_source import LARGEST_FILE
+from station.errors import StationError
+from station.records.recipe_revisions import History, Revision, State
+from station.web.actions import ACTIONS, OK, Station, perform
+from station.web.pages.frame import bar, session_of_request
+from station.web.pages.recipes_editor import LINE_INK, add_editor, address_of, local_day
+from station.web.people.accounts import Session
+
+STATES = {State.DRAFT: "○ draft", State.ASKED: "◐ release asked", State.RELEASED: "● released"}
+"""Each state with its shape."""
+
+COLUMNS: tuple[dict[str, Any], ...] = (
+    {"field": "name", "headerName": "Recipe", "width": 280},
+    {"field": "revision", "headerName": "Revision", "width": 120, "type": "rightAligned"},
+    {
+        "field": "state",
+        "headerName": "State",
+        "width": 210,
+        "cellClassRules": {"lm-open": "!data.state.includes('released')"},
+    },
+    {"field": "current", "headerName": "Current", "width": 120},
+    {"field": "authors", "headerName": "Written by", "flex": 1, "minWidth": 180},
+    {"field": "released", "headerName": "Released by", "flex": 1, "minWidth": 220},
+    {"field": "links", "headerName": "Text", "width": 170, "pinned": "right"},
+)
+
+
+def add_recipe_pages(station: Station) -> None:
+    """Add the pages to the running application."""
+    add_editor(station)
+
+    @ui.page("/recipes", title="lostmotion: recipes")
+    async def recipes(request: Request) -> Response | None:
+        session = await asyncio.to_thread(session_of_request, station, request)
+        if session is None or session.person.must_change:
+            return RedirectResponse("/enter")
+        await _Recipes(station, session).build()
+        return None
+
+
+class _Recipes:
+    """One open page."""
+
+    def __init__(self, station: Station, session: Session) -> None:
+        self._station, self._session = station, session
+
+    async def build(self) -> None:
+        """Lay the page out, and show every revision."""
+        ui.colors(primary=LINE_INK)
+        bar(self._session, "recipes")
+        with ui.element("main").classes("lm-page"):
+            self._said = ui.label().classes("lm-bypasses").props('role="alert"')
+            self._said.set_visibility(False)
+            if self._session.person.role in ACTIONS["save_recipe"].roles:
+                ui.upload(
+                    label="Import a file as a draft", on_upload=self._take, auto_upload=True,
+                    max_file_size=LARGEST_FILE, on_rejected=lambda: self._tell("This file is too long for a recipe."),
+                ).props("accept=.yaml,.yml flat").classes("lm-import")  # fmt: skip
+            links = next(place for place, one in enumerate(COLUMNS) if one["field"] == "links")
+            options = {
+                "columnDefs": list(COLUMNS),
+                "rowData": [],
+                "defaultColDef": {"sortable": False, "resizable": True},
+                "suppressMovableColumns": True,
+                ":getRowId": "params => params.data.id",
+            }
+            self._grid = ui.aggrid(options, html_columns=[links]).classes("lm-grid")
+        try:
+            history = await asyncio.to_thread(History, self._station.data)
+        except StationError as error:
+            self._tell(str(error))
+            return
+        self._grid.options["rowData"] = [row_of(history, one) for one in history.all()]
+        self._grid.update()
+        if history.problems:
+            self._tell(" ".join(history.problems[:3]))
+
+    def _tell(self, text: str) -> None:
+        self._said.set_text(text)
+        self._said.set_visibility(bool(text))
+
+    async def _take(self, event: events.UploadEventArguments) -> None:
+        try:
+            text = (await event.file.read()).decode()
+        except UnicodeDecodeError:
+            self._tell("The file is no text in UTF-8. Save it with that encoding.")
+            return
+        session, key = self._session, secrets.token_hex(16)
+        answer = await asyncio.to_thread(
+            perform, self._station, "save_recipe", session.token, session.csrf, key, {"text": text}
+        )
+        if answer.status == OK:
+            ui.navigate.to(address_of(answer.body["name"], answer.body["revision"]))
+        else:
+            self._tell(" ".join(one["text"] for one in answer.body["refused"]))
+
+
+def row_of(history: History, one: Revision) -> dict[str, Any]:
+    """Return what the table shows of a revision; all but the links is text, and stays text whatever it holds."""
+    address, what = address_of(one.name, one.revision), f"{escape(one.name)} revision {one.revision}"
+    file = f"/api/recipes/{quote(one.name, safe='')}/{one.revision}.yaml"
+    released = "the program" if one.shipped else f"{one.released_by}, {local_day(one.released)}"
+    return {
+        "id": f"{one.name} {one.revision}",
+        "name": one.name,
+        "revision": one.revision,
+        "state": STATES[one.state],
+        "current": "yes" if history.newest_released(one.name) == one else "",
+        "authors": ", ".join(one.authors),
+        "released": released if one.state is State.RELEASED else "",
+        "links": f'<a href="{address}" aria-label="open {what}">open</a> '
+        f'<a href="{file}" aria-label="export {what}">export</a>',
+    }

@@ -1,0 +1,370 @@
+"""The page of one revision: text with the messages of `check`, load as a picture, forms, dry run, release."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import time
+from datetime import datetime
+from functools import partial
+from html import escape
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
+from nicegui import ui
+
+from recipes import RecipeError
+from recipes.editing import Group, changed, limits_of, load_of
+from recipes.text.problems import OptionPath
+from recipes.text.yaml_source import parse_source
+from station.errors import StationError
+from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED
+from station.records.recipe_revisions import History, Revision, State, hash_of
+from station.reports.headline import remaining_reasons
+from station.run.screen.progress import clock
+from station.web.actions import ACTIONS, OK, Answer, Station, perform
+from station.web.dry_run import FAILED, IDLE, TRYING, DryRun
+from station.web.pages.frame import bar, session_of_request
+from station.web.pages.operator import metrics_table
+from station.web.pages.recipes_diff import diff_html
+from station.web.pages.words import NOT_BELIEVED, VERDICTS
+from station.web.people.accounts import Session
+from station.web.recipe_check import LookedAt, look_at
+
+LOOK_EVERY_S = 0.15
+QUIET_S = 0.35
+"""For how long nobody has typed when the text is checked."""
+
+DID = {RECIPE_SAVED: "saved a text", RECIPE_ASKED: "asked for the release", RECIPE_RELEASED: "released it"}
+TEXT_LABEL = "text of the recipe"
+INK, QUIET_INK, LINE_INK = "#23282b", "#c2c7ca", "#2f4a5e"
+
+
+def address_of(name: str, revision: int) -> str:
+    """Return the address of a revision's page."""
+    return f"/recipes/{quote(name, safe='')}/{revision}"
+
+
+def local_day(moment: str) -> str:
+    """Return a moment by the computer's time zone, '' for none."""
+    return datetime.fromisoformat(moment).astimezone().strftime("%Y-%m-%d %H:%M") if moment else ""
+
+
+def add_editor(station: Station) -> None:
+    """Add the page to the running application."""
+
+    @ui.page("/recipes/{name}/{revision}", title="lostmotion: recipe")
+    async def recipe(request: Request, name: str, revision: int, new: int = 0) -> Response | None:
+        session = await asyncio.to_thread(session_of_request, station, request)
+        if session is None or session.person.must_change:
+            return RedirectResponse("/enter")
+        try:
+            history = await asyncio.to_thread(History, station.data)
+            found = history.find(name, revision)
+            text = None if found is None else await asyncio.to_thread(found.text)
+        except StationError as error:
+            return HTMLResponse(escape(str(error)), 409)
+        if found is None or text is None:
+            return HTMLResponse("There is no such revision.", 404)
+        await _Editor(station, session, history, found, text.decode()).build(as_new=bool(new))
+        return None
+
+
+class _Editor:
+    """One open page: a text, what was said of it last, and the revision that it was opened as."""
+
+    def __init__(self, station: Station, session: Session, history: History, found: Revision, text: str) -> None:
+        self._station, self._session, self._history = station, session, history
+        self._found: Revision | None = found
+        self._name = found.name
+        self._kept = self._text = text
+        self._changed_at: float | None = time.monotonic()
+        self._looked: LookedAt | None = None
+        self._fields: dict[OptionPath, ui.input] = {}
+        self._dry: tuple[str, str] = ("", "")
+        self._asks_again = True
+
+    async def build(self, *, as_new: bool) -> None:
+        """Lay the page out; as_new: the text becomes the draft of the next revision."""
+        assert self._found is not None  # noqa: S101 - the page was asked for by it
+        opened = self._found
+        if as_new and opened.state is State.RELEASED:
+            number = max(one.revision for one in self._history.all() if one.name == opened.name) + 1
+            self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
+            self._found = None
+        ui.colors(primary=LINE_INK)
+        bar(self._session, "recipes")
+        with ui.element("main").classes("lm-page"):
+            self._head = ui.element("div").classes("lm-recipe-head")
+            self._refused = ui.label().classes("lm-refused").props('role="alert"')
+            self._refused.set_visibility(False)
+            with ui.element("div").classes("lm-recipe"):
+                self._editor = ui.codemirror(self._text, language="YAML", indent="  ", on_change=self._typed)
+                self._editor.classes("lm-recipe-text")
+                with ui.element("section").classes("lm-recipe-side"):
+                    self._load = ui.label().classes("lm-recipe-load").props('role="status"')
+                    self._chart = ui.echart(_chart_options()).classes("lm-recipe-chart")
+                    self._build_tabs(opened)
+        self._editor.set_enabled(self._may_write())
+        ui.run_javascript(f"document.querySelector('.cm-content')?.setAttribute('aria-label', '{TEXT_LABEL}')")
+        self._show_head()
+        ui.timer(LOOK_EVERY_S, self._look)
+
+    def _build_tabs(self, opened: Revision) -> None:
+        with ui.tabs().props("dense no-caps align=left") as tabs:
+            names = ("Messages", "Limits", "Load", "Changes", "Dry run", "History")
+            made = {name: ui.tab(name) for name in names}
+        first = "Changes" if opened.state is State.ASKED else "Messages"
+        with ui.tab_panels(tabs, value=made[first], keep_alive=True).classes("lm-recipe-panels"):
+            with ui.tab_panel(made["Messages"]):
+                self._messages = ui.element("div").props('aria-live="polite"')
+            with ui.tab_panel(made["Limits"]):
+                self._limits = ui.element("div").classes("lm-form")
+            with ui.tab_panel(made["Load"]):
+                self._steps = ui.element("div").classes("lm-form")
+            with ui.tab_panel(made["Changes"]):
+                others = [one for one in self._history.all() if one.name == opened.name]
+                choices = {one.revision: f"revision {one.revision} ({one.state.value})" for one in others}
+                self._against = ui.select(
+                    choices, value=self._before(others, opened), label="Compared with", on_change=self._show_changes
+                ).props("outlined dense")
+                self._changes = ui.html(sanitize=False)
+            with ui.tab_panel(made["Dry run"]):
+                self._try = ui.button("Try in virtual time", on_click=self._start_dry_run).props("no-caps outline")
+                self._tried = ui.html(sanitize=False).props('aria-live="polite"')
+            with ui.tab_panel(made["History"]):
+                ui.html(_history_html(self._history, opened.name), sanitize=False)
+
+    def _before(self, others: list[Revision], opened: Revision) -> int:
+        """Return the revision that a text is compared with at first: the newest released one below it."""
+        if self._found is None:
+            return opened.revision
+        below = [one.revision for one in others if one.revision < opened.revision and one.state is State.RELEASED]
+        return max(below, default=opened.revision)
+
+    def _may(self, action: str) -> bool:
+        return self._session.person.role in ACTIONS[action].roles
+
+    def _may_write(self) -> bool:
+        there = self._found is None or self._found.state is not State.RELEASED
+        return there and self._may("save_recipe")
+
+    def _is_saved(self) -> bool:
+        return self._found is not None and self._text == self._kept
+
+    def _show_head(self) -> None:
+        """Show what the revision is, and what this person can do with it now."""
+        found, saved = self._found, self._is_saved()
+        in_order = self._looked is not None and self._looked.job is not None
+        self._head.clear()
+        with self._head:
+            with ui.element("h1").classes("lm-recipe-title"):
+                ui.label(f"{self._name}, new draft" if found is None else found.title)
+            state = "not saved" if found is None else found.state.value
+            ui.label(state if saved or found is None else f"{state}, changed and not saved").classes("lm-recipe-state")
+            if found is not None and found.state is State.RELEASED and self._may("save_recipe"):
+                ui.button(
+                    "New revision from this",
+                    on_click=lambda: ui.navigate.to(f"{address_of(found.name, found.revision)}?new=1"),
+                ).props("no-caps outline")
+            if self._may_write():
+                ui.button("Save", on_click=self._save).props("no-caps").set_enabled(not saved)
+            if found is not None and found.state is State.DRAFT and self._may("ask_release"):
+                button = ui.button("Ask for release", on_click=partial(self._release, "ask_release"))
+                button.props("no-caps").set_enabled(saved and in_order)
+            if found is not None and found.state is State.ASKED and self._may("release_recipe"):
+                button = ui.button("Release", on_click=partial(self._release, "release_recipe"))
+                button.props("no-caps").set_enabled(saved and in_order)
+
+    def _typed(self, event: Any) -> None:
+        self._text = str(event.value or "")
+        self._changed_at = time.monotonic()
+
+    async def _look(self) -> None:
+        self._show_dry_run(self._station.dry_runs.now())
+        if self._changed_at is None or time.monotonic() - self._changed_at < (QUIET_S if self._looked else 0.0):
+            return
+        self._changed_at, text = None, self._text
+        looked = await asyncio.to_thread(look_at, text.encode(), self._station.models)
+        if text != self._text:
+            return  # somebody has typed on meanwhile: it is looked at again
+        self._looked = looked
+        self._show_messages(looked)
+        self._show_load(looked)
+        self._show_forms(text)
+        self._show_changes()
+        self._show_head()
+        if self._asks_again == self._is_saved():
+            self._asks_again = not self._is_saved()
+            ui.run_javascript(f"window.onbeforeunload = {'() => true' if self._asks_again else 'null'}")
+
+    def _show_messages(self, looked: LookedAt) -> None:
+        lines = self._text.count("\n") + 1
+        wrong = {one.line: one.text for one in looked.messages if 0 < one.line <= lines}
+        self._editor.decorations = [{"kind": "line", "line": line, "class": "lm-wrong"} for line in wrong]
+        self._editor.line_tooltips = wrong
+        self._messages.clear()
+        with self._messages:
+            if looked.job is not None:
+                ui.label("✓ The recipe is in order.").classes("lm-in-order")
+            for one in looked.messages:
+                with ui.element("div").classes("lm-warning" if one.is_warning else "lm-problem"):
+                    if one.line:
+                        ui.button(f"✕ {one.where}", on_click=partial(self._editor.reveal_line, one.line)).props(
+                            "flat dense no-caps"
+                        )
+                    ui.label(one.text)
+
+    def _show_load(self, looked: LookedAt) -> None:
+        if looked.job is None:
+            count = len(looked.messages)
+            where = next((f", the first in {one.where}" for one in looked.messages if one.line), "")
+            self._load.set_text(
+                f"✕ {count} {'message' if count == 1 else 'messages'}{where}. There is no load to show."
+            )
+        else:
+            share = looked.peak_nm / looked.rated_nm
+            peak = f"peak torque {looked.peak_nm:.4g} N·m ({share:.0%} of rated)"
+            self._load.set_text(f"{clock(looked.duration_s)} min, {peak}")
+        series = self._chart.options["series"][0]
+        series["data"] = [list(point) for point in looked.load_profile]
+        rated = [looked.rated_nm, -looked.rated_nm] if looked.job is not None else []
+        series["markLine"]["data"] = [{"yAxis": one} for one in rated]
+        self._chart.update()
+
+    def _show_forms(self, text: str) -> None:
+        """Show the options of the text in the forms; fields that are there already only get their values."""
+        try:
+            source = parse_source(text.encode(), "recipe")
+        except RecipeError:
+            return
+        limits, load = limits_of(source), load_of(source)
+        there = {field.option: field.value for group in (*limits, *load) for field in group.fields}
+        if list(there) != list(self._fields):
+            self._fields = {}
+            self._build_form(self._limits, limits)
+            self._build_form(self._steps, load)
+        for option, value in there.items():
+            self._fields[option].value = value
+
+    def _build_form(self, place: ui.element, groups: list[Group]) -> None:
+        place.clear()
+        with place:
+            for group in groups:
+                with ui.element("fieldset").classes("lm-fields"):
+                    with ui.element("legend"):
+                        ui.label(group.title)
+                    for field in group.fields:
+                        made = ui.input(field.name, value=field.value).props("outlined dense")
+                        made.props["aria-label"] = f"{group.title}: {field.name}"
+                        made.props["readonly"] = not self._may_write()
+                        made.on("change", partial(self._put, field.option))
+                        made.on("keydown.enter", partial(self._put, field.option))
+                        self._fields[field.option] = made
+
+    def _put(self, option: OptionPath, _event: Any) -> None:
+        """Put a value of a form into the text."""
+        value = str(self._fields[option].value or "")
+        try:
+            text = changed(self._text.encode(), option, value).decode()
+        except RecipeError as error:
+            self._say([str(error)])
+            return
+        self._say([])
+        if text != self._text:
+            self._editor.set_value(text)
+
+    def _show_changes(self) -> None:
+        other = self._history.find(self._name, int(self._against.value))
+        try:
+            before = "" if other is None else other.text().decode()
+        except StationError as error:
+            self._changes.set_content(escape(str(error)))
+            return
+        self._changes.set_content(diff_html(before, self._text))
+
+    async def _perform(self, action: str, values: dict[str, Any]) -> Answer:
+        session, key = self._session, secrets.token_hex(16)
+        answer = await asyncio.to_thread(perform, self._station, action, session.token, session.csrf, key, values)
+        self._say([one["text"] for one in answer.body.get("refused", [])])
+        return answer
+
+    def _say(self, refused: list[str]) -> None:
+        self._refused.set_text(" ".join(refused))
+        self._refused.set_visibility(bool(refused))
+
+    async def _save(self) -> None:
+        found = self._found
+        replaces = "" if found is None else found.sha256
+        answer = await self._perform("save_recipe", {"text": self._text, "replaces": replaces})
+        if answer.status == OK:
+            self._leave_to(answer)
+
+    async def _release(self, action: str) -> None:
+        assert self._found is not None  # noqa: S101 - the button is there for a revision only
+        found = self._found
+        values = {"name": found.name, "revision": found.revision, "sha256": found.sha256}
+        answer = await self._perform(action, values)
+        if answer.status == OK:
+            self._leave_to(answer)
+
+    @staticmethod
+    def _leave_to(answer: Answer) -> None:
+        ui.run_javascript("window.onbeforeunload = null")
+        ui.navigate.to(address_of(answer.body["name"], answer.body["revision"]))
+
+    async def _start_dry_run(self) -> None:
+        await self._perform("try_recipe", {"text": self._text})
+
+    def _show_dry_run(self, now: DryRun) -> None:
+        mine = now.sha256 == hash_of(self._text.encode())
+        shown = (now.stage if mine or now.stage == TRYING else IDLE, now.said)
+        self._try.set_enabled(now.stage != TRYING and self._may("try_recipe"))
+        if shown != self._dry:
+            self._dry = shown
+            self._tried.set_content(_dry_run_html(now, shown[0]))
+
+
+def _dry_run_html(now: DryRun, stage: str) -> str:
+    if stage == IDLE:
+        return "<p>A unit of the catalogue values of this model is measured by this text. Nothing of it is kept.</p>"
+    if stage == TRYING:
+        return f"<p>{escape(now.title)} is being tried. {escape(now.said)}</p>"
+    if stage == FAILED or now.result is None:
+        return f'<p class="lm-problem">{escape(now.said)}</p>'
+    result = now.result
+    shown = VERDICTS[result.verdict] if result.state == "complete" else NOT_BELIEVED
+    word = shown.word if result.state == "complete" else result.state.upper()
+    reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(result)[:4])
+    tile = f'<div class="lm-tile lm-small {shown.style}">{shown.shape}<b>{escape(word)}</b></div>'
+    return f"{tile}{reasons}{metrics_table(result)}<p>Tried in {now.took_s:.0f} s.</p>"
+
+
+def _history_html(history: History, name: str) -> str:
+    rows = "".join(
+        f"<tr><td>{local_day(one.time)}</td><td>revision {one.revision}</td>"
+        f"<td>{escape(one.person)} {DID[one.kind]}</td><td><code>{one.sha256[:12]}</code></td></tr>"
+        for one in reversed(history.events(name))
+    )
+    return f'<table class="lm">{rows}</table>' if rows else "<p>Nobody has changed this recipe here.</p>"
+
+
+def _chart_options() -> dict[str, Any]:
+    axis = {
+        "type": "value",
+        "nameLocation": "middle",
+        "nameTextStyle": {"fontSize": 14, "color": INK},
+        "axisLabel": {"fontSize": 13, "color": INK},
+        "splitLine": {"lineStyle": {"color": QUIET_INK}},
+    }
+    rated = {"silent": True, "symbol": "none", "label": {"formatter": "rated"}, "lineStyle": {"color": INK}, "data": []}
+    line = {"type": "line", "data": [], "showSymbol": False, "lineStyle": {"width": 2, "color": LINE_INK}}
+    return {
+        "animation": False,
+        "grid": {"left": 70, "right": 50, "top": 16, "bottom": 44},
+        "xAxis": {**axis, "name": "time from the first ramp in s", "nameGap": 26},
+        "yAxis": {**axis, "name": "output torque in N·m", "nameGap": 48},
+        "series": [{**line, "markLine": rated}],
+    }

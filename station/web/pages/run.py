@@ -1,0 +1,241 @@
+"""The page of one run: why it passed or failed, its loop with other runs drawn over it, and its files."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from fastapi import Request, Response
+from fastapi.responses import RedirectResponse
+from nicegui import ui
+
+from definitions.metrics import METRICS, WIDTH
+from definitions.units import ARCMINUTES, STIFFNESS
+from station.documents.result import MetricValue
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.store.run_search import search
+from station.store.stored_runs import StoredRun, Wanted
+from station.web.actions import Station
+from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.loop_figure import OTHERS, Drawn, Marked, loop_figure, stiffness_figure
+from station.web.pages.run_text import RunText, metric_title, run_text
+from station.web.pages.words import local, verdict_text
+from station.web.people.accounts import Session
+from station.web.rest_runs import FILES
+
+LONGEST_BUILD_S = 15.0
+"""Longest time for reading a record, on a computer that does other things."""
+
+MOST_ATTEMPTS = 20
+MOST_FOUND = 8
+MARKED = ("FAIL", "NOT DECIDABLE")
+
+FILE_WORDS = {
+    "report.pdf": "Report (PDF)", "report.html": "Report (page)", "loop.csv": "Loop (CSV)",
+    "run.parquet": "All samples (Parquet)",
+}  # fmt: skip
+"""The files of a run as the page offers them."""
+
+
+def allowed_width(metric: MetricValue) -> float | None:
+    """Return how wide the loop may be where the metric reads its width [arcmin]; None for one that is no such width."""
+    row = METRICS.get(metric.id)
+    read_across = row is not None and row.branches == WIDTH and row.magnitude and row.kind == ARCMINUTES
+    return metric.limits.max if read_across else None
+
+
+def add_run_page(station: Station) -> None:
+    """Add the page to the running application."""
+
+    @ui.page("/runs/{run}", title="lostmotion: run", response_timeout=LONGEST_BUILD_S)
+    async def page(request: Request, run: str) -> Response | None:
+        session = await asyncio.to_thread(session_of_request, station, request)
+        if session is None or session.person.must_change:
+            return RedirectResponse("/enter")
+        await _RunPage(station, session, run).build()
+        return None
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Runs that may be drawn over this one: those of the same unit, newest first, and of good master parts."""
+
+    attempts: tuple[StoredRun, ...]
+    golden: tuple[StoredRun, ...]
+
+
+def beside(data: Path, run: str, serial: str, model: str) -> Beside:
+    """Return the runs that are offered beside a run of a unit and its model.
+
+    Raises:
+        StationError: the store cannot be used.
+
+    """
+    same = search(data, Wanted(serial=serial), count=MOST_ATTEMPTS).rows
+    golden = search(data, Wanted(model=model, master="PASS", verdict="PASS"), count=1).rows
+    return Beside(tuple(one for one in same if one.run != run), tuple(one for one in golden if one.serial != serial))
+
+
+class _RunPage:
+    """One open page: a run, and those that are drawn over it."""
+
+    def __init__(self, station: Station, session: Session, run: str) -> None:
+        self._station, self._session, self._name = station, session, run
+        self._own: Drawn | None = None
+        self._others: dict[str, Drawn] = {}
+        self._marked: list[Marked] = []
+        self._close = False
+        self._stiffness: ui.plotly | None = None
+
+    async def build(self) -> None:
+        """Lay the page out: first what is written down, then what has to be evaluated."""
+        bar(self._session, "results")
+        ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
+        record = await asyncio.to_thread(Store(self._station.data).by_id, self._name)
+        with ui.element("main").classes("lm-run"):
+            if record is None:
+                ui.label("There is no such run.").classes("lm-refused").props('role="alert"')
+                return
+            try:
+                shown = await asyncio.to_thread(run_text, record)
+                model = (await asyncio.to_thread(record.manifest)).unit.model
+            except StationError as error:
+                ui.label(f"NO VERDICT. {error}").classes("lm-refused").props('role="alert"')
+                return
+            with ui.element("div").classes("lm-run-text"):
+                ui.html(shown.html, sanitize=False)
+            with ui.element("div").classes("lm-run-pictures"):
+                if shown.drawn:
+                    self._files(shown)
+                self._status = ui.label().classes("lm-status").props('role="status" aria-live="polite"')
+                self._say(
+                    "The loop is being evaluated." if shown.drawn else "No loop: the run has no result that counts."
+                )
+                if shown.drawn:
+                    self._pictures()
+        if shown.drawn:
+            self._shown, self._model = shown, model
+            ui.timer(0.0, self._load, once=True)
+
+    def _files(self, shown: RunText) -> None:
+        address = f"/api/runs/{quote(shown.run, safe='')}"
+        with ui.element("nav").classes("lm-card lm-files").props('aria-label="Files of this run"'):
+            for name in FILES:
+                ui.link(FILE_WORDS[name], f"{address}/{name}")
+
+    def _pictures(self) -> None:
+        with ui.element("div").classes("lm-choose"):
+            self._look = ui.switch("Close to what failed", on_change=self._closer).props("dense")
+            self._look.set_visibility(False)
+            self._choices = ui.element("div").classes("lm-choices").props('role="group" aria-label="Draw other runs"')
+            self._find = ui.input("Draw another run: serial number begins with").props("outlined dense clearable")
+            self._find.on_value_change(self._search)
+            self._found = ui.element("div").classes("lm-choices")
+        self._loop = ui.plotly({"data": [], "layout": {}}).classes("lm-loop").props('role="img"')
+        self._below = ui.element("div")
+
+    async def _load(self) -> None:
+        own = await self._drawn(f"this run, {self._shown.verdict}", self._name)
+        if own is None:
+            return
+        self._own = own
+        rows = self._shown.rows
+        self._marked = [
+            Marked(metric_title(row), verdict, place.spans_nm, row.unit == STIFFNESS.shown, allowed_width(row))
+            for place in own.curves.places
+            if (row := rows[place.row]) and (verdict := row.verdict or "") in MARKED
+        ]
+        self._look.set_visibility(bool(self._marked))
+        self._say("" if own.curves.loop else "Nothing was measured that could be drawn.")
+        self._draw()
+        try:
+            found = await asyncio.to_thread(beside, self._station.data, self._name, self._shown.serial, self._model)
+        except StationError as error:
+            self._say(str(error))
+            return
+        with self._choices:
+            for one in found.attempts:
+                self._offer(one, f"attempt {one.attempt}")
+            for one in found.golden:
+                self._offer(one, f"golden unit {one.serial}")
+
+    def _offer(self, run: StoredRun, what: str) -> None:
+        """Offer a run to be drawn; one whose record is not as it was left cannot be."""
+        words = f"{what}: {verdict_text(run)}, {local(run.started)}"
+        with ui.element("span").classes("lm-offer"):
+            box = ui.checkbox(words, value=run.run in self._others).props("dense")
+            name = f"{what}, {verdict_text(run)}"
+            box.on_value_change(lambda event: self._choose(run.run, name, on=bool(event.value)))
+            box.set_enabled(not run.altered)
+            link = ui.link("open", f"/runs/{quote(run.run, safe='')}")
+            link.props["aria-label"] = f"open the run of {what}"
+
+    async def _choose(self, run: str, name: str, *, on: bool) -> None:
+        if not await still_open(self._station, self._session):
+            return
+        if not on:
+            self._others.pop(run, None)
+        elif len(self._others) >= len(OTHERS):
+            self._say(f"{len(OTHERS)} other runs can be drawn at once. Take one away first.")
+            return
+        elif (found := await self._drawn(name, run)) is not None:
+            self._others[run] = found
+        self._draw()
+
+    async def _search(self) -> None:
+        if not await still_open(self._station, self._session):
+            return
+        begins = (self._find.value or "").strip()
+        self._found.clear()
+        if not begins:
+            return
+        try:
+            page = await asyncio.to_thread(search, self._station.data, Wanted(begins=begins), count=MOST_FOUND)
+        except StationError as error:
+            self._say(str(error))
+            return
+        with self._found:
+            for one in page.rows:
+                if one.run != self._name:
+                    self._offer(one, f"{one.serial} attempt {one.attempt}")
+            if page.total > len(page.rows):
+                ui.label(f"and {page.total - len(page.rows)} more").classes("lm-quiet")
+
+    async def _drawn(self, name: str, run: str) -> Drawn | None:
+        """Return a run as it is drawn; None, and why, where its record does not allow that."""
+        record = await asyncio.to_thread(Store(self._station.data).by_id, run)
+        if record is None:
+            self._say(f"{run}: its folder is missing.")
+            return None
+        try:
+            return Drawn(name, await asyncio.to_thread(self._station.evaluations.loop, record))
+        except StationError as error:
+            self._say(str(error))
+            return None
+
+    def _closer(self) -> None:
+        self._close = bool(self._look.value)
+        self._draw()
+
+    def _draw(self) -> None:
+        if self._own is None or not self._own.curves.loop:
+            return
+        others = list(self._others.values())
+        self._loop.update_figure(loop_figure(self._own, others, self._marked, close=self._close))
+        named = ", ".join(one.name for one in [self._own, *others])
+        where = "; marked: " + ", ".join(one.name for one in self._marked) if self._marked else ""
+        self._loop.props["aria-label"] = f"Wind-up over torque of {named}{where}"
+        if not self._own.curves.stiffness:
+            return
+        if self._stiffness is None:  # not before there is something to show: what is hidden has no size to be drawn in
+            with self._below:
+                self._stiffness = ui.plotly({"data": [], "layout": {}}).classes("lm-stiffness").props('role="img"')
+        self._stiffness.update_figure(stiffness_figure(self._own, others, self._marked))
+        self._stiffness.props["aria-label"] = f"Local stiffness over torque of {named}"
+
+    def _say(self, text: str) -> None:
+        self._status.set_text(text)
+        self._status.set_visibility(bool(text))

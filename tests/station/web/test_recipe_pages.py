@@ -1,0 +1,149 @@
+"""A limit changed and released in a real browser, by two people; the next unit is measured by it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from served import Served, prepared, served
+from station_support import PASSWORD
+
+from recipes import parse_recipe
+
+playwright = pytest.importorskip("playwright.sync_api")
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = [
+    pytest.mark.wires,
+    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: the pages are not tried in a browser"),
+]
+LONGEST_MS = 60_000
+Enter = Callable[[str], "playwright.Page"]
+MISTAKE = "\nbogus: 1"
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    data = prepared(tmp_path_factory.mktemp("recipes") / "runs")
+    (data / "models.yaml").write_text("models: [{model: P1, serial: 'SN-[0-9]+', recipe: good}]\n", encoding="utf-8")
+    with served(data) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def enter(station: Served) -> Iterator[Enter]:
+    """Open a browser of one's own for somebody, and log in."""
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+
+        def entered(role: str) -> playwright.Page:
+            page = browser.new_context(viewport={"width": 1920, "height": 1080}).new_page()
+            page.set_default_timeout(LONGEST_MS)
+            page.goto(f"{station.url}/enter")
+            page.fill("#name", f"the {role}")
+            page.fill("#password", PASSWORD)
+            page.keyboard.press("Enter")
+            page.wait_for_selector(".lm-word")
+            page.click("nav >> text=Recipes")
+            return page
+
+        yield entered
+        browser.close()
+
+
+def tab(page: playwright.Page, name: str) -> None:
+    page.get_by_role("tab", name=name, exact=True).click()
+
+
+def press(page: playwright.Page, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def state(page: playwright.Page, words: str) -> None:
+    page.wait_for_selector(f".lm-recipe-state:text-is('{words}')")
+
+
+def buttons(page: playwright.Page) -> set[str]:
+    return set(page.locator(".lm-recipe-head button").all_inner_texts())
+
+
+def test_a_limit_is_changed_by_one_person_released_by_another_and_used(station: Served, enter: Enter) -> None:
+    technician = enter("technician")
+    technician.click('a[aria-label="open good revision 1"]')
+    state(technician, "released")
+    assert buttons(technician) == {"New revision from this"}, "what is released cannot be changed"
+    technician.click("text=New revision from this")
+    technician.wait_for_selector(".lm-in-order")
+
+    technician.click(".cm-content")
+    technician.keyboard.press("Control+End")
+    technician.keyboard.type(MISTAKE)
+    technician.wait_for_selector(".lm-problem:has-text('bogus')")
+    assert "line " in technician.inner_text(".lm-problem button")
+    for _ in MISTAKE:
+        technician.keyboard.press("Backspace")
+    technician.wait_for_selector(".lm-in-order")
+
+    tab(technician, "Limits")
+    limit = technician.locator("input[aria-label^='Torque ratio, slope'][aria-label$='min']")
+    limit.fill("85")
+    limit.press("Enter")
+    tab(technician, "Changes")
+    technician.wait_for_selector(".lm-added:has-text('min: 85')")
+    press(technician, "Save")
+    technician.wait_for_url("**/recipes/good/2")
+    state(technician, "draft")
+    press(technician, "Ask for release")
+    state(technician, "release asked")
+    assert "Release" not in buttons(technician)
+
+    quality = enter("quality")
+    quality.click('a[aria-label="open good revision 2"]')
+    state(quality, "release asked")
+    tab(quality, "Changes")
+    quality.wait_for_selector(".lm-removed:has-text('min: 80')")
+    assert quality.locator(".lm-added").count() == 2, "the limit, and the number of the revision"
+    press(quality, "Release")
+    state(quality, "released")
+
+    (text,) = (Path(station.data) / "recipes" / "good").glob("r2.*.yaml")
+    changed = parse_recipe(text.read_bytes(), "r2")
+    assert [one.min for one in changed.metrics if one.id == "torque_ratio_slope"] == [85.0]
+    comments = [line.partition("#")[2] for line in _first(station).splitlines() if "#" in line]
+    assert comments == [line.partition("#")[2] for line in text.read_text(encoding="utf-8").splitlines() if "#" in line]
+
+    station.log_in("operator")
+    assert station.post("start_run", {"scanned": "SN-1"}, "by the new limit").status_code == 200
+    assert station.wait("running", "ended")["recipe"] == "good r2"
+    station.post("stop_run", {}, "it has shown its recipe")
+    station.wait("ended")
+
+
+def _first(station: Served) -> str:
+    (first,) = (Path(station.data) / "recipes" / "good").glob("r1.*.yaml")
+    return first.read_text(encoding="utf-8")
+
+
+def test_whoever_only_operates_may_read_and_change_nothing(enter: Enter) -> None:
+    page = enter("operator")
+    assert page.locator(".lm-import").count() == 0
+    page.click('a[aria-label="open good revision 1"]')
+    page.wait_for_selector(".lm-in-order")
+    assert buttons(page) == set()
+    tab(page, "Limits")
+    assert page.locator("fieldset input:not([readonly])").count() == 0
+
+
+def test_a_file_is_taken_in_as_a_draft_and_given_out_as_it_came(station: Served, enter: Enter, tmp_path: Path) -> None:
+    page = enter("engineer")
+    file = tmp_path / "plant.yaml"
+    file.write_text(_first(station).replace("name: good", "name: plant"), encoding="utf-8")
+    page.set_input_files(".lm-import input[type=file]", file)
+    page.wait_for_url("**/recipes/plant/1")
+    state(page, "draft")
+    page.click("nav >> text=Recipes")
+    with page.expect_download() as download:
+        page.click('a[aria-label="export plant revision 1"]')
+    assert Path(download.value.path()).read_bytes() == file.read_bytes()

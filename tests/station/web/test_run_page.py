@@ -1,0 +1,159 @@
+"""The page of a run, in a real browser: why a unit failed. Texts of a record stay text; altered, it has no verdict."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lostmotion_command import ROOT, here
+from served import Served, prepared, served
+from station_support import GOLDEN, PASSWORD
+from stored_runs import metric, store_run
+
+from station.records.data_folder import Store
+from station.reports.loop_curves import loop_curves
+from station.web.pages.run import allowed_width, beside
+from station.web.pages.run_text import run_text
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+LONGEST_MS = 120_000
+SCRIPT = "<img src=x onerror=alert(1)>"
+QUICK = str(ROOT / "recipes" / "rv-40e-121-quick.yaml")
+
+
+@pytest.fixture(scope="module")
+def folder(worn_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A worn unit that failed twice, and a unit whose serial number is a script."""
+    data = tmp_path_factory.mktemp("run-page") / "runs"
+    shutil.copytree(worn_run.data, data)
+    again = ("--unit", "worn", "--serial", "W1", "--operator", SCRIPT, "--retest-reason", SCRIPT, "--note", SCRIPT)
+    for words in ((QUICK, *again), (str(GOLDEN), "--serial", SCRIPT)):
+        here("run", *words, "--virtual-time", "--no-report", "--data", str(data))
+    return data
+
+
+def test_what_failed_stands_first(folder: Path) -> None:
+    found = run_text(Store(folder).find("W1"))
+    assert (found.verdict, found.doubtful) == ("FAIL", False)
+    verdicts = [row.verdict for row in found.rows]
+    assert {(row.id, row.side) for row in found.rows[:2]} == {("backlash_width_3pct", side) for side in ("+", "-")}
+    assert verdicts[:2] == ["FAIL", "FAIL"]
+    assert "FAIL" not in verdicts[2:]
+    assert "attempt 2; attempt 1 FAIL Backlash" in found.html
+    assert SCRIPT not in found.html
+    places = loop_curves(Store(folder).find("W1")).places
+    read_at = {found.rows[place.row].id: place.spans_nm for place in places}
+    assert abs(read_at["backlash_width_3pct"][0][0]) == pytest.approx(12.36)
+    assert read_at["spring_constant"][0] in ((402.0, 412.0), (-412.0, -402.0))
+    assert found.html.count("&lt;img src=x onerror=alert(1)&gt;") >= 3, "operator, reason and note stand there as text"
+
+
+def test_earlier_attempts_and_the_golden_unit_of_the_model_are_offered(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    first = store_run(data, "A", [metric(2.0)], failed="too large")
+    store_run(data, "GOLDEN", [metric(0.4)], master="PASS")
+    store_run(data, "BAD MASTER", [metric(2.0)], failed="too large", master="FAIL")
+    second = store_run(data, "A", [metric(0.4)])
+    found = beside(data, second.id, "A", "RV")
+    assert [one.run for one in found.attempts] == [first.id]
+    assert [one.serial for one in found.golden] == ["GOLDEN"]
+    assert beside(data, second.id, "A", "RV-80E").golden == ()
+
+
+def test_a_width_of_the_loop_has_an_allowed_width_and_nothing_else_has(folder: Path) -> None:
+    rows = run_text(Store(folder).find("W1")).rows
+    assert {row.id: allowed_width(row) for row in rows if allowed_width(row) is not None} == {
+        "backlash_width_3pct": 1.0
+    }
+
+
+@pytest.mark.parametrize("name", ["result.json", "run.json", "samples.parquet"])
+def test_an_altered_run_has_no_verdict_and_no_figures_and_keeps_its_mark(
+    folder: Path, tmp_path: Path, name: str
+) -> None:
+    shutil.copytree(folder, tmp_path / "runs")
+    run = Store(tmp_path / "runs").of_serial("W1")[0]
+    file = run.folder / name
+    content = file.read_bytes()
+    file.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:] if name.endswith("t") else content + b" ")
+    found = run_text(run)
+    assert (found.verdict, found.doubtful, found.drawn, found.rows) == ("", True, False, ())
+    assert "NO VERDICT" in found.html
+    assert "FAIL" not in found.html
+    assert "1.16" not in found.html
+    assert "VIRTUAL BENCH" in found.html
+
+
+playwright = pytest.importorskip("playwright.sync_api")
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: the page is not tried in it")
+
+
+@pytest.fixture(scope="module")
+def station(folder: Path) -> Iterator[Served]:
+    with served(prepared(folder)) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def page(station: Served) -> Iterator[playwright.Page]:
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1920, "height": 1080})
+        page.set_default_timeout(LONGEST_MS)
+        page.goto(f"{station.url}/enter")
+        page.fill("#name", "the quality")
+        page.fill("#password", PASSWORD)
+        page.keyboard.press("Enter")
+        page.wait_for_selector(".lm-word")
+        yield page
+        browser.close()
+
+
+@pytest.mark.wires
+@needs_browser
+def test_why_a_unit_failed_is_found_from_the_screen_alone(page: playwright.Page) -> None:
+    scripts: list[str] = []
+    page.on("dialog", lambda dialog: (scripts.append(dialog.message), dialog.dismiss()))
+    page.click("nav >> text=Results")
+    page.get_by_label("Serial number begins with").fill("W1")
+    page.click('a[aria-label="run of W1, attempt 2"]')
+    page.wait_for_selector(".lm-tile.FAIL .lm-word:text-is('FAIL')")
+    assert page.locator(".lm-tile svg rect").count() == 1, "told by its shape too"
+    first = page.locator(".lm-metrics tbody tr").first
+    assert "Backlash" in first.inner_text()
+    assert "FAIL" in first.inner_text()
+    page.wait_for_selector(".lm-loop .shapelayer path", state="attached")
+    assert page.locator(".lm-loop .legend .traces").count() == 1
+    page.click("text=attempt 1:")
+    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 2")
+    page.get_by_label("Draw another run").fill("<")
+    page.click(f"text={SCRIPT} attempt 1")
+    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 3")
+    assert SCRIPT in page.inner_text(".lm-facts"), "the operator's name is text"
+    assert SCRIPT in page.text_content(".lm-loop .legend")
+    assert page.locator('img[src="x"]').count() == 0
+    assert scripts == []
+    files = page.locator(".lm-files a").evaluate_all("all => all.map(one => one.getAttribute('href'))")
+    assert {name.rpartition("/")[2] for name in files} == {"report.html", "report.pdf", "loop.csv", "run.parquet"}
+
+
+@pytest.mark.wires
+@needs_browser
+@pytest.mark.parametrize(("address", "sign"), [("/results", ".ag-row"), ("/runs/{run}", ".lm-tile")])
+def test_nobody_looks_on_after_the_end_of_a_session(
+    station: Served, page: playwright.Page, address: str, sign: str
+) -> None:
+    page.goto(station.url + address.format(run=Store(station.data).find("W1").id))
+    page.wait_for_selector(sign)
+    with closing(sqlite3.connect(station.data / "station.sqlite3")) as database:
+        ends = database.execute("SELECT max(ends_s) FROM sessions").fetchone()[0]
+        for moment in (0, ends):
+            with database:
+                database.execute("UPDATE sessions SET ends_s = ?", (moment,))
+            if not moment:
+                page.wait_for_url("**/enter")

@@ -13,15 +13,15 @@ is judged coarsely. A channel that moves by less than its resolution or noise sh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from definitions.states import LOCKED
-from drivers.profile import ModbusProfile
 from recipes import Bench, Recipe
+from station.commissioning.on_wires import Scale
 from station.commissioning.trial_run import Plan, Tried
 from station.documents.commissioning import Figure, Finding
 
@@ -43,6 +43,7 @@ DRIVE_ANGLE = "drive_angle_rad"
 """Position of the drive: it goes with its torque but for play and friction, which a small torque may not overcome."""
 
 Column = npt.NDArray[np.float64]
+ScaleOf = Callable[[str], Scale | None]
 
 
 class Seen(NamedTuple):
@@ -122,11 +123,11 @@ def _seen(  # noqa: PLR0917 - a row
     return Seen(channel, against, unit, moved, least, slope, int(np.sign(fit)) if abs(fit) >= LEAST_FIT else 0)
 
 
-def judged(tried: Tried, seen: Sequence[Seen], amplifier: ModbusProfile) -> tuple[Finding, ...]:
+def judged(tried: Tried, seen: Sequence[Seen], scale_of: ScaleOf) -> tuple[Finding, ...]:
     """Say which signs and amounts are wrong, each with what has to be written where."""
     bench, recipe = tried.job.bench, tried.job.recipe
-    findings = [*_signs(bench, recipe, seen, amplifier)]
-    findings += _amounts(seen, amplifier.profile.name)
+    findings = [*_signs(bench, recipe, seen, scale_of)]
+    findings += _amounts(seen, scale_of)
     if not findings and not tried.complete:
         findings.append(Finding(what=f"The small run ended early: {tried.why}.", cure=_next(tried)))
     for one in seen:
@@ -146,7 +147,7 @@ def _next(tried: Tried) -> str:
     return f"{alarms[0].next_action}." if alarms else "Do this step again."
 
 
-def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], amplifier: ModbusProfile) -> Iterator[Finding]:
+def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], scale_of: ScaleOf) -> Iterator[Finding]:
     signs = {one.channel: one.sign for one in seen}
     loaded, locked = ("in", "out") if recipe.loading == "input" else ("out", "in")
     if signs[DRIVE_ANGLE] < 0:
@@ -165,15 +166,14 @@ def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], amplifier: Modbus
     rows = ((f"angle_{loaded}_rad", angle), (f"torque_{loaded}_nm", torque), (f"torque_{locked}_nm", other))
     for channel, sign in (*rows, (f"angle_{locked}_rad", signs.get(f"angle_{locked}_rad", 0) * (other or 1))):
         if sign < 0:
-            scale = next((field.scale for field in amplifier.read.fields if field.name == channel), None)
-            cure = (
-                f"Write 'scale: {-(1.0 if scale is None else scale)!r}' for {channel} into profile "
-                f"{amplifier.profile.name}; it is {scale!r} now."
-            )
+            scale = scale_of(channel)
+            cure = "Turn the sign of its scale."
+            if scale is not None:
+                cure = f"Write 'scale: {-scale.value!r}' for {scale.place}; it is {scale.value!r} now."
             yield Finding(what=f"{channel} counts the wrong way.", cure=cure)
 
 
-def _amounts(seen: Sequence[Seen], profile: str) -> Iterator[Finding]:
+def _amounts(seen: Sequence[Seen], scale_of: ScaleOf) -> Iterator[Finding]:
     for one in seen:
         low, high = ANGLE_RATIO if one.unit == "rad" else TORQUE_RATIO
         if one.sign and one.against != "output torque" and one.channel != DRIVE_ANGLE:
@@ -181,7 +181,9 @@ def _amounts(seen: Sequence[Seen], profile: str) -> Iterator[Finding]:
             if not low <= amount <= high:
                 what = f"{one.channel}: {amount:.3g} of what {one.against} lets expect; {low:g} to {high:g} allowed."
                 where = "gear_ratio of the bench file or " if one.unit == "rad" else "ratio of the recipe or "
-                yield Finding(what=what, cure=f"Correct {where}scale of {one.channel} in profile {profile}.")
+                scale = scale_of(one.channel)
+                place = one.channel if scale is None else scale.place
+                yield Finding(what=what, cure=f"Correct {where}the scale of {place}.")
 
 
 def figures(tried: Tried, seen: Sequence[Seen]) -> tuple[Figure, ...]:

@@ -92,6 +92,12 @@ def probe(bench: OnWires, seconds: float) -> Probed:
         Finding(what=f"The profile says that the drive has no {what}.", cure="Compare with the manual.", refuses=False)
         for what in lacking
     ]
+    findings += [
+        Finding(
+            what=f"{one.where}: not read here.", cure="Its frames are checked by direction and latency.", refuses=False
+        )
+        for one in wires.can_sensors
+    ]
     counts = [
         Figure(name=f"objects {one}", value=sum(row.outcome == one for row in objects)) for one in _outcomes(objects)
     ]
@@ -135,9 +141,10 @@ def _drive_values(link: CanLink, bench: OnWires) -> list[Live]:
 def _modbus_values(name: str, device: ModbusDevice, scan: int) -> list[Live]:
     age = device.age_scans(scan)
     age_ms = None if age == AGE_NEVER else float(age)
-    names = [channel for channel in SHOWN[name] if channel in device.reader.names]
+    wanted = SHOWN.get(name, tuple(one for one in device.reader.names if one != "identity"))
+    names = [channel for channel in wanted if channel in device.reader.names]
     return [
-        Live(channel, f"{float(device.values[device.place(channel)]):.6g}", UNITS[channel], name, age_ms)
+        Live(channel, f"{float(device.values[device.place(channel)]):.6g}", UNITS.get(channel, ""), name, age_ms)
         for channel in names
     ]
 

@@ -62,8 +62,8 @@ def registers(
     bench: BenchFileOption,
     seconds: PatienceOption = 60.0,
     part: Annotated[
-        str, typer.Option("--device", metavar="NAME", help="amplifier; or brake or remote_io, to look at only.")
-    ] = "amplifier",
+        str | None, typer.Option("--device", metavar="NAME", help="Look at this device only: brake, remote_io ...")
+    ] = None,
     without: Annotated[
         list[str] | None,
         typer.Option("--without", metavar="CHANNEL", help="Torque that nobody can press on; may be repeated."),
@@ -71,7 +71,7 @@ def registers(
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 2: the amplifier's registers, raw and in both word orders, while somebody presses on the torque sensors.
+    """Step 2: registers of what measures, raw and in both word orders, while somebody presses on the torque sensors.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """

@@ -20,7 +20,6 @@ from station.documents.reading import plain
 from station.errors import StationError
 
 NOT_PASSED = 1
-AMPLIFIER = "amplifier"
 Block = str | Grid
 
 
@@ -101,33 +100,31 @@ def probe(bench_name: str, seconds: float, by: str | None, *, as_json: bool) -> 
 
 
 def registers(
-    bench_name: str, part: str, seconds: float, without: Sequence[str], by: str | None, *, as_json: bool
+    bench_name: str, part: str | None, seconds: float, without: Sequence[str], by: str | None, *, as_json: bool
 ) -> int:
-    """Do the step `registers`; with another device than the amplifier only look."""
+    """Do the step `registers`; with a device that is named only look at it."""
     from station.commissioning.registers import SENSORS, Row, browse  # noqa: PLC0415 - as above
 
-    for what, found, allowed in (
-        ("--device", part, tuple(PART_FIELDS)),
-        *(("--without", one, tuple(SENSORS)) for one in without),
-    ):
-        if found not in allowed:
-            raise StationError(f"{what}: found '{found}'; allowed: {', '.join(allowed)}")
+    for found in without:
+        if found not in SENSORS:
+            raise StationError(f"--without: found '{found}'; allowed: {', '.join(SENSORS)}")
     bench = on_wires(bench_name)
     tell = teller(as_json=as_json)
-    if part == AMPLIFIER:
+    if part is None:
         may_begin(bench, "registers")
 
     def begun() -> None:
-        if part == AMPLIFIER:
+        if part is None:
             tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
 
-    def pressed(row: Row, value: float | None) -> None:
+    def pressed(row: Row, value: float) -> None:
         tell(f"  {row.field.name} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
 
     with bench.alone():
         seen = browse(bench, part, seconds, begun, pressed, without)
     rows = [
         (
+            row.part,
             str(row.address),
             row.field.name,
             row.field.type,
@@ -139,10 +136,10 @@ def registers(
         )
         for row in seen.rows
     ]
-    heads = ("register", "field", "type", "raw", "word order big", "little", "changes", "shows")
-    blocks: list[Block] = [Grid(heads, rows, right=(0, 4, 5, 6))]
-    more = {"device": part, "fields": [dict(zip(heads, row, strict=True)) for row in rows], "moved": list(seen.moved)}
-    if part != AMPLIFIER:
+    heads = ("device", "register", "field", "type", "raw", "word order big", "little", "changes", "shows")
+    blocks: list[Block] = [Grid(heads, rows, right=(1, 5, 6, 7))]
+    more = {"fields": [dict(zip(heads, row, strict=True)) for row in rows], "moved": list(seen.moved)}
+    if part is not None:
         say(more, [*blocks, *(f"{one.what} {one.cure}" for one in seen.findings)], as_json=as_json)
         return 0
     done = write_down(bench, "registers", by, seen.findings, seen.figures)

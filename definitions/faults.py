@@ -106,6 +106,9 @@ AGES = Range(0.0, 10_000.0, beyond_least=True)
 SAMPLES_BAD_MS = 20.0
 """Bad samples are borne no longer than this, however old the recipe lets good ones grow."""
 
+WRONG_DIRECTION = "New bench, wrong direction? Run: lostmotion bench direction"
+"""What the faults say that a wrong sign of motor, torque or angle causes at the first start of a bench."""
+
 # fmt: off
 FAULTS: tuple[Fault, ...] = (
     # --- people first
@@ -252,7 +255,8 @@ FAULTS: tuple[Fault, ...] = (
           live_in=ALWAYS),
     Fault(30, "torque_channels_disagree", R.QUICK_STOP, 0, "Input and output torque do not fit together",
           "A torque sensor is stuck or disconnected, a coupling is broken, the unit is jammed, or the ratio is wrong",
-          "Check torque sensors, couplings and the recipe's ratio; a jammed unit stays wound up: turn it back by hand",
+          "Check torque sensors, couplings and the recipe's ratio; a jammed unit stays wound up: turn it back by hand. "
+          + WRONG_DIRECTION,
           live_in=LOCKED | {S.RELEASE, S.FAULT},
           time=Time("20 ms", 20.0)),
     # --- steps that did not end
@@ -270,7 +274,7 @@ FAULTS: tuple[Fault, ...] = (
           "Check the brake supply's limit and wiring"),
     Fault(35, "lock_unproven", R.UNLOAD, 0, "Lock not proven: the proof torque was not reached",
           "Lock open or slipping, coupling missing, or no unit on the bench",
-          "Check that a unit is mounted, coupled and clamped"),
+          "Check that a unit is mounted, coupled and clamped. " + WRONG_DIRECTION),
     Fault(36, "target_not_reached", R.UNLOAD, 0, "Ramp did not reach its torque in time",
           "Unit slips, ramp too slow, or an alarm held the ramp",
           "Check the ramp's torque, rate and time limit in the recipe"),
@@ -300,7 +304,8 @@ FAULTS: tuple[Fault, ...] = (
           time=Time("10 ms", 10.0)),
     Fault(43, "angle_channels_disagree", R.QUICK_STOP, 0, "Drive and angle sensor of the loaded shaft do not fit",
           "Angle sensor stuck, drifting or slipping on its shaft, broken coupling, or wrong gear_ratio in the bench",
-          "Check the angle sensor, its mounting and the couplings; compare the bench's gear_ratio with the type plate",
+          "Check the angle sensor, its mounting and the couplings; compare the bench's gear_ratio with the type plate. "
+          + WRONG_DIRECTION,
           # not in FAULT, nor on the way back (`angles_compared`): a torque goes to zero there, by torque sensors that
           # watch each other, and a dead angle sensor must not stand against it
           live_in=LOCKED,

@@ -8,6 +8,15 @@ from typing import Literal
 IntegerType = Literal["u8", "i8", "u16", "i16", "u32", "i32"]
 RegisterType = Literal["u16", "i16", "u32", "i32", "f32"]
 
+FieldType = Literal["u16", "i16", "u32", "i32", "f32", "bit"]
+"""Types of values that a Modbus device has: of its registers, and of its coils and discrete inputs."""
+
+ByteType = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
+"""Types of values that begin at a byte of a CAN frame."""
+
+BIT = "bit"
+"""Type of a coil or discrete input."""
+
 IGNORED = "ignored"
 """Name in profile files of a mapped object whose number nobody looks at."""
 

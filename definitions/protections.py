@@ -34,11 +34,11 @@ class Protection(NamedTuple):
 DRIVE_PROTECTIONS: tuple[Protection, ...] = (
     Protection("controller_heartbeat", "supervision of the controller's heartbeat",
                (("consumer_heartbeat", "0x1016:1"),),
-               "Read back before every run. That the drive acts on it is not measured",
+               "Read back before every run. That the drive acts on it: `lostmotion bench watchdogs`, once",
                "A dead controller is noticed by the time-out of set-points alone"),
     Protection("setpoint_timeout", "time-out of set-points",
                (("rpdo_timeout", "0x1400:5"),),
-               "Read back before every run. Some drives do not supervise synchronous PDOs",
+               "Read back before every run. Some drives do not act on it: `lostmotion bench watchdogs`, once",
                "A scan that stands still is noticed by the controller's heartbeat alone"),
     Protection("drive_heartbeat", "heartbeat of the drive",
                (("producer_heartbeat", "0x1017"),),
@@ -46,7 +46,7 @@ DRIVE_PROTECTIONS: tuple[Protection, ...] = (
                "A dead drive would be noticed by its missing process data alone"),
     Protection("abort_connection", "reaction to a lost controller",
                (("option_code", "0x6007"),),
-               "Read back before every run. What the drive then does is not measured",
+               "Read back before every run. What the drive then does: `lostmotion bench watchdogs`, once",
                "The drive reacts to a lost controller in its own way, which the fault reaction or its maker decides"),
     Protection("quick_stop", "quick stop option",
                (("option_code", "0x605A"),),
@@ -83,7 +83,7 @@ NOT_TRIED = "not tried on hardware"
 
 UNPROVEN = (
     "not measured: that this drive ends its torque when the program dies. Its settings were read back; some drives hold"
-    " them and do not act on them. Kill a run at low torque once, and watch the drive."
+    " them and do not act on them. Measure it once: lostmotion bench watchdogs."
 )
 """What every result says of a bench on real wires, where nobody knows what the drive does."""
 

@@ -11,6 +11,7 @@ from controller.debounce import debounce_text
 from controller.interlocks import INTERLOCKS
 from controller.states import TRANSITIONS
 from definitions.checks import CHECKS, Check
+from definitions.device_proofs import DEVICE_PROOFS
 from definitions.faults import FAULTS
 from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, DriveCommand, Field, State
 from definitions.program import ROLES
@@ -206,6 +207,11 @@ def safety() -> str:
                 (row.meaning, row.objects, ", ".join(f"`{way}`" for way, _ in row.ways), row.proof, row.without)
                 for row in DRIVE_PROTECTIONS
             ),
+        )
+        + "\n## Of brake, sensors and I/O\n\nWhat a device may lack, and what is left then. Each result on a bench that lacks it says so.\n\n"
+        + table(
+            ("the bench has", "what is not proven", "what remains"),
+            ((row.lacking, row.unproven, row.remains) for row in DEVICE_PROOFS),
         )
         + "\n## Of the controller\n\nInterlocks, looked at in every scan. What happens when each cause is brought about on purpose: [fault"
         " matrix](fault-matrix.md). Without the program none of them acts; then the drive's own protections are what is left.\n\n"

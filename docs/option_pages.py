@@ -16,6 +16,7 @@ from recipes.schema.bench_schema import (
     CanBus,
     Drive,
     MasterPart,
+    MeasuringDevice,
     ModbusDevice,
     PaceOfBench,
     Sensors,
@@ -31,6 +32,7 @@ from recipes.schema.calibration_schema import (
     QuadrantLine,
     UnitLine,
 )
+from recipes.schema.channel_schema import CanSensor, Channels, ChannelSource
 from recipes.schema.interlock_schema import Interlocks
 from recipes.schema.metric_schema import MetricWanted
 from recipes.schema.recipe_schema import (
@@ -121,6 +123,7 @@ RECIPE_STEPS = {
 
 BENCH_SECTIONS = {
     "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
+    "devices (each)": MeasuringDevice, "can_devices (each)": CanSensor, "channels": Channels, "channels: torque_in, torque_out, angle_in, angle_out": ChannelSource,
     "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
     "pace": PaceOfBench, "torque_control": TorqueControl, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit, "calibrations: units: lines (each)": UnitLine,
     "master_parts (each)": MasterPart,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drivers.pace import PaceConfig
-from drivers.profile import DriveProfile, ModbusProfile
+from drivers.profile import CanFrame, DriveProfile, ModbusProfile
 
 ALL_CHANNELS = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
 """Measured channels of a bench with all four sensors."""
@@ -111,16 +111,68 @@ class ModbusConfig:
 
 
 @dataclass(frozen=True)
+class ChannelConfig:
+    """Where a measured channel comes from: value = field × scale + zero, in the unit of the channel.
+
+    What proves that a value is new: `proof_field`, which must have changed within `still_s`: at once (0) a counter or
+    time stamp, within a stated time the noise of a value. Without it every answer is taken for a new value.
+    """
+
+    channel: str
+    device: str
+    field: str
+    scale: float = 1.0
+    zero: float = 0.0
+    proof_field: str = ""
+    still_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class NamedDevice:
+    """A Modbus device that measures; one of several blocks has an entry for each, under the same name."""
+
+    name: str
+    modbus: ModbusConfig
+
+
+@dataclass(frozen=True)
+class CanSensorConfig:
+    """A sensor on the CAN bus of the drive: the frames that it sends; a CANopen node is started by NMT."""
+
+    name: str
+    node_id: int | None
+    frames: tuple[CanFrame, ...]
+    first_frame_timeout_s: float = 2.0
+    """Longest wait for each of its frames before the scan."""
+
+    @property
+    def where(self) -> str:
+        """The sensor as a person would look for it."""
+        return f"{self.name} on CAN" if self.node_id is None else f"{self.name} on CAN, node {self.node_id}"
+
+
+@dataclass(frozen=True)
 class WireBenchConfig:
-    """Everything a bench needs to open its wires."""
+    """Everything a bench needs to open its wires.
+
+    All measured channels come from the amplifier, or each from where `sources` says; then there is no amplifier, and
+    `measuring` are the Modbus devices, with all of their blocks, and `can_sensors` those on the bus of the drive.
+    """
 
     period_ns: int
     can: CanConfig
     drive: DriveConfig
-    amplifier: ModbusConfig
+    amplifier: ModbusConfig | None
     brake: ModbusConfig
     remote_io: ModbusConfig
     pace: PaceConfig | None = None
     """Where a virtual bench waits for the scan; None for a bench with a clock of its own, as real ones have."""
     channels: tuple[str, ...] = ALL_CHANNELS
-    """The channels that this bench has sensors for; the amplifier's profile must deliver each."""
+    """The channels that this bench has sensors for; amplifier or sources must deliver each."""
+    brake_fixed_current_a: float = 0.0
+    """What a brake is taken to have that is on, was never ordered a current, and does not measure it."""
+    measuring: tuple[NamedDevice, ...] = ()
+    sources: tuple[ChannelConfig, ...] = ()
+    can_sensors: tuple[CanSensorConfig, ...] = ()
+    modbus_devices: tuple[str, ...] = ("amplifier", "brake", "remote_io")
+    """Names of the Modbus devices in the order of the bench file, in which a virtual bench counts their answers."""

@@ -39,15 +39,16 @@ class Kind(IntEnum):
 
 
 class ToBench(NamedTuple):
-    """Message to the bench; frames and requests are counted from BEGIN on. `number`: period in ns, or the scan."""
+    """Message to the bench; frames and requests are counted from BEGIN on. `number`: period in ns, or the scan.
+
+    `requests`: of each Modbus device, in the order of the bench file.
+    """
 
     kind: int
     number: int
     state: int
     frames: int
-    requests_amplifier: int
-    requests_brake: int
-    requests_remote_io: int
+    requests: tuple[int, ...]
 
 
 class FromBench(NamedTuple):
@@ -56,19 +57,43 @@ class FromBench(NamedTuple):
     number: int
     missed: int
     frames: int
-    bytes_amplifier: int
-    bytes_brake: int
-    bytes_remote_io: int
+    answered: tuple[int, ...]
+    """Bytes of the answers of each Modbus device, in the order of the bench file."""
     unit: bytes
 
 
-TO_BENCH = struct.Struct("<BqiIIII")
-FROM_BENCH = struct.Struct(f"<qIIIII{UNIT_BYTES}s")
+MOST_DEVICES = 8
+"""Modbus devices of a bench; a message has room for the counts of so many."""
+
+TO_BENCH = struct.Struct(f"<BqiI{MOST_DEVICES}I")
+FROM_BENCH = struct.Struct(f"<qII{MOST_DEVICES}I{UNIT_BYTES}s")
 BEGUN = -1
 """Number of the answers to HELLO and BEGIN."""
 
-PACE_DEVICES = ("amplifier", "brake", "remote_io")
-"""Devices whose requests and answers are counted, in the order of the messages."""
+_NO_COUNTS = (0,) * MOST_DEVICES
+
+
+def to_bench(message: ToBench) -> bytes:
+    """Return a message as it is sent."""
+    return TO_BENCH.pack(*message[:4], *message.requests, *_NO_COUNTS[len(message.requests) :])
+
+
+def from_bytes_to_bench(data: bytes) -> ToBench:
+    """Return the message at the beginning of `data`."""
+    kind, number, state, frames, *requests = TO_BENCH.unpack_from(data)
+    return ToBench(kind, number, state, frames, tuple(requests))
+
+
+def from_bench(answer: FromBench) -> bytes:
+    """Return an answer as it is sent."""
+    counts = (*answer.answered, *_NO_COUNTS[len(answer.answered) :])
+    return FROM_BENCH.pack(answer.number, answer.missed, answer.frames, *counts, answer.unit)
+
+
+def from_bytes_from_bench(data: bytes) -> FromBench:
+    """Return the answer at the beginning of `data`."""
+    number, missed, frames, *answered, unit = FROM_BENCH.unpack_from(data)
+    return FromBench(number, missed, frames, tuple(answered), unit)
 
 
 @dataclass(frozen=True)
@@ -93,7 +118,7 @@ class Pace:
         """Unit on the virtual bench, as the bench says."""
         self.unanswered = 0
         """Waits that ended without an answer."""
-        self.answer = FromBench(BEGUN, 0, 0, 0, 0, 0, b"")
+        self.answer = FromBench(BEGUN, 0, 0, _NO_COUNTS, b"")
         """The newest answer."""
         self._socket: socket.socket | None = None
         self._received = b""
@@ -130,7 +155,7 @@ class Pace:
     def _ask(self, kind: Kind, number: int) -> None:
         if self._socket is None:
             raise ConnectionResetError(_CLOSED)
-        self._socket.sendall(TO_BENCH.pack(kind, number, 0, 0, 0, 0, 0))
+        self._socket.sendall(to_bench(ToBench(kind, number, 0, 0, ())))
         while len(self._received) < FROM_BENCH.size:
             self._received += _some(self._socket)
         self._take()
@@ -141,13 +166,13 @@ class Pace:
             Problem("no virtual bench waits there", self.config.where, str(error), "an answer", _NOT_THERE)
         ) from error
 
-    def scan_ended(self, scan: int, state: int, frames: int, requests: tuple[int, int, int]) -> None:
+    def scan_ended(self, scan: int, state: int, frames: int, requests: tuple[int, ...]) -> None:
         """Tell the bench that a scan has sent everything: `frames` and `requests` of each device since BEGIN."""
         if self._socket is None:
             return
         self._asked = scan
         try:
-            self._socket.sendall(TO_BENCH.pack(Kind.SCAN_ENDED, scan, state, frames, *requests))
+            self._socket.sendall(to_bench(ToBench(Kind.SCAN_ENDED, scan, state, frames, requests)))
         except OSError:
             self.close()
 
@@ -175,7 +200,7 @@ class Pace:
     def _take(self) -> int:
         missed = 0
         while len(self._received) >= FROM_BENCH.size:
-            self.answer = FromBench(*FROM_BENCH.unpack_from(self._received))
+            self.answer = from_bytes_from_bench(self._received)
             self._received = self._received[FROM_BENCH.size :]
             missed += self.answer.missed
         return missed

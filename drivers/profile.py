@@ -1,7 +1,7 @@
-"""Device profiles: the object mapping of a CiA 402 drive, the register map of a Modbus device.
+"""Device profiles: the object mapping of a CiA 402 drive, the register map of a Modbus device, frames of CAN sensors.
 
 Plain data, with the names that profile files use: those files are checked where they are read
-(`recipes.schema.profile_schema`), and what they may hold is said there.
+(`recipes.schema.profile_schema`, `modbus_profile_schema`), and what they may hold is said there.
 """
 
 from __future__ import annotations
@@ -9,9 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from definitions.number_formats import SIZES, IntegerType, RegisterType
+from definitions.number_formats import SIZES, FieldType, IntegerType
 
-Table = Literal["input", "holding"]
+Table = Literal["input", "holding", "discrete", "coil"]
+RegisterTable = Literal["input", "holding"]
+COIL_TABLES = frozenset({"discrete", "coil"})
+"""Tables of single bits."""
+
 Order = Literal["big", "little"]
 IdentityType = Literal["u16", "u32", "text"]
 
@@ -147,7 +151,7 @@ class IdentityRegister:
     `value` of a number, `text` of a text: two characters a register, filled up with zeros.
     """
 
-    table: Table
+    table: RegisterTable
     address: int
     type: IdentityType
     value: int | None = None
@@ -168,12 +172,12 @@ class IdentityRegister:
 class ReadField:
     """A value in the block that is read: register number × scale + zero, or one bit (0 = least significant).
 
-    The scale is negative where the device counts the other way round.
+    The scale is negative where the device counts the other way round. Of coils and discrete inputs the type is `bit`.
     """
 
     name: str
     offset: int
-    type: RegisterType
+    type: FieldType
     scale: float | None
     bit: int | None
     zero: float | None = None
@@ -185,13 +189,13 @@ class WriteField:
 
     name: str
     offset: int
-    type: Literal["u16", "i16", "u32", "i32"]
+    type: Literal["u16", "i16", "u32", "i32", "bit"]
     scale: float | None
 
 
 @dataclass(frozen=True)
 class ReadBlock:
-    """The registers read at every poll, in one request."""
+    """The registers or coils read at every poll, in one request."""
 
     table: Table
     address: int
@@ -201,18 +205,23 @@ class ReadBlock:
 
 @dataclass(frozen=True)
 class WriteBlock:
-    """The registers written, without gaps, in one request."""
+    """The registers or coils written, without gaps, in one request.
 
-    table: Literal["holding"]
+    `single`: by the request for a single one (function code 5 or 6) instead of that for several (15 or 16).
+    """
+
+    table: Literal["holding", "coil"]
     address: int
     fields: tuple[WriteField, ...]
+    single: bool = False
 
 
 @dataclass(frozen=True)
 class ModbusProfile:
     """Profile of a Modbus device; `byte_order` inside a register, `word_order` of the registers of a 32-bit value.
 
-    A device without an identity is taken for what the bench file says that it is.
+    A device without an identity is taken for what the bench file says that it is. `read_also`: further blocks, each
+    read by a request of its own.
     """
 
     profile: ModbusProfileHeader
@@ -221,3 +230,29 @@ class ModbusProfile:
     identity: IdentityRegister | None
     read: ReadBlock
     write: WriteBlock | None
+    read_also: tuple[ReadBlock, ...] = ()
+
+
+@dataclass(frozen=True)
+class CanField:
+    """A value in a frame: `bits` bits, `shift` of them above the lowest; number × scale + zero.
+
+    `order`: little counts from the lowest bit of the first byte on, big from the lowest of the last one.
+    """
+
+    name: str
+    shift: int
+    bits: int
+    kind: Literal["unsigned", "signed", "float"]
+    order: Order
+    scale: float = 1.0
+    zero: float = 0.0
+
+
+@dataclass(frozen=True)
+class CanFrame:
+    """A frame of a sensor: its identifier of 11 bits, its length in bytes, and what is in it."""
+
+    identifier: int
+    size: int
+    fields: tuple[CanField, ...]

@@ -12,13 +12,15 @@ import can
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, Image, Orders
 from drivers.can.bus import CanLink, open_can
 from drivers.can.other_controller import refuse_other_controller
+from drivers.can.sensors import SensorFrame, identifier_problems, start_sensors
 from drivers.config import ModbusConfig, WireBenchConfig
-from drivers.errors import DriverError, ModbusError, Problem
+from drivers.errors import DriverError, ModbusError, Problem, ProfileError
 from drivers.modbus.device import ModbusDevice
 from drivers.modbus.frames import Outcome, Reply
 from drivers.modbus.line import ModbusLine
-from drivers.modbus.part_fields import PART_FIELDS, check_parts
+from drivers.modbus.part_fields import check_parts, source_problems
 from drivers.pace import Pace
+from drivers.sample import ComposedSample
 from drivers.servo_drive.drive import CanDrive
 from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 from drivers.servo_drive.setup import set_up_drive
@@ -27,11 +29,11 @@ from drivers.wire_image import WireImage
 WORST_REPLY_TIMEOUTS = 3
 """RTU: a reply later than this many time-outs is taken for impossible, unless the bench file says otherwise."""
 
-MOST_MODBUS_CALLS = 4
-"""System calls for Modbus TCP in one scan: a look for each reply that is due, and requests in what is left of them.
+CALLS_A_LINE = 2
+"""System calls for Modbus TCP in one scan: two for each line that measures and two for all that are slow.
 
-Every scan shall cost the same. The amplifier takes two of them; of the slow devices a request may have to wait for the
-next scan when both their replies came in this one.
+A look for each reply that is due, and requests in what is left of them. Every scan shall cost the same: of the slow
+devices a request may have to wait for the next scan when both their replies came in this one.
 """
 
 _NO_ORDERS = Orders(*[0] * len(Orders._fields))
@@ -53,17 +55,48 @@ class WireBench:
         self._link: CanLink | None = None
         self._drive: CanDrive | None = None
         self.pace = None if config.pace is None else Pace(config.pace)
-        self.amplifier = self._device(config.amplifier)
+        measuring = [(one.name, self._device(one.modbus)) for one in config.measuring]
+        if config.amplifier is not None:
+            measuring.append(("amplifier", self._device(config.amplifier)))
+        self.amplifiers = tuple(device for _, device in measuring)
+        """The Modbus devices that measure, with a device for each of their blocks."""
         self.brake = self._device(config.brake)
         self.remote_io = self._device(config.remote_io)
-        devices = (self.amplifier, self.brake, self.remote_io)
+        devices = (*self.amplifiers, self.brake, self.remote_io)
         self._devices = devices
+        named = [*measuring, ("brake", self.brake), ("remote_io", self.remote_io)]
+        self.named_devices = {
+            name: tuple(device for other, device in named if other == name) for name in config.modbus_devices
+        }
+        """Devices by their names in the bench file, in its order."""
         self._sharing = [
             (line, tuple(device for device in devices if device.line is line)) for line in self._lines.values()
         ]
-        """Lines with their devices in the order of their turns: the amplifier's is always the first."""
-        self._image = WireImage(self.amplifier, self.brake, self.remote_io)
+        """Lines with their devices in the order of their turns: those that measure are always the first."""
+        self._measuring_lines = len({id(device.line) for device in self.amplifiers})
+        self._most_calls = CALLS_A_LINE * (self._measuring_lines + 1)
+        if problems := identifier_problems(
+            config.can_sensors, config.drive.profile, config.drive.node_id, config.drive.controller_node_id
+        ):
+            raise ProfileError(*problems)
+        self._can_frames = [(sensor.name, SensorFrame(one)) for sensor in config.can_sensors for one in sensor.frames]
+        self._composed = self._compose(measuring) if config.sources else None
+        self._image = WireImage(
+            self._composed or self.amplifiers[0], self.brake, self.remote_io, config.brake_fixed_current_a
+        )
         self._requests_left = 0
+
+    def _compose(self, measuring: list[tuple[str, ModbusDevice]]) -> ComposedSample:
+        """Return the sample of channels from several devices; ProfileError when one names a field that is not there."""
+        config = self.config
+        feeds: list[tuple[str, ModbusDevice | SensorFrame]] = [*measuring, *self._can_frames]
+        if problems := source_problems(config.sources, [(name, feed.names) for name, feed in feeds]):
+            raise ProfileError(*problems)
+        sources = [
+            (source, next(feed for name, feed in feeds if name == source.device and feed.place(source.field) >= 0))
+            for source in config.sources
+        ]
+        return ComposedSample(sources, config.period_ns)
 
     def _device(self, config: ModbusConfig) -> ModbusDevice:
         period_ns = self.config.period_ns
@@ -129,8 +162,11 @@ class WireBench:
             raise
         self._link = link
         verified = set_up_drive(link, self.config.drive, self.config.period_ns)
+        if problems := start_sensors(link, self.config.can_sensors, verified):
+            raise DriverError(*problems)
         heartbeat_scans = in_scans(self.config.drive.controller_heartbeat_s, self.config.period_ns)
-        self._drive = CanDrive(link, self.config.drive, heartbeat_scans)
+        listeners = {frame.identifier: frame for _, frame in self._can_frames}
+        self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners)
         self._image.opened()
         return [f"{self.config.can.where}: open", *verified]
 
@@ -164,17 +200,23 @@ class WireBench:
         missed = pace.wait()
         answer = pace.answer
         self.drive.link.frames_due = answer.frames
-        due = (answer.bytes_amplifier, answer.bytes_brake, answer.bytes_remote_io)
-        for line, devices in self._sharing:
-            line.bytes_due = sum(sent for device, sent in zip(self._devices, due, strict=True) if device in devices)
+        due = zip(self.named_devices.values(), answer.answered, strict=False)  # a message has room for more devices
+        for line in self._lines.values():
+            line.bytes_due = 0
+        for devices, sent in due:
+            devices[0].line.bytes_due += sent
         return missed
 
     def read(self, scan: int, missed_periods: int, command: int) -> Image:
         """Take what has arrived and return the image of this scan."""
         drive = self.drive
         drive.poll(scan, missed_periods)
-        looks = self.amplifier.poll(scan) + self.brake.poll(scan) + self.remote_io.poll(scan)
-        self._requests_left = MOST_MODBUS_CALLS - looks
+        looks = 0
+        for device in self._devices:
+            looks += device.poll(scan)
+        self._requests_left = self._most_calls - looks
+        if self._composed is not None:
+            self._composed.take(scan)
         return self._image.take(drive, scan, missed_periods, command)
 
     def write(self, orders: Orders, scan: int) -> None:
@@ -185,8 +227,7 @@ class WireBench:
             self.brake.order({"brake_on": orders.brake_on, "brake_current_a": orders.brake_current_a})
         self._request(scan)
         if self.pace is not None:
-            amplifier, brake, remote_io = self._devices
-            requests = (amplifier.requests, brake.requests, remote_io.requests)
+            requests = tuple([sum([one.requests for one in devices]) for devices in self.named_devices.values()])
             self.pace.scan_ended(scan, orders.state, self.drive.link.frames_sent, requests)
 
     def _request(self, scan: int) -> None:
@@ -202,7 +243,7 @@ class WireBench:
                     waiting = sharing
         if waiting is not None:
             self._sharing.remove(waiting)
-            self._sharing.insert(1, waiting)
+            self._sharing.insert(self._measuring_lines, waiting)
 
     def close(self) -> None:
         """Take the drive's power away, stop its process data, close everything; safe to call twice."""
@@ -232,17 +273,22 @@ class WireBench:
             "can.frames_foreign": drive.frames_foreign,
             "drive.setpoints_clamped": drive.setpoints_clamped,
         }
-        for name, device in zip(PART_FIELDS, self._devices, strict=True):
+        for name, blocks in self.named_devices.items():
+            line = blocks[0].line
             counts |= {
-                f"{name}.replies": device.replies,
-                f"{name}.timeouts": device.line.timeouts,
-                f"{name}.garbage": device.line.garbage,
-                f"{name}.strangers": device.line.strangers,
-                f"{name}.exceptions": device.exceptions,
-                f"{name}.identity_mismatches": device.identity_mismatches,
-                f"{name}.malformed": device.malformed,
-                f"{name}.orders_clamped": device.writer.clamped,
+                f"{name}.replies": sum(block.replies for block in blocks),
+                f"{name}.timeouts": line.timeouts,
+                f"{name}.garbage": line.garbage,
+                f"{name}.strangers": line.strangers,
+                f"{name}.exceptions": sum(block.exceptions for block in blocks),
+                f"{name}.identity_mismatches": sum(block.identity_mismatches for block in blocks),
+                f"{name}.malformed": sum(block.malformed for block in blocks),
+                f"{name}.orders_clamped": sum(block.writer.clamped for block in blocks),
             }
+        for name in dict.fromkeys(name for name, _ in self._can_frames):
+            frames = [frame for other, frame in self._can_frames if other == name]
+            counts[f"{name}.frames"] = sum(frame.frames for frame in frames)
+            counts[f"{name}.malformed"] = sum(frame.malformed for frame in frames)
         return counts
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from definitions.first_image import first_image
 from definitions.image import AGE_NEVER, REMOTE_IO_FIELDS, DriveMode, DriveState, Image, Link
-from drivers.modbus.device import ModbusDevice
+from drivers.modbus.device import NO_FIELD, ModbusDevice
 from drivers.modbus.part_fields import READ_FIELDS
+from drivers.sample import Feed
 from drivers.servo_drive.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
 from drivers.servo_drive.data_types import picker
 from drivers.servo_drive.drive import CanDrive
@@ -25,6 +26,7 @@ class WireImage:
         "_brake",
         "_contacts",
         "_contacts_of",
+        "_fixed_current_a",
         "_image",
         "_limited",
         "_lock",
@@ -35,10 +37,18 @@ class WireImage:
         "_sample",
         "_sample_of",
         "_state",
+        "_tells_current",
+        "_tells_on",
     )
 
-    def __init__(self, amplifier: ModbusDevice, brake: ModbusDevice, remote_io: ModbusDevice) -> None:
+    def __init__(
+        self, amplifier: Feed, brake: ModbusDevice, remote_io: ModbusDevice, fixed_current_a: float = 0.0
+    ) -> None:
+        """`amplifier`: what the sample comes from. `fixed_current_a`: of a brake that was never ordered a current."""
         self._amplifier, self._brake, self._remote_io = amplifier, brake, remote_io
+        self._tells_on = brake.place("brake_on") != NO_FIELD
+        self._tells_current = brake.place("brake_current_a") != NO_FIELD
+        self._fixed_current_a = fixed_current_a
         self._sample_of = picker([amplifier.place(name) for name in READ_FIELDS["amplifier"]])
         self._lock_of = picker([brake.place(name) for name in READ_FIELDS["brake"]])
         self._contacts_of = picker([remote_io.place(name) for name in READ_FIELDS["remote_io"]])
@@ -129,6 +139,10 @@ class WireImage:
     def _take_lock(self, values: list[float]) -> None:
         image, self._lock = self._image, values
         brake_on, current_a = self._lock_of(values)
+        if not self._tells_on:
+            brake_on = current_a > 0.0
+        if not self._tells_current:  # what was ordered, where the brake is on: see `definitions.device_proofs`
+            current_a = (self._brake.ordered("brake_current_a") or self._fixed_current_a) if brake_on else 0.0
         image.brake_on = 1 if brake_on else 0
         image.brake_current_a = float(current_a)
 

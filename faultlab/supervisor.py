@@ -80,9 +80,11 @@ def run_here(
     A bench behind the gateway lives by its own clock, whatever `pacing` says.
 
     Raises:
-        StationError: the record cannot be written.
+        StationError: the record cannot be written, or no run may start by itself on this bench.
 
     """
+    if unit is None and job.no_automatic_run:
+        raise StationError(job.no_automatic_run)
     scenario = load_scenario(scenario_path)
     pacing = BY_WALL_CLOCK if unit is None else pacing
     record = create_record(job, unit, scenario_path, scenario, data, clock=pacing.clock)

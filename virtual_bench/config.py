@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from drivers.profile import DriveProfile, ModbusProfile
+from drivers.profile import CanFrame, DriveProfile, ModbusProfile
 
 Side = Literal["input", "output"]
 
@@ -161,6 +161,16 @@ class SlcanPort:
 
 
 @dataclass(frozen=True)
+class Shown:
+    """A field of a measuring device and the channel that it shows: channel = field × scale + zero."""
+
+    field: str
+    channel: str
+    scale: float = 1.0
+    zero: float = 0.0
+
+
+@dataclass(frozen=True)
 class ModbusPort:
     """One Modbus device of the virtual bench: on TCP (port 0 takes a free one), or with `rtu` on a serial port.
 
@@ -173,6 +183,18 @@ class ModbusPort:
     port: int = 0
     rtu: bool = False
     serial_port: str = ""
+    shows: tuple[Shown, ...] = ()
+    """Of a device that measures: its fields. It counts its samples in fields called as an amplifier's."""
+
+
+@dataclass(frozen=True)
+class CanSensorPort:
+    """A sensor on the CAN bus: what it sends and how often, None for with every SYNC. `shows` as of a `ModbusPort`."""
+
+    node_id: int | None  # of a CANopen node, which NMT has to start
+    frames: tuple[CanFrame, ...]
+    every_s: float | None
+    shows: tuple[Shown, ...]
 
 
 @dataclass(frozen=True)
@@ -192,11 +214,11 @@ class ServerConfig:
     """The virtual bench as a process of its own."""
 
     bench: BenchConfig
-    amplifier: ModbusPort
-    brake: ModbusPort
-    remote_io: ModbusPort
+    devices: Mapping[str, ModbusPort]  # amplifier, brake, remote_io and others, in the order of the bench file
     can: Socketcand | CanBus | SlcanPort = field(default_factory=Socketcand)
+    can_sensors: tuple[CanSensorPort, ...] = ()
     scenario: Path | None = None
     end_with_parent: bool = False  # ends when its standard input is closed
+    hands: bool = False  # its standard input says what somebody at the bench does
     pace: PaceServer | None = None  # None: by the wall clock, whatever a scan does
     truth: Path | None = None  # where the torque in the reducer over time is written at the end

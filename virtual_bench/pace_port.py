@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
-from drivers.pace import BEGUN, FROM_BENCH, TO_BENCH, UNIT_BYTES, FromBench, Kind, ToBench
+from drivers.pace import BEGUN, TO_BENCH, UNIT_BYTES, FromBench, Kind, ToBench, from_bench, from_bytes_to_bench
 
 QUIET_S = 2.0
 """Silence of a scan that leads, by the wall clock, after which the bench does not wait for it any longer."""
@@ -90,7 +90,7 @@ class PacePort:
         self._heard_s = time.monotonic()
         if message.kind == Kind.HELLO:
             unit = self._bench.unit.encode().ljust(UNIT_BYTES, b"\0")[:UNIT_BYTES]
-            connection.answer(FromBench(BEGUN, 0, 0, 0, 0, 0, unit))
+            connection.answer(FromBench(BEGUN, 0, 0, (), unit))
         elif message.kind == Kind.BEGIN:
             if self._scan is not None and self._scan is not connection and self._scan.leads:
                 self._log("pace_refused", "another scan leads already")
@@ -100,7 +100,7 @@ class PacePort:
             connection.leads = True
             self._bench.begin(message.number)
             self._log("pace_begun", f"the bench waits for a scan of {message.number / 1e6:g} ms")
-            connection.answer(FromBench(BEGUN, 0, 0, 0, 0, 0, b""))
+            connection.answer(FromBench(BEGUN, 0, 0, (), b""))
         elif connection is self._scan:
             if not connection.leads:
                 connection.leads = True
@@ -161,14 +161,14 @@ class _Connection(asyncio.Protocol):
         """Take messages; what is incomplete waits for the rest."""
         self._buffer += data
         while len(self._buffer) >= TO_BENCH.size:
-            message = ToBench(*TO_BENCH.unpack_from(self._buffer))
+            message = from_bytes_to_bench(self._buffer)
             self._buffer = self._buffer[TO_BENCH.size :]
             self._port.heard(self, message)
 
     def answer(self, answer: FromBench) -> None:
         """Send an answer."""
         if not self._transport.is_closing():
-            self._transport.write(FROM_BENCH.pack(*answer))
+            self._transport.write(from_bench(answer))
 
     def close(self) -> None:
         """End the connection at once."""

@@ -14,18 +14,20 @@ import gc
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from definitions.image import State
-from drivers.pace import PACE_DEVICES, FromBench, ToBench
+from drivers.pace import FromBench, ToBench
 from virtual_bench.bench_time import BenchTime
-from virtual_bench.config import CanBus, ModbusPort, ServerConfig, SlcanPort, Socketcand
+from virtual_bench.config import CanBus, CanSensorPort, ModbusPort, ServerConfig, Shown, SlcanPort, Socketcand
+from virtual_bench.devices.can_sensors import CanSensor
 from virtual_bench.devices.drive_node import DriveNode
 from virtual_bench.devices.modbus_rtu import RtuLine
 from virtual_bench.devices.modbus_servers import Device, ModbusServer
-from virtual_bench.devices.process_lines import NOT_SEEN, LogLine, ParentInput, log_line, print_ready, tell_acted
+from virtual_bench.devices.process_lines import NOT_SEEN, Hands, LogLine, ParentInput, log_line, print_ready, tell_acted
 from virtual_bench.drive.cia402_tables import HEARTBEAT_LOST
 from virtual_bench.errors import VirtualBenchError
 from virtual_bench.faults.frame_faults import FrameFaults
@@ -41,6 +43,8 @@ from virtual_bench.wires.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
 POWER_ON_NS = 100_000_000  # a bench that waits for its first scan has been on for a while
+COUNTED = ("sample_counter", "sample_time_us")
+"""What begins anew where it does not fit a register."""
 DEVICE_CYCLE_NS = 1_000_000  # of the remote I/O, which counts its cycles
 
 
@@ -61,7 +65,7 @@ class VirtualBench:
         self._frames_waiting: list[tuple[int, bytes]] = []
         self._frames_come = 0
         self._frames_sent_before = 0
-        self._given_up: tuple[int, ...] = (0,) * (1 + len(PACE_DEVICES))
+        self._given_up: tuple[int, ...] = (0,) * (1 + len(config.devices))
         self._brake_on = 0
         self._frames: FrameFaults | None = None  # from when the drive is there: it says boot-up while it is made
         self.unit = bench.unit
@@ -78,13 +82,14 @@ class VirtualBench:
             self.plant, bench.drive, self._send, self.time, scenario=scenario, report=self._tell_acted
         )
         self._frames = self.drive.faults.frames
-        ports = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
-        self.modbus_faults = ModbusFaults(self.drive.faults, {name: port.registers for name, port in ports.items()})
-        self.servers = {
-            "amplifier": self._serve("amplifier", Device(config.amplifier, self._read_amplifier)),
-            "brake": self._serve("brake", Device(config.brake, self._read_brake, self._write_brake)),
-            "remote_io": self._serve("remote_io", Device(config.remote_io, self._read_remote_io)),
-        }
+        self.modbus_faults = ModbusFaults(
+            self.drive.faults, {name: port.registers for name, port in config.devices.items()}
+        )
+        self._brake_max_a = bench.brake.max_current_a
+        self.servers = {name: self._serve(name, self._device(name, port)) for name, port in config.devices.items()}
+        self.sensors = [
+            CanSensor(port, partial(self._read_sensor, port), self._send, self.time) for port in config.can_sensors
+        ]
         self.serial_lines: dict[str, RtuLine] = {}
 
     def advance(self) -> None:
@@ -144,6 +149,16 @@ class VirtualBench:
             self.can.clock_offset_s = step_s
             faults.seen("clock")
 
+    def _device(self, name: str, port: ModbusPort) -> Device:
+        match name:
+            case "amplifier":
+                return Device(port, self._read_amplifier)
+            case "brake":
+                return Device(port, self._read_brake, self._write_brake)
+            case "remote_io":
+                return Device(port, self._read_remote_io)
+        return Device(port, partial(self._read_measuring, port))
+
     def _serve(self, name: str, device: Device) -> ModbusServer:
         server = ModbusServer(name, device, self.time, self.modbus_faults)
         if self.pace is not None:
@@ -162,6 +177,7 @@ class VirtualBench:
             server.requests = server.bytes_sent = 0
         self.time.lead()
         self.drive.begin_heartbeats()
+        self.begin_sensors()
         self.can.flush()
 
     def wait_again(self) -> None:
@@ -169,17 +185,21 @@ class VirtualBench:
         self.time.lead()
 
     def _come(self) -> tuple[int, ...]:
-        return (self._frames_come, *(self.servers[name].requests for name in PACE_DEVICES))
+        return (self._frames_come, *(server.requests for server in self.servers.values()))
+
+    def _sent(self, message: ToBench) -> tuple[int, ...]:
+        """Return the frames and the requests of each device that were sent; the rest of a message is room."""
+        return (message.frames, *message.requests[: len(self.servers)])
 
     def missing(self, message: ToBench) -> bool:
         """Tell whether something that was sent before a message is not there yet and may still come."""
-        reachable = (self.can.connected, *(self.servers[name].reachable for name in PACE_DEVICES))
-        rows = zip(message[3:], self._come(), self._given_up, reachable, strict=True)
+        reachable = (self.can.connected, *(server.reachable for server in self.servers.values()))
+        rows = zip(self._sent(message), self._come(), self._given_up, reachable, strict=True)
         return any(sent > come + given_up and there for sent, come, given_up, there in rows)
 
     def give_up(self, message: ToBench) -> None:
         """Do without what is missing, now and later."""
-        rows = zip(message[3:], self._come(), self._given_up, strict=True)
+        rows = zip(self._sent(message), self._come(), self._given_up, strict=True)
         self._given_up = tuple(max(sent - come, given_up) for sent, come, given_up in rows)
 
     def let_scan_pass(self, message: ToBench) -> FromBench:
@@ -192,9 +212,9 @@ class VirtualBench:
             self.time.let_pass(self._period_ns)
             self._do_due()
         self.can.flush()
-        amplifier, brake, remote_io = (self.servers[name].bytes_sent for name in PACE_DEVICES)
         frames = self.can.frames_sent - self._frames_sent_before
-        return FromBench(message.number, missed, frames, amplifier, brake, remote_io, b"")
+        answered = tuple(server.bytes_sent for server in self.servers.values())
+        return FromBench(message.number, missed, frames, answered, b"")
 
     def go_on(self) -> None:
         """Go on by the wall clock."""
@@ -204,9 +224,9 @@ class VirtualBench:
     def _take_waiting(self) -> None:
         waiting, self._frames_waiting = self._frames_waiting, []
         for cob_id, data in waiting:
-            self.drive.receive(cob_id, data)
-        for name in PACE_DEVICES:
-            self.servers[name].answer_waiting()
+            self._take_frame(cob_id, data)
+        for server in self.servers.values():
+            server.answer_waiting()
 
     def tell(self, state: str, scan: int, entered: int) -> None:
         """Take from the supervisor where the controller is; a scan that leads says it itself, and sooner."""
@@ -229,7 +249,17 @@ class VirtualBench:
             self.pace.arrived()
             return
         self.advance()
+        self._take_frame(cob_id, data)
+
+    def _take_frame(self, cob_id: int, data: bytes) -> None:
         self.drive.receive(cob_id, data)
+        for sensor in self.sensors:
+            sensor.receive(cob_id, data)
+
+    def begin_sensors(self) -> None:
+        """Let the sensors on CAN send from now on."""
+        for sensor in self.sensors:
+            sensor.begin()
 
     def _read_amplifier(self) -> dict[str, float]:
         sample = self.plant.sample()
@@ -243,6 +273,24 @@ class VirtualBench:
             "sample_status": sample.status,
         }
 
+    def _read_measuring(self, port: ModbusPort) -> dict[str, float]:
+        blocks = (port.registers.read, *port.registers.read_also)
+        types = {field.name: field.type for block in blocks for field in block.fields}
+        values = self._shown(types, port.shows)
+        for one in port.shows:
+            if one.channel in COUNTED and types[one.field] == "u16":
+                values[one.field] = int(values[one.field]) & 0xFFFF
+        return values
+
+    def _read_sensor(self, port: CanSensorPort) -> dict[str, float]:
+        return self._shown([field.name for frame in port.frames for field in frame.fields], port.shows)
+
+    def _shown(self, names: Iterable[str], shows: Iterable[Shown]) -> dict[str, float]:
+        """Return what the fields of a device show; 0 in those that nobody names."""
+        sample = self._read_amplifier()
+        shown = {one.field: (sample[one.channel] - one.zero) / one.scale for one in shows}
+        return dict.fromkeys(names, 0.0) | sample | shown
+
     def _read_brake(self) -> dict[str, float]:
         return {
             "brake_on": self._brake_on,
@@ -251,8 +299,9 @@ class VirtualBench:
         }
 
     def _write_brake(self, values: dict[str, float]) -> None:
-        self._brake_on = 1 if values["brake_on"] else 0
-        self.plant.set_brake_current(values["brake_current_a"] if self._brake_on else 0.0)
+        ordered_a = values.get("brake_current_a", self._brake_max_a)  # a supply without set-point gives what it can
+        self._brake_on = 1 if values.get("brake_on", ordered_a) else 0
+        self.plant.set_brake_current(ordered_a if self._brake_on else 0.0)
 
     def _read_remote_io(self) -> dict[str, float]:
         return {**remote_io_shows(self.plant, self.drive.faults), "life_counter": self._life_counter()}
@@ -290,9 +339,12 @@ async def run(
         ready = await _start(bench, config)
         if config.end_with_parent:
             loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.tell, log).read)
+        elif config.hands:
+            loop.add_reader(sys.stdin.fileno(), Hands(loop, bench.drive.faults, log).read)
         gc.collect()
         gc.freeze()
         bench.advance()
+        bench.begin_sensors()
         (announce or print_ready)(ready)
         while not stop.is_set():
             bench.tick()
@@ -315,7 +367,7 @@ async def run(
 async def _start(bench: VirtualBench, config: ServerConfig) -> dict[str, Any]:
     """Open all ports and return the ready message."""
     ready: dict[str, Any] = {"ready": True, "unit": config.bench.unit}
-    devices = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
+    devices = config.devices
     try:
         ready["can"] = await _start_can(bench, config)
         for name, where in devices.items():
@@ -351,7 +403,7 @@ async def _start_can(bench: VirtualBench, config: ServerConfig) -> dict[str, Any
     return where | {"channel": config.can.channel}
 
 
-def _serial_lines(devices: dict[str, ModbusPort]) -> dict[str, list[str]]:
+def _serial_lines(devices: Mapping[str, ModbusPort]) -> dict[str, list[str]]:
     """Return the devices of each serial line, by the port's name; without a name a device has a line of its own."""
     lines: dict[str, list[str]] = {}
     for name, where in devices.items():

@@ -8,92 +8,23 @@ the identity is checked at every reply. A device that has none is believed from 
 
 from __future__ import annotations
 
-import math
-import struct
 from collections.abc import Mapping
-from operator import add, mul
 
 from definitions.image import AGE_NEVER
-from definitions.number_formats import LETTERS, SIZES
 from drivers.config import ModbusConfig
 from drivers.modbus.frames import Outcome, Reply, Request
 from drivers.modbus.line import ModbusLine
-from drivers.profile import IdentityRegister, ModbusProfile
-from drivers.servo_drive.data_types import picker, to_integer
+from drivers.modbus.registers import RegisterWriter, identity_registers, reader_of
 
 EXCEPTIONS_IN_A_ROW = 3
 """Exception replies after which the connection counts as lost; one alone may be a device that is busy."""
 
 NO_FIELD = -1
+NEVER_ASKED = 1 << 30
+"""Scans that a device is overdue which was never read."""
 
 COUNTERS = ("sample_counter", "life_counter")
 """Fields in which a device counts its own samples or cycles: values are new only when the counter has moved."""
-
-
-class RegisterReader:
-    """Turns the registers of one read block into values, in the order of the profile's fields."""
-
-    def __init__(self, profile: ModbusProfile) -> None:
-        self.names = tuple(field.name for field in profile.read.fields)
-        slots = sorted({(field.offset, field.type) for field in profile.read.fields})
-        order: list[int] = []
-        for offset, type_name in slots:
-            words = range(offset, offset + SIZES[type_name] // 2)
-            for word in reversed(words) if profile.word_order == "little" else words:
-                order += (2 * word + 1, 2 * word) if profile.byte_order == "little" else (2 * word, 2 * word + 1)
-        self._order = None if order == list(range(2 * profile.read.count)) else tuple(order)
-        self._slots = struct.Struct(">" + "".join(LETTERS[type_name] for _, type_name in slots))
-        fields = profile.read.fields
-        self._picked = picker([slots.index((field.offset, field.type)) for field in fields])
-        self._scales = tuple(1 if field.scale is None or field.bit is not None else field.scale for field in fields)
-        zeros = [field.zero or 0.0 for field in fields]
-        self._zeros = tuple(zeros) if any(zeros) else None
-        self._bits = tuple((place, field.bit) for place, field in enumerate(fields) if field.bit is not None)
-
-    def values(self, registers: bytes) -> list[float] | None:
-        """Values of the fields in the registers of the block, as they were sent; None when one is not a number."""
-        order = self._order
-        slots = self._slots.unpack(registers if order is None else bytes([registers[at] for at in order]))
-        values = list(map(mul, self._picked(slots), self._scales))
-        if self._zeros is not None:
-            values = list(map(add, values, self._zeros))
-        for place, bit in self._bits:
-            values[place] = int(values[place]) >> bit & 1
-        return values if all(map(math.isfinite, values)) else None
-
-
-def identity_registers(identity: IdentityRegister, byte_order: str, word_order: str) -> bytes:
-    """Return the registers of an identity as the device sends them."""
-    if identity.type == "text":
-        data = (identity.text or "").encode("ascii").ljust(2 * identity.count, b"\0")
-        words = [data[at : at + 2] for at in range(0, len(data), 2)]
-    else:
-        data = (identity.value or 0).to_bytes(2 * identity.count, "big")
-        words = [data[at : at + 2] for at in range(0, len(data), 2)]
-        words = words[::-1] if word_order == "little" else words
-    return b"".join(word[::-1] if byte_order == "little" else word for word in words)
-
-
-class RegisterWriter:
-    """Turns orders into the registers of the write block; counts orders that did not fit."""
-
-    def __init__(self, profile: ModbusProfile) -> None:
-        self.clamped = 0
-        block = profile.write
-        self._fields = block.fields if block else ()
-        self._little_words = profile.word_order == "little"
-        self._swap_bytes = profile.byte_order == "little"
-
-    def registers(self, orders: Mapping[str, float]) -> list[int]:
-        """Encode these orders, all fields of the write block by name."""
-        words: list[int] = []
-        for field in self._fields:
-            number, clamped = to_integer(orders[field.name] / (field.scale or 1.0), field.type)
-            self.clamped += clamped
-            data = number.to_bytes(SIZES[field.type], "big", signed=field.type.startswith("i"))
-            parts = [int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data), 2)]
-            words += reversed(parts) if self._little_words else parts
-        return [(word >> 8 | word << 8) & 0xFFFF for word in words] if self._swap_bytes else words
 
 
 class ModbusDevice:
@@ -104,7 +35,7 @@ class ModbusDevice:
         profile = config.profile
         self.config = config
         self.line = line
-        self.reader = RegisterReader(profile)
+        self.reader = reader_of(profile)
         self.writer = RegisterWriter(profile)
         self.values: list[float] = [0] * (len(self.reader.names) + 1)
         self.requests = 0
@@ -145,6 +76,11 @@ class ModbusDevice:
         self._write_scan = 0
         self._written: list[int] = []
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Fields in `values`, in their order."""
+        return self.reader.names
+
     def place(self, name: str) -> int:
         """Index of a field in `values`; NO_FIELD, which is the zero at the end, when the device has none."""
         return self.reader.names.index(name) if name in self.reader.names else NO_FIELD
@@ -164,6 +100,10 @@ class ModbusDevice:
         came = self._arrived_scan
         return scan - came if came >= 0 and scan - came < AGE_NEVER else AGE_NEVER
 
+    def ordered(self, name: str) -> float:
+        """Return what was ordered last; 0 before."""
+        return self._orders.get(name, 0.0)
+
     def order(self, orders: Mapping[str, float]) -> None:
         """Take the orders of this scan; they are written when the line has time."""
         if orders == self._orders:
@@ -172,9 +112,11 @@ class ModbusDevice:
         wanted = self.writer.registers(orders)
         if wanted != self._wanted:
             self._wanted = wanted
-            self._write_request = self.line.frames.write_request(
-                self.config.unit_id, self.config.profile.write.address if self.config.profile.write else 0, wanted
-            )
+            block = self.config.profile.write
+            if block is not None:
+                self._write_request = self.line.frames.write_request(
+                    self.config.unit_id, block.table, block.address, wanted, single=block.single
+                )
 
     def poll(self, scan: int) -> bool:
         """Take the reply to this device's request, if it came; return whether the line was looked at for it."""
@@ -249,7 +191,8 @@ class ModbusDevice:
         return False
 
     def _read_overdue(self, scan: int) -> int:
-        return 0 if self._read_scan is None else scan - self._read_scan - self._poll_scans
+        # never asked: before one of its line that has been and is due again in every scan
+        return NEVER_ASKED if self._read_scan is None else scan - self._read_scan - self._poll_scans
 
     def _write_due(self, scan: int) -> bool:
         if self._write_request is None:

@@ -14,10 +14,17 @@ from typing import NamedTuple
 
 from pymodbus.framer import FramerRTU, FramerSocket
 from pymodbus.pdu import DecodePDU, ModbusPDU
+from pymodbus.pdu.bit_message import (
+    ReadCoilsRequest,
+    ReadDiscreteInputsRequest,
+    WriteMultipleCoilsRequest,
+    WriteSingleCoilRequest,
+)
 from pymodbus.pdu.register_message import (
     ReadHoldingRegistersRequest,
     ReadInputRegistersRequest,
     WriteMultipleRegistersRequest,
+    WriteSingleRegisterRequest,
 )
 
 TCP_HEADER_BYTES = 6
@@ -29,9 +36,14 @@ EXCEPTION_BYTES = 3
 """Unit, function and code of an exception."""
 
 _READ_REQUESTS: dict[str, type[ModbusPDU]] = {
+    "coil": ReadCoilsRequest,
+    "discrete": ReadDiscreteInputsRequest,
     "holding": ReadHoldingRegistersRequest,
     "input": ReadInputRegistersRequest,
 }
+_BITS = frozenset({"coil", "discrete"})
+COIL_ON = 0xFF00
+"""What the request for a single coil says for on; 0 is off."""
 
 
 class Outcome(IntEnum):
@@ -52,7 +64,7 @@ class Request(NamedTuple):
     frame: bytes
     """On TCP its first two bytes are the transaction id."""
     reply_head: bytes
-    """What the reply begins with; behind it come the registers of a read, nothing of a write."""
+    """What the reply begins with; behind it come the registers or bits of a read, nothing of a write."""
     reply_bytes: int
     reply_start: bytes
     """On TCP: what the reply begins with behind its transaction id."""
@@ -83,15 +95,30 @@ class ModbusFrames:
         self._framer = FramerRTU(decoder) if rtu else FramerSocket(decoder)
 
     def read_request(self, unit_id: int, table: str, address: int, count: int) -> Request:
-        """Build a request for `count` registers of the table "input" or "holding"."""
+        """Build a request for `count` registers of "input" or "holding", or bits of "coil" or "discrete"."""
         pdu = _READ_REQUESTS[table](dev_id=unit_id, transaction_id=0, address=address, count=count)
-        head = bytes((unit_id, pdu.function_code, 2 * count))
-        return self._request(pdu, head, len(head) + 2 * count)
+        size = (count + 7) // 8 if table in _BITS else 2 * count
+        head = bytes((unit_id, pdu.function_code, size))
+        return self._request(pdu, head, len(head) + size)
 
-    def write_request(self, unit_id: int, address: int, registers: list[int]) -> Request:
-        """Build a request to write adjoining holding registers."""
-        pdu = WriteMultipleRegistersRequest(dev_id=unit_id, transaction_id=0, address=address, registers=registers)
-        head = bytes((unit_id, pdu.function_code)) + address.to_bytes(2, "big") + len(registers).to_bytes(2, "big")
+    def write_request(
+        self, unit_id: int, table: str, address: int, values: list[int], *, single: bool = False
+    ) -> Request:
+        """Build a request to write adjoining registers of "holding", or bits of "coil"; `single`: the one there is."""
+        pdu: ModbusPDU
+        if table in _BITS:
+            bits = [bool(value) for value in values]
+            pdu = (WriteSingleCoilRequest if single else WriteMultipleCoilsRequest)(
+                dev_id=unit_id, transaction_id=0, address=address, bits=bits
+            )
+        else:
+            pdu = (WriteSingleRegisterRequest if single else WriteMultipleRegistersRequest)(
+                dev_id=unit_id, transaction_id=0, address=address, registers=values
+            )
+        echo = len(values)
+        if single:
+            echo = values[0] if table not in _BITS else COIL_ON if values[0] else 0
+        head = bytes((unit_id, pdu.function_code)) + address.to_bytes(2, "big") + echo.to_bytes(2, "big")
         return self._request(pdu, head, len(head))
 
     def _request(self, pdu: ModbusPDU, reply_head: bytes, reply_bytes: int) -> Request:

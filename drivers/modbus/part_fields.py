@@ -7,14 +7,15 @@ from difflib import get_close_matches
 from types import MappingProxyType
 
 from definitions.image import REMOTE_IO_FIELDS
-from drivers.config import WireBenchConfig
+from drivers.config import ChannelConfig, WireBenchConfig
 from drivers.errors import Problem, ProfileError
 from drivers.profile import ModbusProfile
+from drivers.sample import SAMPLE_FIELDS
 
 PART_FIELDS = MappingProxyType(
     {
         "amplifier": ("sample_counter",),
-        "brake": ("brake_on", "brake_current_a"),
+        "brake": (),
         "remote_io": ("estop_released", "guard_closed"),
     }
 )
@@ -22,15 +23,7 @@ PART_FIELDS = MappingProxyType(
 
 READ_FIELDS = MappingProxyType(
     {
-        "amplifier": (
-            "torque_in_nm",
-            "torque_out_nm",
-            "angle_in_rad",
-            "angle_out_rad",
-            "sample_counter",
-            "sample_time_us",
-            "sample_status",
-        ),
+        "amplifier": SAMPLE_FIELDS,
         "brake": ("brake_on", "brake_current_a"),
         "remote_io": tuple(field.name for field in REMOTE_IO_FIELDS),
     }
@@ -38,34 +31,71 @@ READ_FIELDS = MappingProxyType(
 """Fields that are read of each part, in the order in which the image takes them."""
 
 OF_ANY_PART = ("identity", "life_counter")
-BRAKE_ORDERS = frozenset({"brake_on", "brake_current_a"})
+BRAKE_FIELDS = frozenset({"brake_on", "brake_current_a"})
+"""What a brake takes and delivers; one of them each way is enough: `definitions.device_proofs` says what lacks then."""
 ALIKE = 0.8
 """Likeness (of difflib) from which a field is taken for a misspelt one."""
 
 
 def check_parts(config: WireBenchConfig) -> None:
     """Raise ProfileError with every field that a part's profile lacks or misspells."""
-    parts = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
+    parts = {"brake": config.brake, "remote_io": config.remote_io}
+    if config.amplifier is not None:
+        parts["amplifier"] = config.amplifier
     problems = part_problems({part: device.profile for part, device in parts.items()}, config.channels)
     if problems:
         raise ProfileError(*problems)
 
 
 def part_problems(parts: Mapping[str, ModbusProfile], channels: Sequence[str]) -> list[Problem]:
-    """Return what the profiles of amplifier, brake and remote I/O lack, by their parts; channels: those measured."""
+    """Return what the profiles of amplifier, brake and remote I/O lack, by their parts; channels: those measured.
+
+    A bench that names the source of each channel has no part called amplifier (`source_problems`).
+    """
     problems = [problem for part, profile in parts.items() for problem in _of_reading(part, profile, channels)]
-    write = parts["brake"].write
-    takes = {field.name for field in write.fields} if write else set()
-    if takes != BRAKE_ORDERS:
+    brake = parts["brake"]
+    takes = {field.name for field in brake.write.fields} if brake.write else set()
+    shows = {field.name for field in brake.read.fields} & BRAKE_FIELDS
+    if not takes or not takes <= BRAKE_FIELDS:
         problems.append(
             Problem(
                 "cannot be given the brake's orders",
-                f"brake profile {parts['brake'].profile.name}",
+                f"brake profile {brake.profile.name}",
                 ", ".join(sorted(takes)) or "nothing to write",
-                ", ".join(sorted(BRAKE_ORDERS)),
+                " or ".join(sorted(BRAKE_FIELDS)),
                 "correct the write section of the profile",
             )
         )
+    if not shows:
+        problems.append(
+            Problem(
+                "does not say whether the brake is on",
+                f"brake profile {brake.profile.name}",
+                ", ".join(sorted(field.name for field in brake.read.fields)),
+                " or ".join(sorted(BRAKE_FIELDS)),
+                "read back what is written: a coil by table 'coil', a register by table 'holding'",
+            )
+        )
+    return problems
+
+
+def source_problems(sources: Sequence[ChannelConfig], blocks: Sequence[tuple[str, Sequence[str]]]) -> list[Problem]:
+    """Return the channels whose field or proof their device does not deliver.
+
+    `blocks`: name of the device and fields, of every block that is read and of every frame. A proof must be in the same
+    one as its field: another tells nothing of it.
+    """
+    problems = []
+    for source in sources:
+        of_device = [fields for device, fields in blocks if device == source.device]
+        whole = [name for one in of_device for name in one]
+        together = next((list(one) for one in of_device if source.field in one), whole)
+        for name, fields in ((source.field, whole), (source.proof_field, together)):
+            if name and name not in fields:
+                near = get_close_matches(name, fields, n=1, cutoff=ALIKE)
+                hint = f"did you mean {near[0]}? Correct the name" if near else "name one of these"
+                where = f"channel {source.channel} of device {source.device}"
+                problems.append(Problem("names a field that is not there", where, name, ", ".join(fields), hint))
     return problems
 
 

@@ -8,8 +8,10 @@ clamped, counted, and shows as an internal limit in the next image.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from operator import attrgetter
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import NamedTuple, Protocol
 
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, DriveState, NmtState, Orders
 from definitions.number_formats import IGNORED
@@ -59,6 +61,16 @@ _EMCY_BYTES = 8
 _FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
 
 
+class Listener(Protocol):
+    """Who takes frames of another node than the drive."""
+
+    def take(self, data: bytes, scan: int) -> None:
+        """Take a frame that has arrived for this scan."""
+
+
+_NO_LISTENERS: Mapping[int, Listener] = MappingProxyType({})
+
+
 class Emergency(NamedTuple):
     """One emergency message as received."""
 
@@ -97,8 +109,18 @@ class _Sender:
 class CanDrive:
     """The drive as the scan sees it. Attributes hold what was last received, in the drive's own numbers."""
 
-    def __init__(self, link: CanLink, config: DriveConfig, heartbeat_scans: int) -> None:
-        """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats."""
+    def __init__(
+        self,
+        link: CanLink,
+        config: DriveConfig,
+        heartbeat_scans: int,
+        listeners: Mapping[int, Listener] = _NO_LISTENERS,
+    ) -> None:
+        """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats.
+
+        `listeners`: who takes the frames of other nodes, by their identifiers.
+        """
+        self._listeners = dict(listeners)
         self.link = link
         self.units = drive_units(config)
         self.homes = bool(config.profile.homing_method)
@@ -178,7 +200,11 @@ class CanDrive:
         elif cob_id == self._emcy_cob_id:
             self._take_emergency(data, scan)
         else:
-            self.frames_foreign += 1
+            listener = self._listeners.get(cob_id)
+            if listener is None:
+                self.frames_foreign += 1
+            else:
+                listener.take(data, scan)
 
     def _take_emergency(self, data: bytes, scan: int) -> None:
         if len(data) != _EMCY_BYTES:

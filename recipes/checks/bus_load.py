@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from definitions.units import PERIOD
 from recipes.checks.expectations import Finding
@@ -11,19 +12,26 @@ from recipes.schema.bench_schema import Bench, ModbusDevice
 from recipes.schema.recipe_schema import Recipe
 from recipes.text.quantity import show
 
-FRAME_BITS = 135
-"""An 8-byte CAN frame with worst-case bit stuffing and the gap after it."""
+LARGEST_LOAD = 0.95
+"""Share of a CAN bus that frames with a period may take, at worst: the rest is for emergencies, SDO and repetitions."""
 
-SYNC_BITS = 55
-"""A SYNC without data, likewise."""
 
-PDOS_PER_SCAN = 3
-"""One receive and two transmit PDOs."""
+class BusFrame(NamedTuple):
+    """A frame with a period: what it is, its bytes, and how often it comes; 0 for once in every scan."""
 
-HEARTBEAT_BITS = 65
-"""A heartbeat with its one byte, likewise."""
+    what: str
+    size: int
+    every_s: float = 0.0
 
-SCAN_BITS = SYNC_BITS + PDOS_PER_SCAN * FRAME_BITS
+    @property
+    def bits(self) -> int:
+        """Bits on the bus at worst: a stuffed bit after every fourth, and the gap behind it (ISO 11898-1)."""
+        stuffed = 34 + 8 * self.size
+        return 10 + stuffed + (stuffed - 1) // 4 + 3
+
+
+SCAN_BITS = BusFrame("SYNC", 0).bits + 3 * BusFrame("PDO", 8).bits
+"""SYNC and three full PDOs: what a usual drive and its controller send in a scan."""
 
 REQUEST_BYTES = 8
 """Modbus RTU: address, function, register, count, CRC."""
@@ -47,39 +55,58 @@ def line_s(device: ModbusDevice, registers: int) -> float:
     return characters * bits / device.baudrate
 
 
-def shortest_period_s(bench: Bench) -> float:
-    """Return the shortest period in which a scan's frames fit on the CAN bus [s]; infinite where heartbeats fill it."""
-    drive = bench.drive
-    heartbeat_bits_s = HEARTBEAT_BITS * (1.0 / drive.controller_heartbeat_s + 1.0 / drive.drive_heartbeat_s)
-    free_bits_s = bench.can.bitrate - heartbeat_bits_s
-    return SCAN_BITS / free_bits_s if free_bits_s > 0.0 else math.inf
+def shortest_period_s(frames: Sequence[BusFrame], bitrate: int) -> float:
+    """Return the shortest period in which a scan's frames fit on the CAN bus [s].
+
+    Infinite where those that come in their own time fill it.
+    """
+    of_a_scan = sum(frame.bits for frame in frames if not frame.every_s)
+    free_bits_s = LARGEST_LOAD * bitrate - sum(frame.bits / frame.every_s for frame in frames if frame.every_s)
+    return of_a_scan / free_bits_s if free_bits_s > 0.0 else math.inf
 
 
-def check_bus(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
-    """The frames of a scan, and the heartbeats meanwhile, fit on the CAN bus within its period."""
-    period_s, shortest_s = recipe.sampling.period_s, shortest_period_s(bench)
+def bus_findings(recipe: Recipe, bench: Bench, frames: Sequence[BusFrame]) -> Iterator[Finding]:
+    """All frames with a period fit on the CAN bus within `LARGEST_LOAD`; `frames` as the device profiles have them."""
+    bitrate = bench.can.bitrate
+    period_s, shortest_s = recipe.sampling.period_s, shortest_period_s(frames, bitrate)
     if period_s >= shortest_s:
         return
-    found = f"{show(period_s, PERIOD)}, though a CAN bus of {bench.can.bitrate / 1000:g} kbit/s"
+    found = f"{show(period_s, PERIOD)}, though a CAN bus of {bitrate / 1000:g} kbit/s"
+    own = sorted((frame for frame in frames if frame.every_s), key=lambda frame: frame.every_s)
+    told = ", ".join(f"{frame.what} every {show(frame.every_s, PERIOD)}" for frame in own)
     if math.isinf(shortest_s):
-        hint = "Raise the bus's bitrate on the drive and in the bench file, or send heartbeats less often."
-        yield Finding(("sampling", "period"), f"{found} is full of heartbeats alone", "no period on this bus", hint)
+        hint = "Raise the bus's bitrate on all devices and in the bench file, or let them send less often."
+        yield Finding(
+            ("sampling", "period"), f"{found} is full without the scan: {told}", "no period on this bus", hint
+        )
         return
+    of_a_scan = [frame for frame in frames if not frame.every_s]
     found += f" needs {show(shortest_s, PERIOD, 4)} for the frames of a scan"
-    found += f" (SYNC and {PDOS_PER_SCAN} PDOs, {SCAN_BITS} bits at worst, and heartbeats meanwhile)"
-    hint = "Raise the period, or the bus's bitrate on the drive and in the bench file."
+    found += (
+        f" ({', '.join(frame.what for frame in of_a_scan)}: {sum(frame.bits for frame in of_a_scan)} bits at worst)"
+    )
+    found += f", beside {told}, at {LARGEST_LOAD:.0%} load"
+    hint = "Raise the period, or the bus's bitrate on all devices and in the bench file."
     yield Finding(("sampling", "period"), found, f"at least {show(shortest_s, PERIOD, 4)}", hint)
 
 
 def check_line(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
-    """An amplifier on a serial line gets a sample over it within a period."""
-    device, period_s = bench.amplifier, recipe.sampling.period_s
+    """An amplifier on a serial line gets a sample over it within a period, and every other device when it is asked."""
+    sensors, period_s = bench.sensors, recipe.sampling.period_s
+    if bench.amplifier is not None:
+        channels = (sensors.torque_in, sensors.torque_out, sensors.angle_in, sensors.angle_out)
+        # one register for each channel and for the sample counter: what the profile reads is that or more
+        yield from _over_a_line(bench.amplifier, 1 + sum(one is not None for one in channels), period_s)
+    sources = [] if bench.channels is None else list(bench.channels.by_name.values())
+    for device in bench.devices:
+        every_s = max(period_s, device.poll_every_s)
+        yield from _over_a_line(device, sum(one.device == device.name for one in sources), every_s)
+
+
+def _over_a_line(device: ModbusDevice, registers: int, period_s: float) -> Iterator[Finding]:
     if device.transport != "rtu":
         return
-    sensors = bench.sensors
-    channels = (sensors.torque_in, sensors.torque_out, sensors.angle_in, sensors.angle_out)
-    # one register for each channel and for the sample counter: what the profile reads is that or more
-    needed_s = line_s(device, 1 + sum(channel is not None for channel in channels))
+    needed_s = line_s(device, registers)
     if period_s < needed_s:
         found = f"{show(period_s, PERIOD)}, though one sample over {device.serial_port} takes at least "
         found += f"{show(needed_s, PERIOD, 4)} at {device.baudrate} baud: request, reply and the silence after each"

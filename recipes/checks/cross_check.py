@@ -11,7 +11,7 @@ from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 
-from recipes.checks.bus_load import check_bus, check_line
+from recipes.checks.bus_load import check_line
 from recipes.checks.expectations import Finding
 from recipes.checks.limits import check_limits, idle_limits, implausible_limits
 from recipes.checks.measurement import (
@@ -67,7 +67,6 @@ CHECKS: tuple[Check, ...] = (
     check_metrics,
     check_limits,
     check_ages,
-    check_bus,
     check_line,
 )
 """All checks that need a recipe and a bench that load the same side."""

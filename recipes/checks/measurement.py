@@ -194,12 +194,13 @@ def check_metrics(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
 def check_ages(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     """Limits on the age of values leave room for how often each value comes, and end before the drive gives up."""
     period_s, limits, drive = recipe.sampling.period_s, recipe.interlocks, bench.drive
-    if period_s * ROUNDING < bench.amplifier.poll_every_s:
-        allowed = f"from {show(bench.amplifier.poll_every_s, PERIOD)}: the amplifier is not asked more often"
+    sample_s = bench.sample_every_s if bench.channels is None else bench.sample_every(period_s)
+    if bench.channels is None and period_s * ROUNDING < sample_s:
+        allowed = f"from {show(sample_s, PERIOD)}: the amplifier is not asked more often"
         yield Finding(("sampling", "period"), show(period_s, PERIOD), allowed, "Raise the period.")
     for option, age_s, every_s, what in (
-        (("sampling", "sample_age"), recipe.sampling.sample_age_s, bench.amplifier.poll_every_s, "samples come"),
-        (("interlocks", "sample_age"), limits.sample_age_s, bench.amplifier.poll_every_s, "samples come"),
+        (("sampling", "sample_age"), recipe.sampling.sample_age_s, sample_s, "samples come"),
+        (("interlocks", "sample_age"), limits.sample_age_s, sample_s, "samples come"),
         (("interlocks", "drive_age"), limits.drive_age_s, period_s, "the drive answers"),
         (("interlocks", "io_age"), limits.io_age_s, bench.remote_io.poll_every_s, "the remote I/O is asked"),
         (("interlocks", "brake_age"), limits.brake_age_s, bench.brake.poll_every_s, "the brake is asked"),

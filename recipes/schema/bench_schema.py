@@ -9,6 +9,8 @@ from pydantic import Field, model_validator
 from definitions.method import Loading
 from definitions.units import PERIOD, RAD_PER_ARCSEC
 from recipes.schema.calibration_schema import Calibration, Fixture
+from recipes.schema.channel_schema import CHANNELS, CanSensor, Channels
+from recipes.text.problems import one_of
 from recipes.text.quantity import show
 from recipes.text.section import (
     Age,
@@ -41,6 +43,14 @@ NodeId = Annotated[int, Field(ge=1, le=127)]
 OptionCode = Annotated[int, Field(ge=-32768, le=32767)]
 Bitrate = Literal[10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000]
 Baudrate = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600]
+
+
+PARTS = ("amplifier", "brake", "remote_io")
+MOST_MEASURING = 6
+"""Devices of `devices`: with brake and remote I/O as many as a message to a virtual bench has room for."""
+
+RESERVED = frozenset({*PARTS, "drive", "can", "pace", "ready", "unit"})
+"""Names that a virtual bench says something else by."""
 
 
 class BenchHeader(Section):
@@ -122,6 +132,11 @@ class ModbusDevice(Section):
     poll_every_s: Age
     timeout_s: Age
 
+    @property
+    def line(self) -> str:
+        """The connection; devices with the same line are asked one after the other."""
+        return self.serial_port if self.transport == "rtu" else f"{self.host}:{self.port}"
+
     @model_validator(mode="after")
     def _addressed(self) -> ModbusDevice:
         if self.transport == "tcp" and not self.host:
@@ -132,8 +147,17 @@ class ModbusDevice(Section):
         return self
 
 
+class MeasuringDevice(ModbusDevice):
+    """A device on Modbus that `channels` name; `name` is what they call it."""
+
+    name: Name
+
+
 class BrakeDevice(ModbusDevice):
-    """Supply of the powder brake that locks a shaft; its torque is `torque_constant` times the current."""
+    """Supply of the powder brake that locks a shaft; its torque is `torque_constant` times the current.
+
+    max_current: of a supply that takes no current set-point, the current that it gives when it is on.
+    """
 
     torque_constant_nm_per_a: TorqueConstant
     max_current_a: Current
@@ -235,9 +259,13 @@ class Bench(Section):
     bench: BenchHeader
     can: CanBus
     drive: Drive
-    amplifier: ModbusDevice
+    amplifier: ModbusDevice | None = None
+    """The device of all measured channels; left out where `channels` name a device for each."""
     brake: BrakeDevice
     remote_io: ModbusDevice
+    devices: Annotated[tuple[MeasuringDevice, ...], Field(max_length=MOST_MEASURING)] = ()
+    can_devices: Annotated[tuple[CanSensor, ...], Field(max_length=16)] = ()
+    channels: Channels | None = None
     sensors: Sensors
     fixture: Fixture
     torque_control: TorqueControl = TorqueControl()
@@ -249,8 +277,7 @@ class Bench(Section):
     @model_validator(mode="after")
     def _one_setting_per_serial_line(self) -> Bench:
         lines: dict[str, tuple[str, tuple[int, str, int]]] = {}
-        for name in ("amplifier", "brake", "remote_io"):
-            device: ModbusDevice = getattr(self, name)
+        for name, device in self.modbus_devices.items():
             if device.transport != "rtu":
                 continue
             setting = (device.baudrate, device.parity, device.stopbits)
@@ -258,7 +285,44 @@ class Bench(Section):
             if setting != first:
                 found = f"{_line_text(setting)} on {device.serial_port}, where {other} has {_line_text(first)}"
                 hint = "All devices on one serial line need the same settings."
-                raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=name)
+                at = name if name in PARTS else "devices"
+                raise refusal(found, "one setting of baudrate, parity and stopbits per serial port", hint, at=at)
+        return self
+
+    @model_validator(mode="after")
+    def _each_channel_from_somewhere(self) -> Bench:
+        if self.channels is None and self.amplifier is None:
+            hint = "Add the section 'amplifier', or 'channels' with the source of each measured channel."
+            raise refusal("neither amplifier nor channels", "one of them", hint)
+        if self.channels is None and (self.devices or self.can_devices):
+            hint = "Add 'channels', which say what is measured by which device; or delete the devices."
+            at = "devices" if self.devices else "can_devices"
+            raise refusal(f"{at} without channels", "both or none", hint, at=at)
+        if self.channels is not None and self.amplifier is not None:
+            hint = "Move it to 'devices', with a name, and name that in 'channels'."
+            raise refusal("an amplifier beside channels", "one of the two", hint, at="amplifier")
+        return self
+
+    @model_validator(mode="after")
+    def _sources_fit(self) -> Bench:
+        if self.channels is None:
+            return self
+        named = [(one.name, f"devices.{place}.name") for place, one in enumerate(self.devices)]
+        named += [(one.name, f"can_devices.{place}.name") for place, one in enumerate(self.can_devices)]
+        names = [name for name, _ in named]
+        for place, (name, at) in enumerate(named):
+            if name in RESERVED or name in names[:place]:
+                allowed = f"a name that no other device has, and none of {', '.join(sorted(RESERVED))}"
+                raise refusal(f"'{name}'", allowed, at=at)
+        sources = self.channels.by_name
+        for name in CHANNELS:
+            if (name in sources) != (getattr(self.sensors, name) is not None):
+                found = f"{name} in {'channels' if name in sources else 'sensors'} alone"
+                raise refusal(found, "each measured channel in sensors and in channels", at=f"channels.{name}")
+        for name, source in sources.items():
+            if source.device not in names:
+                allowed = one_of(names)
+                raise refusal(f"'{source.device}'", allowed, at=f"channels.{name}.device")
         return self
 
     @model_validator(mode="after")
@@ -270,6 +334,50 @@ class Bench(Section):
                     f"'{serial}' a second time", "each master part once", "Delete one.", f"master_parts.{place}"
                 )
         return self
+
+    @property
+    def modbus_devices(self) -> dict[str, ModbusDevice]:
+        """All devices on Modbus, by their names."""
+        named: dict[str, ModbusDevice] = {} if self.amplifier is None else {"amplifier": self.amplifier}
+        return named | {"brake": self.brake, "remote_io": self.remote_io} | {one.name: one for one in self.devices}
+
+    @property
+    def profile_names(self) -> tuple[str, ...]:
+        """Device profiles that the file names, each once: first that of the drive."""
+        modbus = [one.profile for one in self.modbus_devices.values()]
+        return tuple(dict.fromkeys([self.drive.profile, *modbus, *(one.profile for one in self.can_devices)]))
+
+    @property
+    def sample_every_s(self) -> float:
+        """Longest time between two values of a measured channel, by what the file says [s]."""
+        return self.sample_every(0.0)
+
+    def sample_every(self, period_s: float) -> float:
+        """Longest time between two values of a measured channel in a scan of this period [s].
+
+        Nothing is asked more often than once a scan, and the blocks of the devices on one line one after the other.
+        """
+        if self.channels is None:
+            return 0.0 if self.amplifier is None else max(self.amplifier.poll_every_s, period_s)
+        sources = list(self.channels.by_name.values())
+        slowest = 0.0
+        for device in self.devices:
+            on_the_line = {one.name for one in self.devices if one.line == device.line}
+            asked = {(one.device, one.proof_field or one.field) for one in sources if one.device in on_the_line}
+            slowest = max(slowest, device.poll_every_s, period_s * len(asked))
+        named = {one.device for one in sources}
+        return max([slowest, *(one.update_every_s or period_s for one in self.can_devices if one.name in named)])
+
+    def skew(self, period_s: float) -> float:
+        """Limit of the difference between the delays of torque and angle in a scan of this period [s].
+
+        Channels that do not share a counter or time stamp are measured each in its time: what lies between two values
+        of the slowest of them comes on top.
+        """
+        sources = {} if self.channels is None else self.channels.by_name
+        samples = {(one.device, one.alive_field) for one in sources.values() if one.alive in ("counter", "time_stamp")}
+        apart = len(samples) > 1 or any(one.alive in ("noise", "arrival") for one in sources.values())
+        return self.sensors.skew_s + (self.sample_every(period_s) if apart else 0.0)
 
     def master_part(self, serial: str) -> MasterPart | None:
         """Return the master part with this serial number; None for a product."""

@@ -12,13 +12,15 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from recipes.schema.bench_schema import Bench
-from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
+from recipes.schema.can_profile_schema import CanProfileFile
+from recipes.schema.modbus_profile_schema import ModbusProfileFile
+from recipes.schema.profile_schema import DriveProfileFile
 from recipes.schema.recipe_schema import Recipe
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 KINDS_OF_FILE: MappingProxyType[str, Any] = MappingProxyType(
-    {"recipe": Recipe, "bench": Bench, "profile": DriveProfileFile | ModbusProfileFile}
+    {"recipe": Recipe, "bench": Bench, "profile": DriveProfileFile | ModbusProfileFile | CanProfileFile}
 )
 """Kinds of files that people write, and the class that loads each."""
 

@@ -1,27 +1,20 @@
-"""Files of device profiles: the object mapping of a CiA 402 drive, the register map of a Modbus device.
+"""Files of drive profiles: the object mapping of a CiA 402 drive.
 
-A profile is the data that makes another drive or amplifier work without other code. The models are strict: unknown
-keys, wrong types, mappings longer than a frame and fields outside the block that is read are all refused. What they
-accept reaches the drivers as the dataclasses of `drivers.profile`, field by field under the same names.
+A profile is the data that makes another drive work without other code. The models are strict: unknown keys, wrong
+types and mappings longer than a frame are all refused. What they accept reaches the drivers as the dataclasses of
+`drivers.profile`, field by field under the same names.
 """
 
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from definitions.number_formats import IGNORED, RANGES, SIZES, IntegerType, RegisterType
+from definitions.number_formats import IGNORED, RANGES, SIZES, IntegerType
 
 PDO_BYTES = 8
-MODBUS_READ_REGISTERS = 125
-MODBUS_WRITE_REGISTERS = 123
-IDENTITY_REGISTERS = 32
-"""Longest identity that is a text, in registers."""
-
-COUNTED = frozenset({"sample_counter", "life_counter"})
-"""Fields that are taken as they are counted."""
 
 RECEIVE_OBJECTS = MappingProxyType(
     {"controlword": "u16", "mode": "i8", "target_torque": "i16", "target_velocity": "i32"}
@@ -46,11 +39,13 @@ PREDEFINED_PDOS = 4
 """PDOs of each direction that have a COB-ID in the predefined connection set (CiA 301)."""
 
 
-class _Model(BaseModel):
+class ProfileSection(BaseModel):
+    """A section of a profile: strict and frozen, and it refuses what it does not know."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
-class DriveProfileHeader(_Model):
+class DriveProfileHeader(ProfileSection):
     """Which drive this is: its name and its identity object 0x1018."""
 
     name: str
@@ -59,7 +54,7 @@ class DriveProfileHeader(_Model):
     product_code: int = Field(ge=0, le=0xFFFF_FFFF)
 
 
-class DriveScaling(_Model):
+class DriveScaling(ProfileSection):
     """The vendor's units. By CiA 402 torque counts 0.1 % of the rated torque, and 0x6076 counts mN·m.
 
     torque_counts_per_rated: counts of 0x6071, 0x6072, 0x6077 and 0x6087 per rated torque. rated_torque_counts_per_nm:
@@ -72,7 +67,7 @@ class DriveScaling(_Model):
     rated_torque_counts_per_nm: float = Field(default=1000.0, gt=0)
 
 
-class DriveProtections(_Model):
+class DriveProtections(ProfileSection):
     """In which way the drive has each protection; `none` for one that it lacks, which every result then says."""
 
     controller_heartbeat: Literal["consumer_heartbeat", "none"] = "consumer_heartbeat"
@@ -85,7 +80,7 @@ class DriveProtections(_Model):
     follows_command: Literal["status_bit_12", "none"] = "status_bit_12"
 
 
-class StartupObject(_Model):
+class StartupObject(ProfileSection):
     """An object that this drive needs written before it is used, and what it means."""
 
     index: int = Field(ge=0x1000, le=0xFFFF)
@@ -100,7 +95,7 @@ class StartupObject(_Model):
         return self
 
 
-class MappedObject(_Model):
+class MappedObject(ProfileSection):
     """One object in a PDO; `ignored` is the name of one that nobody looks at. The controller sends `value` in it."""
 
     index: int = Field(ge=0x1000, le=0xFFFF)
@@ -117,7 +112,7 @@ class MappedObject(_Model):
         return self
 
 
-class _Pdo(_Model):
+class _Pdo(ProfileSection):
     number: int = Field(ge=1, le=8)
     transmission_type: int = Field(ge=0, le=255)
     objects: tuple[MappedObject, ...] = Field(min_length=1, max_length=8, strict=False)
@@ -150,7 +145,7 @@ class TransmitPdo(_Pdo):
     """A PDO from the drive."""
 
 
-class DriveProfileFile(_Model):
+class DriveProfileFile(ProfileSection):
     """Profile of a CiA 402 drive.
 
     homing_method: 37 or 35, by which the drive takes the position where it stands as its reference; 0 for a drive that
@@ -209,124 +204,3 @@ def _check_pdos(key: str, pdos: tuple[_Pdo, ...], known: MappingProxyType[str, s
     missing = set(known) - OPTIONAL_OBJECTS - set(names)
     if missing:
         raise ValueError(f"{key}: not mapped: {', '.join(sorted(missing))}")
-
-
-class ModbusProfileHeader(_Model):
-    """Which Modbus device this is."""
-
-    name: str
-    kind: Literal["modbus"]
-
-
-Address = Annotated[int, Field(ge=0, le=0xFFFF)]
-
-
-class IdentityRegister(_Model):
-    """Registers whose value proves that this is the device, and that a reply belongs to its request.
-
-    `value` of a number, `text` of a text: ASCII, two characters a register, filled up with zeros.
-    """
-
-    table: Literal["input", "holding"]
-    address: Address
-    type: Literal["u16", "u32", "text"]
-    value: int | None = Field(default=None, ge=0)
-    text: str | None = Field(default=None, min_length=1, max_length=2 * IDENTITY_REGISTERS, pattern=r"^[ -~]*$")
-
-    @model_validator(mode="after")
-    def _value_of_the_type(self) -> Self:
-        key, other = ("text", "value") if self.type == "text" else ("value", "text")
-        if getattr(self, key) is None or getattr(self, other) is not None:
-            raise ValueError(f"an identity of type {self.type} has the key {key}, and no {other}")
-        if self.type != "text" and self.value is not None and self.value > RANGES[self.type][1]:
-            raise ValueError(f"the identity {self.value} is beyond {self.type}: at most {RANGES[self.type][1]}")
-        return self
-
-
-class ReadField(_Model):
-    """A value in the block that is read: register number × scale + zero, or one bit (0 = least significant).
-
-    The scale is negative where the device counts the other way round.
-    """
-
-    name: str
-    offset: int = Field(ge=0)
-    type: RegisterType
-    scale: float | None = Field(default=None, allow_inf_nan=False)
-    bit: int | None = Field(default=None, ge=0, le=15)
-    zero: float | None = Field(default=None, allow_inf_nan=False)
-
-    @model_validator(mode="after")
-    def _bit_of_a_register(self) -> Self:
-        if self.bit is not None and (self.type != "u16" or self.scale is not None or self.zero is not None):
-            raise ValueError(f"{self.name}: a bit is taken from a u16 without scale and zero")
-        if self.scale == 0:
-            raise ValueError(f"{self.name}: the scale is 0; allowed is any other number, negative to turn the sign")
-        if self.name in COUNTED and (self.scale is not None or self.zero is not None):
-            raise ValueError(f"{self.name}: a counter has neither scale nor zero")
-        return self
-
-
-class WriteField(_Model):
-    """A value in the block that is written: register number = order / scale."""
-
-    name: str
-    offset: int = Field(ge=0)
-    type: Literal["u16", "i16", "u32", "i32"]
-    scale: float | None = Field(default=None, gt=0)
-
-
-class ReadBlock(_Model):
-    """The registers read at every poll, in one request."""
-
-    table: Literal["input", "holding"]
-    address: Address
-    count: int = Field(ge=1, le=MODBUS_READ_REGISTERS)
-    fields: tuple[ReadField, ...] = Field(min_length=1, strict=False)
-
-    @model_validator(mode="after")
-    def _fields_inside(self) -> Self:
-        _check_names([field.name for field in self.fields])
-        for field in self.fields:
-            if field.offset + SIZES[field.type] // 2 > self.count:
-                raise ValueError(f"{field.name} at offset {field.offset} lies outside the {self.count} registers read")
-        return self
-
-
-class WriteBlock(_Model):
-    """The registers written, without gaps, in one request."""
-
-    table: Literal["holding"]
-    address: Address
-    fields: tuple[WriteField, ...] = Field(min_length=1, strict=False)
-
-    @model_validator(mode="after")
-    def _fields_adjoin(self) -> Self:
-        _check_names([field.name for field in self.fields])
-        offset = 0
-        for field in self.fields:
-            if field.offset != offset:
-                raise ValueError(f"{field.name} stands at offset {field.offset}; without gaps it is {offset}")
-            offset += SIZES[field.type] // 2
-        if offset > MODBUS_WRITE_REGISTERS:
-            raise ValueError(f"{offset} registers written at once; Modbus allows {MODBUS_WRITE_REGISTERS}")
-        return self
-
-
-class ModbusProfileFile(_Model):
-    """Profile of a Modbus device; `byte_order` inside a register, `word_order` of the registers of a 32-bit value.
-
-    A device without an identity is taken for what the bench file says that it is.
-    """
-
-    profile: ModbusProfileHeader
-    byte_order: Literal["big", "little"] = "big"
-    word_order: Literal["big", "little"] = "big"
-    identity: IdentityRegister | None = None
-    read: ReadBlock
-    write: WriteBlock | None = None
-
-
-def _check_names(names: list[str]) -> None:
-    if len(set(names)) != len(names):
-        raise ValueError(f"a field name is used twice: {', '.join(names)}")

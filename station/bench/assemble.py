@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel
 
@@ -14,54 +12,20 @@ from definitions.plain_data import exact
 from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
 from drivers.pace import PaceConfig
 from drivers.profile import DriveProfile, ModbusProfile
-from recipes import Bench, parse_document, read_bytes
+from recipes import Bench, parse_document
 from recipes.schema.bench_schema import ModbusDevice
-from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
+from recipes.schema.modbus_profile_schema import ModbusProfileFile
+from recipes.schema.profile_schema import DriveProfileFile
+from station.bench.files import File
+from station.bench.measuring import blocks, can_sensors, channels, sources
 
 ProfileT = TypeVar("ProfileT")
 
 
-class File(Protocol):
-    """A file that was read: where it is, and its bytes."""
-
-    @property
-    def path(self) -> Path:
-        """Where it is."""
-
-    @property
-    def content(self) -> bytes:
-        """Its bytes."""
-
-
-@dataclass(frozen=True)
-class FileAt:
-    """A file that is read when it is asked for; RecipeError when it cannot be."""
-
-    path: Path
-
-    @property
-    def content(self) -> bytes:
-        """Its bytes, as they are now."""
-        return read_bytes(self.path)
-
-
 Ports = Mapping[str, Any]
-"""Ready line of the virtual bench: host and port of `can`, `amplifier`, `brake` and `remote_io`."""
+"""Ready line of the virtual bench: host and port of `can` and of each Modbus device, by its name."""
 
 PARITY_LETTERS: dict[str, Literal["N", "E", "O"]] = {"none": "N", "even": "E", "odd": "O"}
-
-CHANNEL_OF_SENSOR = {
-    "torque_in": "torque_in_nm",
-    "torque_out": "torque_out_nm",
-    "angle_in": "angle_in_rad",
-    "angle_out": "angle_out_rad",
-}
-
-
-def channels(bench: Bench) -> tuple[str, ...]:
-    """Return the channels of the process image that this bench has sensors for."""
-    sensors = bench.sensors
-    return tuple(channel for name, channel in CHANNEL_OF_SENSOR.items() if getattr(sensors, name) is not None)
 
 
 def wire_config(
@@ -76,15 +40,21 @@ def wire_config(
         recipes.RecipeError: a profile has problems, each with its place.
 
     """
+    devices = {name: _modbus(device, profiles, ports, name) for name, device in bench.modbus_devices.items()}
     return WireBenchConfig(
         period_ns=period_ns,
         can=can_config(bench, ports),
         drive=drive_config(bench, drive_profile(profiles[bench.drive.profile])),
-        amplifier=_modbus(bench.amplifier, profiles, ports, "amplifier"),
-        brake=_modbus(bench.brake, profiles, ports, "brake"),
-        remote_io=_modbus(bench.remote_io, profiles, ports, "remote_io"),
+        amplifier=devices.get("amplifier"),
+        brake=devices["brake"],
+        remote_io=devices["remote_io"],
         pace=_pace(bench, ports) if waits else None,
         channels=channels(bench),
+        brake_fixed_current_a=bench.brake.max_current_a,
+        measuring=tuple(block for one in bench.devices for block in blocks(one.name, devices[one.name])),
+        sources=sources(bench),
+        can_sensors=can_sensors(bench, profiles),
+        modbus_devices=tuple(devices),
     )
 
 

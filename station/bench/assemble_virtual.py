@@ -10,7 +10,9 @@ from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
 from recipes.text.yaml_source import read_source
-from station.bench.assemble import FileAt, drive_profile, modbus_profile
+from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.files import FileAt
+from station.bench.measuring import can_sensors, sources
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
 from station.records.clocks import SCAN, VIRTUAL, WALL
 from virtual_bench.config import (
@@ -18,12 +20,14 @@ from virtual_bench.config import (
     BenchConfig,
     BrakeConfig,
     CanBus,
+    CanSensorPort,
     Catalogue,
     DriveConfig,
     ModbusPort,
     PaceServer,
     Protections,
     ServerConfig,
+    Shown,
     SlcanPort,
     SlowPoll,
     Socketcand,
@@ -107,7 +111,7 @@ def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> Bench
         fixture_stiffness_nm_per_arcmin=_lock_nm_per_arcmin(bench),
         noise_seed=unit.seed,
         catalogue=unit.catalogue,
-        amplifier_poll=SlowPoll(bench.amplifier.poll_every_s),
+        amplifier_poll=SlowPoll(bench.sample_every_s),
         brake_poll=SlowPoll(brake.poll_every_s),
         remote_io_poll=SlowPoll(bench.remote_io.poll_every_s),
     )
@@ -155,6 +159,25 @@ def _drive(bench: Bench, profiles: Profiles) -> DriveConfig:
     )
 
 
+PROOF_SHOWS = {"counter": "sample_counter", "time_stamp": "sample_time_us"}
+"""What a virtual device shows in the field that proves its values new."""
+
+
+def shown_by(bench: Bench, device: str) -> tuple[Shown, ...]:
+    """Return what the fields of a measuring device show: the channels that come from it, and what proves them new."""
+    there = [one for one in sources(bench) if one.device == device]
+    told = {} if bench.channels is None else bench.channels.by_name
+    proofs = {
+        one.alive_field: PROOF_SHOWS[one.alive]
+        for one in told.values()
+        if one.device == device and one.alive_field is not None and one.alive in PROOF_SHOWS
+    }
+    return (
+        *(Shown(one.field, one.channel, one.scale, one.zero) for one in there),
+        *(Shown(field, shows) for field, shows in proofs.items()),
+    )
+
+
 def server_config(
     bench: Bench,
     profiles: Profiles,
@@ -171,14 +194,16 @@ def server_config(
     """
     can = bench.can
 
-    def port(device: ModbusDevice) -> ModbusPort:
+    def port(name: str, device: ModbusDevice) -> ModbusPort:
         registers = modbus_profile(FileAt(profiles[device.profile]))
+        shows = shown_by(bench, name)
         if embedded:
-            return ModbusPort(registers, device.unit_id)
+            return ModbusPort(registers, device.unit_id, shows=shows)
         if device.transport == "rtu":
-            return ModbusPort(registers, device.unit_id, rtu=True, serial_port=device.serial_port)
-        return ModbusPort(registers, device.unit_id, device.host, device.port)
+            return ModbusPort(registers, device.unit_id, rtu=True, serial_port=device.serial_port, shows=shows)
+        return ModbusPort(registers, device.unit_id, device.host, device.port, shows=shows)
 
+    files = {name: FileAt(path) for name, path in profiles.items()}
     bus: Socketcand | CanBus | SlcanPort = CanBus(can.interface, can.channel, can.bitrate)
     if embedded or can.interface == "socketcand":
         bus = Socketcand(channel=can.channel) if embedded else Socketcand(can.host, can.port, can.channel)
@@ -186,10 +211,12 @@ def server_config(
         bus = SlcanPort(can.channel, bitrate=can.bitrate)
     return ServerConfig(
         bench=virtual_config(bench, profiles, unit),
-        amplifier=port(bench.amplifier),
-        brake=port(bench.brake),
-        remote_io=port(bench.remote_io),
+        devices={name: port(name, device) for name, device in bench.modbus_devices.items()},
         can=bus,
+        can_sensors=tuple(
+            CanSensorPort(sensor.node_id, sensor.frames, one.update_every_s, shown_by(bench, one.name))
+            for one, sensor in zip(bench.can_devices, can_sensors(bench, files), strict=True)
+        ),
         scenario=scenario,
         end_with_parent=embedded,
         pace=_pace(bench, embedded=embedded) if waits else None,

@@ -17,15 +17,18 @@ U_OFFSET_NM = 0.5
 """Standard uncertainty of a stored calibration line of which none is declared."""
 
 
-def figures_of(bench: Bench, stored: Calibration | None = None) -> SensorFigures:
-    """Return the declared figures of a bench; stored: the calibration that converts the torque, when one does."""
+def figures_of(bench: Bench, stored: Calibration | None = None, period_s: float = 0.0) -> SensorFigures:
+    """Return the declared figures of a bench; stored: the calibration that converts the torque, when one does.
+
+    period_s: of the scan in which the channels were asked for; 0 where nobody knows.
+    """
     sensors, fixture = bench.sensors, bench.fixture
     return SensorFigures(
         torque_in=_torque(sensors.torque_in),
         torque_out=_torque(sensors.torque_out),
         angle_in=_angle(sensors.angle_in),
         angle_out=_angle(sensors.angle_out),
-        skew_s=sensors.skew_s,
+        skew_s=bench.skew(period_s),
         drift_arcmin_per_min=fixture.drift_arcmin_min,
         fixture_fraction=fixture.accuracy_fraction,
         lock_width_arcmin=fixture.lock_width_rad * ARCMIN_PER_RAD,

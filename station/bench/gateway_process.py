@@ -15,9 +15,10 @@ from pathlib import Path
 from drivers.errors import DriverError
 from recipes import Bench, RecipeError, load_bench
 from recipes.schema.bench_schema import ModbusDevice
-from station.bench.assemble import FileAt, can_config, modbus_profile
+from station.bench.assemble import can_config, modbus_profile
 from station.bench.assemble_virtual import load_scenario
 from station.bench.bench_lock import alone_on
+from station.bench.files import FileAt
 from station.bench.virtual_bench_process import FIFO_PRIORITY
 from station.errors import StationError
 from virtual_bench.devices.gateway import GatewayConfig, run_gateway
@@ -35,8 +36,7 @@ def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_paren
         registers = modbus_profile(FileAt(profiles[there.profile]))
         return ModbusTarget(there.host, there.port, there.unit_id, registers)
 
-    parts: dict[str, ModbusDevice] = {"amplifier": bench.amplifier, "brake": bench.brake, "remote_io": bench.remote_io}
-    devices = {name: device(name, there) for name, there in parts.items()}
+    devices = {name: device(name, there) for name, there in bench.modbus_devices.items()}
     drive = bench.drive
     return GatewayConfig(can_config(bench), drive.node_id, drive.controller_node_id, devices, end_with_parent)
 

@@ -12,8 +12,10 @@ from pathlib import Path
 import drivers
 from definitions.program import Program
 from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
+from drivers.can.sensors import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
+from drivers.profile import DriveProfile
 from drivers.servo_drive.objects import missing_protections
 from recipes import (
     Bench,
@@ -29,13 +31,27 @@ from recipes import (
     read_bytes,
     warnings,
 )
+from recipes.checks.bus_load import bus_findings
 from recipes.compiler.compiler import compile_program
 from station.atomic_file import refused
-from station.bench.assemble import channels, drive_profile, modbus_profile
+from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.bus_traffic import bus_frames
+from station.bench.can_profile import DBC
+from station.bench.commissioned import is_virtual_drive, watchdogs_measured
+from station.bench.measuring import (
+    can_sensors,
+    channel_problems,
+    channels,
+    channels_not_proven,
+    missing_of_brake,
+)
+from station.documents.commissioning import StepDone
 from station.errors import StationError
 from station.records.run_record import RunRecord
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
+
+PART_NAMES = {"amplifier": "Amplifier", "brake": "Brake", "remote_io": "Remote I/O"}
 
 TRACE_ENDINGS = (".csv", ".parquet", ".tdms")
 """By which a name is that of a file, and not of a stored run."""
@@ -92,19 +108,50 @@ class Job:
 
         What the drive of a virtual bench does is known from itself.
         """
-        profile = drive_profile(self.profile_sources[self.bench.drive.profile])
+        profile = self._drive_profile
         untried = f"drive profile '{profile.profile.name}': {NOT_TRIED}. Compare every value with the drive's manual."
         said = [] if profile.tried_on_hardware else [untried]
         said += [missing_text(one) for one in missing_protections(profile)]
         is_virtual = self.bench.bench.embedded or self.bench.pace is not None
-        return tuple(said if is_virtual else [*said, UNPROVEN])
+        return tuple(said if is_virtual or self.watchdogs is not None else [*said, UNPROVEN])
+
+    @property
+    def _drive_profile(self) -> DriveProfile:
+        return drive_profile(self.profile_sources[self.bench.drive.profile])
+
+    @cached_property
+    def watchdogs(self) -> StepDone | None:
+        """The measurement of the drive's watchdogs on this bench, as it is now; None where there is none that passed.
+
+        Raises:
+            RecordError: the protocol of the bench is damaged.
+
+        """
+        return watchdogs_measured(self.bench_source.path, self.bench, self.profile_sources)
+
+    @property
+    def no_automatic_run(self) -> str:
+        """Why no run may start by itself on this bench, with what to do; '' where one may.
+
+        A drive that is not the virtual one has to have shown that it ends its torque when the program dies.
+
+        Raises:
+            RecordError: the protocol of the bench is damaged.
+
+        """
+        virtual = DRIVER_PROFILES / "virtual-drive.yaml"
+        if self.bench.bench.embedded or is_virtual_drive(self._drive_profile, virtual) or self.watchdogs is not None:
+            return ""
+        path = self.bench_source.path
+        return (
+            f"{path}: watchdogs of drive '{self._drive_profile.profile.name}' not measured on this bench as it is now. "
+            f"Run: lostmotion bench status --bench {path}"
+        )
 
     @property
     def profile_names(self) -> tuple[str, ...]:
         """Device profiles that the bench file names, each once."""
-        bench = self.bench
-        names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
-        return tuple(dict.fromkeys(names))
+        return self.bench.profile_names
 
     @cached_property
     def profile_paths(self) -> dict[str, Path]:
@@ -116,12 +163,19 @@ class Job:
         """The device profiles, each read once and in order; RecipeError with the problems of all of them."""
         sources = {name: Source.read(path) for name, path in self.profile_paths.items()}
         problems: list[Problem] = []
+        on_modbus = {one.profile for one in self.bench.modbus_devices.values()}
         for name, source in sources.items():
-            read = drive_profile if name == self.bench.drive.profile else modbus_profile
             try:
-                read(source)
+                if name == self.bench.drive.profile:
+                    drive_profile(source)
+                elif name in on_modbus:
+                    modbus_profile(source)
             except RecipeError as error:
                 problems += error.problems
+        try:
+            can_sensors(self.bench, sources)
+        except RecipeError as error:
+            problems += error.problems
         if problems:
             raise RecipeError(problems)
         return sources
@@ -129,19 +183,23 @@ class Job:
     @cached_property
     def not_proven(self) -> tuple[str, ...]:
         """What the devices of this bench cannot prove, a sentence each: it stands in every result."""
-        bench = self.bench
-        parts = {"Amplifier": bench.amplifier, "Brake": bench.brake, "Remote I/O": bench.remote_io}
-        return tuple(
-            f"{part}: no identity in profile {device.profile}. Only its address says which device answers."
-            for part, device in parts.items()
+        said = [
+            f"{PART_NAMES.get(name, name)}: no identity in profile {device.profile}. Only its address says which device"
+            " answers."
+            for name, device in self.bench.modbus_devices.items()
             if modbus_profile(self.profile_sources[device.profile]).identity is None
-        )
+        ]
+        said += missing_of_brake(modbus_profile(self.profile_sources[self.bench.brake.profile]))
+        return (*said, *channels_not_proven(self.bench))
 
 
 def find_profile(name: str, bench_path: Path) -> Path:
-    """Return a profile's file: from `profiles/` beside the bench file, from beside it, or the shipped one."""
-    beside = bench_path.parent
-    places = [beside / "profiles" / f"{name}.yaml", beside / f"{name}.yaml", DRIVER_PROFILES / f"{name}.yaml"]
+    """Return a profile's file: from `profiles/` beside the bench file, from beside it, or the shipped one.
+
+    That of a CAN sensor may be a DBC file.
+    """
+    folders = (bench_path.parent / "profiles", bench_path.parent, DRIVER_PROFILES)
+    places = [folder / f"{name}{ending}" for folder in folders for ending in (".yaml", DBC)]
     for place in places:
         if place.is_file():
             return place
@@ -181,7 +239,7 @@ def stored_job(run: RunRecord) -> Job:
         RecordError: run.json is damaged, or one of the files cannot be read now.
 
     """
-    for profile in sorted(run.folder.glob("profiles/*.yaml")):
+    for profile in sorted(run.folder.glob("profiles/*")):
         _stored_source(profile)
     return _loaded(
         lambda: _stored_source(run.folder / "recipe.yaml"),
@@ -217,20 +275,39 @@ def load_job(recipe_name: str | Source, bench_name: str | None, day: date | None
 
 
 def _told(one: DriverProblem, path: Path, part: str) -> Problem:
-    hint = one.next_step[:1].upper() + one.next_step[1:]
-    return Problem(str(path), 0, 0, part, f"a profile that {one.what}: {one.found}", one.expected, f"{hint}.")
+    found = f"a profile that {one.what}: {one.found}"
+    return Problem(str(path), 0, 0, part, found, one.expected, f"{_begun(one.next_step)}.")
+
+
+def _begun(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _check_parts(job: Job) -> None:
     """Refuse device profiles that do not deliver what their parts of the bench need; RecipeError with all of them."""
-    names = {part: getattr(job.bench, part).profile for part in PART_FIELDS}
-    profiles = {part: modbus_profile(job.profile_sources[name]) for part, name in names.items()}
+    names = {name: device.profile for name, device in job.bench.modbus_devices.items()}
+    profiles = {name: modbus_profile(job.profile_sources[profile]) for name, profile in names.items()}
+    parts = {part: profiles[part] for part in PART_FIELDS if part in profiles}
     problems = [
-        _told(one, job.profile_sources[name].path, part)
-        for part, name in names.items()
-        for one in part_problems(profiles, channels(job.bench))
+        _told(one, job.profile_sources[names[part]].path, part)
+        for part in parts
+        for one in part_problems(parts, channels(job.bench))
         if one.where.startswith(f"{part} ")
     ]
+    measuring = {name: profile for name, profile in profiles.items() if name not in PART_FIELDS}
+    path, sensors = str(job.bench_source.path), can_sensors(job.bench, job.profile_sources)
+    problems += [
+        Problem(path, 0, 0, "channels", f"{one.found} in {one.where}", one.expected, f"{_begun(one.next_step)}.")
+        for one in channel_problems(job.bench, measuring, sensors)
+    ]
+    drive = drive_profile(job.profile_sources[job.bench.drive.profile])
+    node_ids = job.bench.drive.node_id, job.bench.drive.controller_node_id
+    problems += [
+        Problem(path, 0, 0, "can_devices", f"{one.where}: {one.found}", one.expected, f"{_begun(one.next_step)}.")
+        for one in identifier_problems(sensors, drive, *node_ids)
+    ]
+    frames = list(bus_frames(job.recipe, job.bench, drive, sensors))
+    problems += [job.recipe.problem(*one) for one in bus_findings(job.recipe, job.bench, frames)]
     if problems:
         raise RecipeError(problems)
 

@@ -17,6 +17,7 @@ from typer.main import get_group
 
 from station.cli.bench import commands as cli_bench
 from station.cli.bench.setup_commands import profile_app, schema
+from station.cli.commissioning.commands import bench_app
 from station.cli.errors import EXIT_BENCH, can_be_mended, nobody_reads, program_failed, refuse
 from station.cli.faults.commands import faults_app
 from station.cli.help import GroupedHelp
@@ -83,6 +84,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "virtual-bench": cli_bench.virtual_bench,
         "doctor": cli_bench.doctor,
         "timing": cli_bench.timing,
+        "bench": bench_app,
         "blank": cli_bench.blank,
         "torque-ratio": cli_bench.torque_ratio,
         "calibration": cli_bench.calibration,

@@ -26,6 +26,9 @@ from station.results.evaluation import method_of
 BRANCH_POINTS = 500
 """Points that a branch is drawn by: twice what a screen tells apart across the part of it that is looked at."""
 
+RISING, FALLING = "torque rising", "torque falling"
+"""How the names of the branches of a loop begin."""
+
 SAMPLES = 1500
 """Samples of a run without an evaluation that are drawn, besides those around its alarm."""
 
@@ -37,6 +40,11 @@ class Line:
     name: str
     torque_nm: tuple[float, ...]
     values: tuple[float | None, ...]
+
+    def at(self, torque_nm: float) -> float:
+        """Return the value at a torque, between its points on a straight line; of a branch, whose torque rises."""
+        known = [(x, y) for x, y in zip(self.torque_nm, self.values, strict=True) if y is not None]
+        return float(np.interp(torque_nm, [x for x, _ in known], [y for _, y in known]))
 
 
 @dataclass(frozen=True)
@@ -83,7 +91,7 @@ def loop_curves(run: RunRecord) -> LoopCurves:
     lines = []
     for number, (rising, falling) in enumerate(cycles, start=1):
         cycle = f", cycle {number}" if len(curves.forward) > 1 else ""
-        lines += [_line(f"torque rising{cycle}", rising), _line(f"torque falling{cycle}", falling)]
+        lines += [_line(f"{RISING}{cycle}", rising), _line(f"{FALLING}{cycle}", falling)]
     sides = ((curves.forward[0], 1), (curves.backward[0], -1))
     stiffness = [(side, local_stiffness(branch, side, method.reference_nm)) for branch, side in sides]
     found = tuple(

@@ -19,8 +19,8 @@ from definitions.program import Segment
 from definitions.states import LOADED
 from definitions.units import ARCMIN_PER_RAD
 from recipes import OWN, Bench, Calibration, Recipe, Selection, SpeedCycles, StepCycles, TorqueCycles, selected
-from station.bench.assemble import CHANNEL_OF_SENSOR, channels
 from station.bench.figures import figures_of, fixture_of
+from station.bench.measuring import CHANNEL_OF_SENSOR, channels
 from station.documents.manifest import Manifest
 from station.documents.ratio import BenchHead, RatioLine, RatioRecord
 from station.errors import StationError
@@ -222,7 +222,7 @@ def evaluate_trace(  # noqa: PLR0917 - what was measured, by what, on what, and 
 def figures_for(recipe: Recipe, bench: Bench) -> SensorFigures:
     """Return what the bench declares of its sensors, and of the stored calibration when the recipe goes by one."""
     stored = recipe.measurement.output_torque == "calibrated" and recipe.measurement.calibration == "stored"
-    return figures_of(bench, newest_calibration(recipe, bench) if stored else None)
+    return figures_of(bench, newest_calibration(recipe, bench) if stored else None, recipe.sampling.period_s)
 
 
 def ratio_of(result: Result, run: Manifest, bench: Bench) -> RatioRecord | None:

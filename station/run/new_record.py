@@ -77,7 +77,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         notes=(*notes, *job.drive_notes),
     )
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
-    files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
+    files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     store = Store(data)
     if master is None:

@@ -102,7 +102,7 @@ def compiled(job: Job, program: Path, ports: Ports | None, *, waits: bool = Fals
 
 
 def _profiles(job: Job, record: RunRecord) -> dict[str, str]:
-    return {name: str(record.folder / "profiles" / f"{name}.yaml") for name in job.profile_names}
+    return {name: str(record.folder / "profiles" / path.name) for name, path in job.profile_paths.items()}
 
 
 def _written(path: Path, spec: dict[str, Any]) -> Path:

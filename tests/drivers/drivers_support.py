@@ -10,7 +10,8 @@ from ruamel.yaml import YAML
 from definitions.plain_data import exact
 from drivers.config import DriveConfig, ModbusConfig
 from drivers.profile import DriveProfile, ModbusProfile
-from recipes.schema.profile_schema import DriveProfileFile, ModbusProfileFile
+from recipes.schema.modbus_profile_schema import ModbusProfileFile
+from recipes.schema.profile_schema import DriveProfileFile
 
 PROFILES = Path(__file__).parents[2] / "drivers" / "profiles"
 PERIOD_NS = 1_000_000

@@ -12,7 +12,7 @@ import struct
 import threading
 import time
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import can
 import canopen
@@ -22,7 +22,8 @@ from eds_drives import Drive, eds_text
 from station.bench.eds_profile import NOT_NEEDED
 
 NODE_ID = 5
-SYNC, NMT, EMCY, HEARTBEAT = 0x080, 0x000, 0x080 + NODE_ID, 0x700 + NODE_ID
+SYNC, NMT, EMCY, HEARTBEAT_BASE = 0x080, 0x000, 0x080 + NODE_ID, 0x700
+HEARTBEAT = HEARTBEAT_BASE + NODE_ID
 RESET_COMMUNICATION, PRE_OPERATIONAL, OPERATIONAL = 0x82, 127, 5
 READ_ONLY = 0x06010002
 SDO_ANSWER = 0x580 + NODE_ID
@@ -55,7 +56,11 @@ MACHINE = (
 
 @dataclass(frozen=True)
 class Personality:
-    """How a drive differs from what one would like. `read_only`: objects that hold a value and cannot be written."""
+    """How a drive differs from what one would like. `read_only`: objects that hold a value and cannot be written.
+
+    setpoints_watched: whether 0x1400:5 guards synchronous PDOs, or only where a SYNC comes, as of stacks that look at
+    them after SYNC alone. heartbeat_watched: whether the drive acts on 0x1016.
+    """
 
     read_only: tuple[tuple[int, int, int], ...] = ()
     sdo_delay_s: float = 0.0
@@ -64,6 +69,8 @@ class Personality:
     has_bit_12: bool = True
     foreign_frames: int = 0
     emcy_per_sync: int = 0
+    heartbeat_watched: bool = True
+    setpoints_watched: Literal["always", "with SYNC", "never"] = "always"
 
 
 class TableDrive:
@@ -87,6 +94,7 @@ class TableDrive:
         self._running = False
         self._buffered: dict[int, bytes] = {}
         self._beat_s = self._word_s = self._sync_s = 0.0
+        self._setpoint_s = self._controller_s = 0.0
         self._word = 0
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._live, daemon=True)
@@ -130,6 +138,9 @@ class TableDrive:
                 self._beat_s = now
                 self._send(HEARTBEAT, bytes([OPERATIONAL if self._running else PRE_OPERATIONAL]))
             self._watch_sync(now)
+            self._watch_heartbeat(now)
+            if self.personality.setpoints_watched == "always":
+                self._watch_setpoints(now)
 
     def _take(self, message: can.Message, now: float) -> None:
         cob_id, data = message.arbitration_id, bytes(message.data)
@@ -140,17 +151,20 @@ class TableDrive:
         elif cob_id == 0x600 + NODE_ID:
             time.sleep(self.personality.sdo_delay_s)
             self._network.notify(cob_id, bytearray(data), message.timestamp)
+        elif cob_id == HEARTBEAT_BASE + (self._consumed >> 16 & 0x7F):
+            self._controller_s = now
         elif self._running:
             for index in range(0x1400, 0x1408):
                 if index in self.node.object_dictionary and self.value(index, 1) == cob_id:
                     self._buffered[index] = data
+                    self._setpoint_s = now if index == 0x1400 else self._setpoint_s
                     if self.value(index, 2) >= 254:
                         self._actuate(index)
 
     def _nmt(self, command: int) -> None:
         self._running = command == 1
         if command == RESET_COMMUNICATION:
-            self._sync_s = 0.0
+            self._sync_s = self._setpoint_s = self._controller_s = 0.0
             for index in [place for place in self.node.data_store if 0x1000 <= place < 0x2000]:
                 del self.node.data_store[index]
             self._send(HEARTBEAT, b"\x00")
@@ -173,6 +187,8 @@ class TableDrive:
         if not self._running:
             return
         self._sync_s = now
+        if self.personality.setpoints_watched == "with SYNC":
+            self._watch_setpoints(now)
         for index in list(self._buffered):
             self._actuate(index)
         if now - self._word_s >= self.personality.control_word_every_s:
@@ -215,6 +231,30 @@ class TableDrive:
             self.state = "quick stop"
             self.quick_stops += 1
             self._send(EMCY, struct.pack("<HB5s", 0x8100, 0x10, b""))
+
+    @property
+    def _consumed(self) -> int:
+        return self.value(0x1016, 1) if 0x1016 in self._objects else 0
+
+    def _watch_heartbeat(self, now: float) -> None:
+        """Supervise the controller's heartbeat (0x1016) from its first one on."""
+        longest_s = 1e-3 * (self._consumed & 0xFFFF)
+        if self.personality.heartbeat_watched and longest_s and now - self._controller_s > longest_s:
+            self._lose_controller(self._controller_s, 0x8130)
+            self._controller_s = 0.0
+
+    def _watch_setpoints(self, now: float) -> None:
+        """Supervise the arrival of set-points (0x1400:5) from the first one on."""
+        longest_s = 1e-3 * self.value(0x1400, 5) if 5 in self._objects[0x1400] else 0.0
+        if longest_s and now - self._setpoint_s > longest_s:
+            self._lose_controller(self._setpoint_s, 0x8250)
+            self._setpoint_s = 0.0
+
+    def _lose_controller(self, heard_s: float, code: int) -> None:
+        if heard_s and self.state == "enabled":
+            self.state = "fault"
+            self._show()
+            self._send(EMCY, struct.pack("<HB5s", code, 0x10, b""))
 
     @property
     def _objects(self) -> Any:

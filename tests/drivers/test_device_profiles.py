@@ -63,7 +63,7 @@ MODBUS_MISTAKES = [
     (_set("read", "count", 3), "outside the 3 registers read"),
     (_set("read", "fields", 1, "type", "i16"), "a bit is taken from a u16 without scale"),
     (_set("read", "fields", 1, "name", "identity"), "a field name is used twice"),
-    (_set("read", "table", "coil"), "Input should be 'input' or 'holding'"),
+    (_set("read", "table", "coil"), "found type u16 in table coil; allowed is bit"),
     (_set("identity", "value", 65536), "beyond u16: at most 65535"),
     (_set("identity", "text", "AB"), "has the key value, and no text"),
     (_set("read", "fields", 3, "scale", 0.0), "the scale is 0"),

@@ -13,8 +13,9 @@ from definitions.faults import FAULT_BY_ID
 from drivers.servo_drive.emcy import EMCY_TEXTS, explain_emcy
 from drivers.servo_drive.sdo import SDO_ABORTS, explain_abort
 from faultlab.rows import ROWS
-from station.bench.assemble import FileAt, modbus_profile
+from station.bench.assemble import modbus_profile
 from station.bench.assemble_virtual import load_scenario
+from station.bench.files import FileAt
 from station.bench.request import DRIVER_PROFILES
 from station.run.faults.machine_faults import DEEDS, Traces
 from virtual_bench.devices import pdo_parameters, pdo_service

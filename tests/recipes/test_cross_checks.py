@@ -147,18 +147,6 @@ CASES = {
     "sweep beyond the shaft's speed": (
         SWEEP, {"speed: 60 rpm": "speed: 0.34 rpm"}, {}, "torque_sweep.to_frequency", "interlocks.speed",
     ),
-    "period shorter than the bus": (
-        INVERSE, {"period: 1 ms": "period: 500 µs"}, {"bitrate: 1000000": "bitrate: 800000"}, "sampling.period",
-        "(SYNC and 3 PDOs, 460 bits at worst, and heartbeats meanwhile); allowed: at least 0.5797 ms",
-    ),
-    "bus slower than the period": (
-        INVERSE, {}, {"bitrate: 1000000": "bitrate: 125000"}, "sampling.period",
-        "a CAN bus of 125 kbit/s needs 3.882 ms for the frames of a scan",
-    ),
-    "bus full of heartbeats": (
-        INVERSE, {}, {"bitrate: 1000000": "bitrate: 10000", "drive_heartbeat: 20 ms": "drive_heartbeat: 5 ms"},
-        "sampling.period", "a CAN bus of 10 kbit/s is full of heartbeats alone; allowed: no period on this bus",
-    ),
     "serial line slower than the period": (
         INVERSE, {},
         {"transport: tcp": "transport: rtu", "port: 1502": "serial_port: /dev/ttyUSB0\n  baudrate: 19200"},

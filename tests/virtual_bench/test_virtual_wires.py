@@ -288,6 +288,7 @@ def test_a_fault_acts_on_the_wire_and_says_so(server_config: ServerConfig, targe
 
 def test_a_taken_port_is_refused_with_a_reason(served: Served, server_config: ServerConfig) -> None:
     taken = served.ready["amplifier"]["port"]
-    config = replace(server_config, amplifier=replace(server_config.amplifier, port=taken))
+    devices = {name: replace(one, port=taken) for name, one in server_config.devices.items()}
+    config = replace(server_config, devices=devices)
     with pytest.raises(VirtualBenchError, match=f"{taken}.*Choose another port"):
         asyncio.run(run(config, announce=lambda _ready: None, log=lambda *_args, **_more: None))

@@ -6,7 +6,8 @@ from dataclasses import replace
 from math import pi
 from pathlib import Path
 
-from station.bench.assemble import FileAt, drive_profile, modbus_profile
+from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.files import FileAt
 from virtual_bench.config import (
     AngleSensor,
     BenchConfig,
@@ -62,7 +63,9 @@ def example_server_config() -> ServerConfig:
     """Return the default bench on free loopback ports."""
     return ServerConfig(
         bench=example_bench_config(),
-        amplifier=ModbusPort(modbus_profile(profile("virtual-amplifier")), unit_id=1),
-        brake=ModbusPort(modbus_profile(profile("virtual-brake")), unit_id=2),
-        remote_io=ModbusPort(modbus_profile(profile("virtual-remote-io")), unit_id=3),
+        devices={
+            "amplifier": ModbusPort(modbus_profile(profile("virtual-amplifier")), unit_id=1),
+            "brake": ModbusPort(modbus_profile(profile("virtual-brake")), unit_id=2),
+            "remote_io": ModbusPort(modbus_profile(profile("virtual-remote-io")), unit_id=3),
+        },
     )

@@ -17,24 +17,38 @@ from pymodbus.constants import ExcCodes
 from pymodbus.exceptions import ModbusIOException
 from pymodbus.framer import FramerSocket
 from pymodbus.pdu import DecodePDU, ModbusPDU
+from pymodbus.pdu.bit_message import (
+    ReadCoilsResponse,
+    ReadDiscreteInputsResponse,
+    WriteMultipleCoilsRequest,
+    WriteMultipleCoilsResponse,
+    WriteSingleCoilRequest,
+    WriteSingleCoilResponse,
+)
 from pymodbus.pdu.register_message import (
-    ReadHoldingRegistersRequest,
     ReadHoldingRegistersResponse,
-    ReadInputRegistersRequest,
     ReadInputRegistersResponse,
-    WriteMultipleRegistersRequest,
     WriteMultipleRegistersResponse,
     WriteSingleRegisterRequest,
     WriteSingleRegisterResponse,
 )
 
-from drivers.profile import ModbusProfile
+from drivers.profile import COIL_TABLES, ModbusProfile, ReadBlock
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import ModbusPort
 from virtual_bench.faults.modbus_faults import ModbusFaults
 from virtual_bench.wires.hang_up import hang_up
 
-WORDS: dict[str, int] = {"u16": 1, "i16": 1, "u32": 2, "i32": 2, "f32": 2}
+WORDS: dict[str, int] = {"u16": 1, "i16": 1, "u32": 2, "i32": 2, "f32": 2, "bit": 1}
+READS: dict[int, tuple[str, type[ModbusPDU]]] = {
+    1: ("coil", ReadCoilsResponse),
+    2: ("discrete", ReadDiscreteInputsResponse),
+    3: ("holding", ReadHoldingRegistersResponse),
+    4: ("input", ReadInputRegistersResponse),
+}
+"""Table and response of each function code that reads."""
+WRITES: dict[int, str] = {5: "coil", 6: "holding", 15: "coil", 16: "holding"}
+"""Table of each function code that writes."""
 RANGES: dict[str, tuple[int, int]] = {
     "u16": (0, 0xFFFF),
     "i16": (-0x8000, 0x7FFF),
@@ -44,7 +58,7 @@ RANGES: dict[str, tuple[int, int]] = {
 
 
 class Device:
-    """One device: its registers, what it reads from the plant and what a write does."""
+    """One device: its registers and coils, what it reads from the plant and what a write does."""
 
     def __init__(
         self,
@@ -55,58 +69,69 @@ class Device:
         self.registers = port.registers
         block = port.registers.write
         fields = block.fields if block else ()
-        self._write_address = block.address if block else 0
+        self._write_table, self._write_address = (block.table, block.address) if block else ("", 0)
+        self._blocks = (port.registers.read, *port.registers.read_also)
         self.unit_id = port.unit_id
         self._read = read
         self._write = write
-        self._holding = [0] * sum(WORDS[row.type] for row in fields)
+        self._written = [0] * sum(WORDS[row.type] for row in fields)
 
     def answer(self, request: ModbusPDU) -> ModbusPDU:
         """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3."""
         code = request.function_code
         if request.dev_id != self.unit_id:
             return ExceptionResponse(code, ExcCodes.GATEWAY_NO_RESPONSE)
-        match request:
-            case ReadInputRegistersRequest() if self.registers.read.table == "input":
-                return self._answer_read(request, ReadInputRegistersResponse)
-            case ReadHoldingRegistersRequest():
-                return self._answer_holding(request)
-            case WriteMultipleRegistersRequest() if self._write is not None:
-                refused = self._take(request.address, request.registers)
-                return refused or WriteMultipleRegistersResponse(address=request.address, count=len(request.registers))
-            case WriteSingleRegisterRequest() if self._write is not None:
-                refused = self._take(request.address, request.registers)
-                return refused or WriteSingleRegisterResponse(address=request.address, registers=request.registers)
-        return ExceptionResponse(code, ExcCodes.ILLEGAL_FUNCTION)
+        if code in READS:
+            table, response = READS[code]
+            return self._answer_read(request, table, response)
+        if self._write is None or WRITES.get(code) != self._write_table:
+            return ExceptionResponse(code, ExcCodes.ILLEGAL_FUNCTION)
+        if isinstance(request, WriteSingleCoilRequest | WriteMultipleCoilsRequest):
+            words = [int(bit) for bit in request.bits[: request.count or 1]]
+        else:
+            words = list(request.registers)
+        return self._take(request, words) or _echo(request, words)
 
-    def _answer_read(
-        self,
-        request: ModbusPDU,
-        response: type[ReadInputRegistersResponse | ReadHoldingRegistersResponse],
-    ) -> ModbusPDU:
-        first = request.address - self.registers.read.address
-        if first < 0 or request.count < 1 or first + request.count > self.registers.read.count:
-            return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
-        words = encode(self.registers, self._read())
-        return response(registers=words[first : first + request.count])
-
-    def _answer_holding(self, request: ModbusPDU) -> ModbusPDU:
-        if self.registers.read.table == "holding" and self.registers.write is None:
-            return self._answer_read(request, ReadHoldingRegistersResponse)
+    def _answer_read(self, request: ModbusPDU, table: str, response: type[ModbusPDU]) -> ModbusPDU:
+        for block in self._blocks:
+            first = request.address - block.address
+            if block.table == table and first >= 0 and 0 < request.count <= block.count - first:
+                words = encode(self.registers, self._read(), block)
+                return _response(response, words[first : first + request.count])
         first = request.address - self._write_address
-        if first < 0 or request.count < 1 or first + request.count > len(self._holding):
-            return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
-        return ReadHoldingRegistersResponse(registers=self._holding[first : first + request.count])
+        if table == self._write_table and first >= 0 and 0 < request.count <= len(self._written) - first:
+            return _response(response, self._written[first : first + request.count])
+        known = table == self._write_table or any(block.table == table for block in self._blocks)
+        code = ExcCodes.ILLEGAL_ADDRESS if known else ExcCodes.ILLEGAL_FUNCTION
+        return ExceptionResponse(request.function_code, code)
 
-    def _take(self, address: int, words: Sequence[int]) -> ExceptionResponse | None:
-        """Store written registers and let them act; returns the refusal, if any."""
-        first = address - self._write_address
-        if first < 0 or first + len(words) > len(self._holding):
-            return ExceptionResponse(WriteMultipleRegistersRequest.function_code, ExcCodes.ILLEGAL_ADDRESS)
-        self._holding[first : first + len(words)] = words
+    def _take(self, request: ModbusPDU, words: Sequence[int]) -> ExceptionResponse | None:
+        """Store what was written and let it act; returns the refusal, if any."""
+        first = request.address - self._write_address
+        if first < 0 or first + len(words) > len(self._written):
+            return ExceptionResponse(request.function_code, ExcCodes.ILLEGAL_ADDRESS)
+        self._written[first : first + len(words)] = words
         if self._write is not None:
-            self._write(decode(self.registers, self._holding))
+            self._write(decode(self.registers, self._written))
         return None
+
+
+def _echo(request: ModbusPDU, words: Sequence[int]) -> ModbusPDU:
+    """Return what confirms a write: address and number of what was written, or for a single one its value."""
+    match request:
+        case WriteSingleRegisterRequest():
+            return WriteSingleRegisterResponse(address=request.address, registers=list(words))
+        case WriteSingleCoilRequest():
+            return WriteSingleCoilResponse(address=request.address, bits=[bool(words[0])])
+        case WriteMultipleCoilsRequest():
+            return WriteMultipleCoilsResponse(address=request.address, count=len(words))
+    return WriteMultipleRegistersResponse(address=request.address, count=len(words))
+
+
+def _response(kind: type[ModbusPDU], words: Sequence[int]) -> ModbusPDU:
+    if kind in (ReadCoilsResponse, ReadDiscreteInputsResponse):
+        return kind(bits=[bool(word) for word in words])
+    return kind(registers=list(words))
 
 
 class ModbusServer:
@@ -252,13 +277,19 @@ class Connection(asyncio.Protocol):
             hang_up(self._transport)
 
 
-def encode(registers: ModbusProfile, values: Mapping[str, float]) -> list[int]:
-    """Return the words of the read block; numbers beyond their type stop at its end, as a device's do.
+def encode(registers: ModbusProfile, values: Mapping[str, float], read: ReadBlock | None = None) -> list[int]:
+    """Return the words of a read block, or its bits; numbers beyond their type stop at its end, as a device's do.
 
     The identity stands where the profile says, whether a field shows it or not.
     """
-    block = bytearray(2 * registers.read.count)
-    for row in registers.read.fields:
+    read = read or registers.read
+    if read.table in COIL_TABLES:
+        bits = [0] * read.count
+        for row in read.fields:
+            bits[row.offset] = 1 if values[row.name] else 0
+        return bits
+    block = bytearray(2 * read.count)
+    for row in read.fields:
         if row.name == "identity":
             continue
         value = values[row.name]
@@ -275,8 +306,8 @@ def encode(registers: ModbusProfile, values: Mapping[str, float]) -> list[int]:
         count = low if value != value else min(max(round(value), low), high)  # noqa: PLR0124
         number = (count & 0xFFFFFFFF).to_bytes(4, "big")[-2 * WORDS[row.type] :]
         put(block, row.offset, number, registers.word_order)
-    _put_identity(block, registers)
-    words = list(struct.unpack(f">{registers.read.count}H", block))
+    _put_identity(block, registers, read)
+    words = list(struct.unpack(f">{read.count}H", block))
     return [word >> 8 | word << 8 & 0xFF00 for word in words] if registers.byte_order == "little" else words
 
 
@@ -287,12 +318,12 @@ def put(block: bytearray, offset: int, number: bytes, word_order: str) -> None:
     block[2 * offset : 2 * offset + len(number)] = number
 
 
-def _put_identity(block: bytearray, registers: ModbusProfile) -> None:
+def _put_identity(block: bytearray, registers: ModbusProfile, read: ReadBlock) -> None:
     identity = registers.identity
-    if identity is None or identity.table != registers.read.table:
+    if identity is None or identity.table != read.table:
         return
-    first = identity.address - registers.read.address
-    if not 0 <= first <= registers.read.count - identity.count:
+    first = identity.address - read.address
+    if not 0 <= first <= read.count - identity.count:
         return
     if identity.text is not None:
         put(block, first, identity.text.encode("ascii").ljust(2 * identity.count, b"\0"), "big")

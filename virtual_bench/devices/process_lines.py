@@ -11,7 +11,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from virtual_bench.faults.schedule import Acted
+from virtual_bench.faults.scenario import Fault
+from virtual_bench.faults.schedule import Acted, FaultSchedule
 
 INPUT_CHUNK = 4096
 ACTED, NOT_SEEN = "fault_acted", "fault_not_seen"
@@ -43,6 +44,41 @@ def print_ready(ready: dict[str, Any]) -> None:
     """Print the ready message as one JSON line on standard output."""
     sys.stdout.write(json.dumps(ready) + "\n")
     sys.stdout.flush()
+
+
+class Hands:
+    """Our standard input as the hands of somebody at the bench: one fault a line, by target, verb and value.
+
+    `io.estop trip` presses the emergency stop until `io.estop trip end` releases it; `sensor.torque_in offset 0.5`
+    presses on a sensor. The vocabulary is that of scenarios.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, faults: FaultSchedule, log: LogLine) -> None:
+        self._loop, self._faults, self._log = loop, faults, log
+        self._rest = b""
+
+    def read(self) -> None:
+        """Take what is there; at the end of the input nobody is at the bench any more, and it goes on."""
+        chunk = os.read(sys.stdin.fileno(), INPUT_CHUNK)
+        if not chunk:
+            self._loop.remove_reader(sys.stdin.fileno())
+        *lines, self._rest = (self._rest + chunk).split(b"\n")
+        for line in lines:
+            if line.strip():
+                self._hear(line.decode(errors="replace").split())
+
+    def _hear(self, words: list[str]) -> None:
+        try:
+            target, verb, *more = words
+            if more == ["end"]:
+                if not self._faults.withdraw(target, verb):
+                    self._log("not_understood", f"{target} {verb} is not active")
+                return
+            (value,) = more or ("",)
+            fault = {"target": target, "verb": verb, "when": {"time_s": 0.0}}
+            self._faults.inject([Fault.model_validate(fault | ({"value": float(value)} if value else {}))])
+        except ValueError as error:
+            self._log("not_understood", f"{' '.join(words)[:80]!r}: {' '.join(str(error).split())}")
 
 
 class ParentInput:

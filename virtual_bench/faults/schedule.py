@@ -74,6 +74,13 @@ class FaultSchedule:
         self._waiting += faults
         self.armed = True
 
+    def withdraw(self, target: str, verb: str) -> bool:
+        """End a fault at the next step; False when it is not active."""
+        active = (target, verb) in self.active
+        if active:
+            self._ends_ns[target, verb] = self.now_ns
+        return active
+
     def tell(self, state: str, scan: int, entered: int | None = None) -> None:
         """Say what state the controller is in after a scan; moments that are keyed by it need this.
 

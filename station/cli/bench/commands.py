@@ -45,11 +45,20 @@ def virtual_bench(
         ),
     ] = None,
     seed: SeedOption = None,
+    hands: Annotated[
+        bool,
+        typer.Option(
+            "--hands",
+            help="Read what somebody does at the bench from standard input: 'io.estop trip', then 'io.estop trip end'.",
+        ),
+    ] = False,
 ) -> None:
     """Run the virtual bench alone; prints its ports as one JSON line when it is ready."""
     from station.cli.bench import virtual_bench as command_virtual_bench
 
-    raise typer.Exit(command_virtual_bench.virtual_bench(bench, can, modbus, unit, scenario, pace=pace, seed=seed))
+    raise typer.Exit(
+        command_virtual_bench.virtual_bench(bench, can, modbus, unit, scenario, pace=pace, seed=seed, hands=hands)
+    )
 
 
 def timing(

@@ -13,8 +13,9 @@ from drivers.errors import DriverError
 from drivers.servo_drive.comparison import Compared, compare_drive
 from drivers.servo_drive.objects import missing_protections
 from recipes import find_bench, load_bench
-from station.bench.assemble import FileAt, can_config, drive_config, drive_profile
+from station.bench.assemble import can_config, drive_config, drive_profile
 from station.bench.bench_lock import alone_on
+from station.bench.files import FileAt
 from station.bench.request import find_profile
 from station.errors import BenchFaultError, StationError
 

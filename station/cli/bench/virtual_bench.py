@@ -52,13 +52,16 @@ def virtual_bench(
     *,
     pace: str | None = None,
     seed: int | None = None,
+    hands: bool = False,
 ) -> int:
     """Serve a virtual bench until it is interrupted; its ports are printed as one JSON line when it is ready.
 
     The seed of its noise goes to standard error.
 
-    `modbus` is HOST:PORT of the measuring amplifier; brake and remote I/O take the next two ports (0: any free ones).
+    `modbus` is HOST:PORT of the measuring amplifier; brake, remote I/O and any other device take the next ports (0: any
+    free ones).
     With `rtu` each device is on a serial port of its own. Serial ports that the bench file names get these names.
+    With `hands` lines on standard input say what somebody at the bench does (`virtual_bench.devices.process_lines`).
     `pace` is HOST:PORT where a scan may lead the bench; without it, that of the bench file, or a free port.
 
     Raises:
@@ -67,8 +70,7 @@ def virtual_bench(
     """
     path = find_bench(bench_name or DEFAULT_BENCH)
     bench = load_bench(path)
-    names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
-    profiles = {name: find_profile(name, path) for name in names}
+    profiles = {name: find_profile(name, path) for name in bench.profile_names}
     faults = None if scenario is None else load_scenario(scenario)
     chosen = VirtualUnit(unit or DEFAULT_UNIT, drawn_seed() if seed is None else seed)
     find_unit(chosen.name)
@@ -82,6 +84,7 @@ def virtual_bench(
         config = _moved(config, *address("--modbus", modbus))
     if pace is not None:
         config = dataclasses.replace(config, pace=PaceServer(*address("--pace", pace)))
+    config = dataclasses.replace(config, hands=hands)
     play_hardware(config)
     asyncio.run(run(config, faults))
     return 0
@@ -91,21 +94,12 @@ def _on_serial_ports(config: ServerConfig) -> ServerConfig:
     def on_one(device: ModbusPort) -> ModbusPort:
         return dataclasses.replace(device, rtu=True, serial_port="")
 
-    return dataclasses.replace(
-        config,
-        amplifier=on_one(config.amplifier),
-        brake=on_one(config.brake),
-        remote_io=on_one(config.remote_io),
-    )
+    return dataclasses.replace(config, devices={name: on_one(device) for name, device in config.devices.items()})
 
 
 def _moved(config: ServerConfig, host: str, port: int) -> ServerConfig:
     def at(device: ModbusPort, place: int) -> ModbusPort:
         return dataclasses.replace(device, host=host, port=port + place if port else 0)
 
-    return dataclasses.replace(
-        config,
-        amplifier=at(config.amplifier, 0),
-        brake=at(config.brake, 1),
-        remote_io=at(config.remote_io, 2),
-    )
+    moved = {name: at(device, place) for place, (name, device) in enumerate(config.devices.items())}
+    return dataclasses.replace(config, devices=moved)

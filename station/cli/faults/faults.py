@@ -42,8 +42,12 @@ def gateway(bench_name: str, scenario_path: Path) -> int:
 
     bench_path = find_bench(bench_name)
     bench = load_bench(bench_path)
-    names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
-    serve(bench, {name: find_profile(name, bench_path) for name in names}, scenario_path, end_with_parent=False)
+    serve(
+        bench,
+        {name: find_profile(name, bench_path) for name in bench.profile_names},
+        scenario_path,
+        end_with_parent=False,
+    )
     return 0
 
 

@@ -73,7 +73,7 @@ def summary(job: Job) -> Summary:
         load_profile=tuple(profile),
         steps=tuple(steps(program)),
         metrics=tuple(one.id for _, one in recipe.wanted()),
-        warnings=tuple(job.warnings),
+        warnings=(*job.warnings, *filter(None, [job.no_automatic_run])),
     )
 
 

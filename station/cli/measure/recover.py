@@ -194,7 +194,7 @@ def _create(data: Path, run: RunRecord, job: Job, left: LeftBy) -> RunRecord:
         left=left,
     )
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
-    files |= {f"profiles/{name}.yaml": source.content for name, source in job.profile_sources.items()}
+    files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
     record = Store(data / FOLDER).create(of.serial, setup, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record

@@ -93,6 +93,8 @@ def run(options: Options) -> int:
     reason = None if options.retest_reason is None else check_reason(options.retest_reason)
     options = dataclasses.replace(options, operator=operator, retest_reason=reason)
     job = load_job(options.recipe, options.bench)
+    if not options.virtual_time and job.no_automatic_run:
+        raise StationError(job.no_automatic_run)
     unit = _unit(options, job)
     scenario, pacing = _faults_and_clock(options, job)
     serial = _serial(options, job)

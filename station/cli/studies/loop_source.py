@@ -97,7 +97,7 @@ def _of_run(run: RunRecord) -> Source:
     method = method_of(found.job.recipe, found.job.bench)
     program = found.job.program
     sweep = next(((one.sweep, program.period_s) for one in program.segments if one.sweep is not None), None)
-    figures = figures_of(found.job.bench)
+    figures = figures_of(found.job.bench, period_s=found.job.recipe.sampling.period_s)
     return Source(run.id, found.trace, manifest.serial, virtual, method, found.result, figures, sweep)
 
 

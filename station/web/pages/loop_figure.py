@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from station.reports.loop_curves import Line, LoopCurves
+from station.reports.loop_curves import FALLING, RISING, Line, LoopCurves
 from station.reports.metric_torques import Span
 
 INK, GRID = "#23282b", "#c2c7ca"
@@ -42,12 +42,16 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Marked:
-    """A metric whose torques are marked: name, verdict, between which torques [N·m], and whether it is a stiffness."""
+    """A metric whose torques are marked: name, verdict, between which torques [N·m], whether it is a stiffness.
+
+    allowed_arcmin: how wide the loop may be there; None where the metric is no width of the loop.
+    """
 
     name: str
     verdict: str
     spans_nm: tuple[Span, ...]
     stiffness: bool = False
+    allowed_arcmin: float | None = None
 
 
 def loop_figure(
@@ -63,6 +67,9 @@ def loop_figure(
         traces.append(
             {"type": "scatter", "mode": "markers", "name": "alarm", "x": [torque], "y": [windup], "marker": mark}
         )
+    if any(line.name.startswith(RISING) for line in own.curves.loop):  # of a run that was evaluated
+        widths = [one for one in marked if one.allowed_arcmin is not None]
+        traces += [_allowed(own.curves, one, first=not place) for place, one in enumerate(widths)]
     layout = _layout("torque at the output in N·m", "wind-up at the output in arcmin")
     shapes, names = _bands(marked, own.curves.reference_nm)
     layout |= {"shapes": shapes, "annotations": names}
@@ -73,6 +80,21 @@ def loop_figure(
             room = 0.08 * (max(heights) - min(heights) or 1.0)
             layout["yaxis"] |= {"range": [min(heights) - room, max(heights) + room]}
     return {"data": traces, "layout": layout, "config": CONFIG}
+
+
+def _allowed(curves: LoopCurves, marked: Marked, *, first: bool) -> dict[str, Any]:
+    """Return how wide the loop may be, as a bar about its middle at each torque where its width is read."""
+    rising, falling = (next(line for line in curves.loop if line.name.startswith(name)) for name in (RISING, FALLING))
+    torques = [low for low, _ in marked.spans_nm]
+    middles = [(rising.at(torque) + falling.at(torque)) / 2 for torque in torques]
+    half = (marked.allowed_arcmin or 0.0) / 2
+    bar = {"type": "constant", "value": half, "color": INK, "thickness": 3, "width": 12}
+    hover = plain_text(f"allowed: {marked.allowed_arcmin:g} arcmin, {marked.name}")
+    return {
+        "type": "scatter", "mode": "markers", "name": "allowed width", "legendgroup": "allowed", "showlegend": first,
+        "x": torques, "y": middles, "error_y": bar, "hovertemplate": f"{hover}<extra></extra>",
+        "marker": {"symbol": "line-ns-open", "size": 14, "color": INK, "line": {"width": 3, "color": INK}},
+    }  # fmt: skip
 
 
 def stiffness_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked]) -> dict[str, Any]:

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass
+from pathlib import Path
 from urllib.parse import quote
 
 from fastapi import Request, Response
 from fastapi.responses import RedirectResponse
 from nicegui import ui
 
-from definitions.units import STIFFNESS
+from definitions.metrics import METRICS, WIDTH
+from definitions.units import ARCMINUTES, STIFFNESS
+from station.documents.result import MetricValue
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
-from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.loop_figure import OTHERS, Drawn, Marked, loop_figure, stiffness_figure
 from station.web.pages.run_text import RunText, metric_title, run_text
 from station.web.pages.words import local, verdict_text
 from station.web.people.accounts import Session
 from station.web.rest_runs import FILES
-
-LONGEST_BUILD_S = 15.0
-"""Longest time for reading a record, on a computer that does other things."""
 
 MOST_ATTEMPTS = 20
 MOST_FOUND = 8
@@ -35,6 +35,13 @@ FILE_WORDS = {
     "run.parquet": "All samples (Parquet)",
 }  # fmt: skip
 """The files of a run as the page offers them."""
+
+
+def allowed_width(metric: MetricValue) -> float | None:
+    """Return how wide the loop may be where the metric reads its width [arcmin]; None for one that is no such width."""
+    row = METRICS.get(metric.id)
+    read_across = row is not None and row.branches == WIDTH and row.magnitude and row.kind == ARCMINUTES
+    return metric.limits.max if read_across else None
 
 
 def add_run_page(station: Station) -> None:
@@ -57,18 +64,16 @@ class Beside:
     golden: tuple[StoredRun, ...]
 
 
-def beside(station: Station, shown: RunText, model: str) -> Beside:
-    """Return the runs that are offered beside a run.
+def beside(data: Path, run: str, serial: str, model: str) -> Beside:
+    """Return the runs that are offered beside a run of a unit and its model.
 
     Raises:
         StationError: the store cannot be used.
 
     """
-    same = search(station.data, Wanted(serial=shown.serial), count=MOST_ATTEMPTS).rows
-    golden = search(station.data, Wanted(model=model, master="PASS", verdict="PASS"), count=1).rows
-    return Beside(
-        tuple(one for one in same if one.run != shown.run), tuple(one for one in golden if one.serial != shown.serial)
-    )
+    same = search(data, Wanted(serial=serial), count=MOST_ATTEMPTS).rows
+    golden = search(data, Wanted(model=model, master="PASS", verdict="PASS"), count=1).rows
+    return Beside(tuple(one for one in same if one.run != run), tuple(one for one in golden if one.serial != serial))
 
 
 class _RunPage:
@@ -77,6 +82,7 @@ class _RunPage:
     def __init__(self, station: Station, session: Session, run: str) -> None:
         self._station, self._session, self._name = station, session, run
         self._own: Drawn | None = None
+        self._chosen: set[str] = set()
         self._others: dict[str, Drawn] = {}
         self._marked: list[Marked] = []
         self._close = False
@@ -136,15 +142,15 @@ class _RunPage:
         self._own = own
         rows = self._shown.rows
         self._marked = [
-            Marked(metric_title(rows[place.row]), verdict, place.spans_nm, rows[place.row].unit == STIFFNESS.shown)
+            Marked(metric_title(row), verdict, place.spans_nm, row.unit == STIFFNESS.shown, allowed_width(row))
             for place in own.curves.places
-            if (verdict := rows[place.row].verdict or "") in MARKED
+            if (row := rows[place.row]) and (verdict := row.verdict or "") in MARKED
         ]
         self._look.set_visibility(bool(self._marked))
         self._say("" if own.curves.loop else "Nothing was measured that could be drawn.")
         self._draw()
         try:
-            found = await asyncio.to_thread(beside, self._station, self._shown, self._model)
+            found = await asyncio.to_thread(beside, self._station.data, self._name, self._shown.serial, self._model)
         except StationError as error:
             self._say(str(error))
             return
@@ -158,7 +164,7 @@ class _RunPage:
         """Offer a run to be drawn; one whose record is not as it was left cannot be."""
         words = f"{what}: {verdict_text(run)}, {local(run.started)}"
         with ui.element("span").classes("lm-offer"):
-            box = ui.checkbox(words, value=run.run in self._others).props("dense")
+            box = ui.checkbox(words, value=run.run in self._chosen).props("dense")
             name = f"{what}, {verdict_text(run)}"
             box.on_value_change(lambda event: self._choose(run.run, name, on=bool(event.value)))
             box.set_enabled(not run.altered)
@@ -169,12 +175,20 @@ class _RunPage:
         if not await still_open(self._station, self._session):
             return
         if not on:
+            self._chosen.discard(run)
             self._others.pop(run, None)
-        elif len(self._others) >= len(OTHERS):
+        elif len(self._chosen) >= len(OTHERS):
             self._say(f"{len(OTHERS)} other runs can be drawn at once. Take one away first.")
             return
-        elif (found := await self._drawn(name, run)) is not None:
-            self._others[run] = found
+        else:
+            self._chosen.add(run)
+            self._say(f"{name} is being evaluated.")
+            found = await self._drawn(name, run)
+            if found is None:
+                return
+            self._say("")
+            if run in self._chosen:  # and was not taken away meanwhile
+                self._others[run] = found
         self._draw()
 
     async def _search(self) -> None:

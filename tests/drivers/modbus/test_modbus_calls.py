@@ -11,7 +11,7 @@ from drivers_support import PERIOD_NS, drive_config, modbus_config
 
 from definitions.image import Command
 from drivers.config import CanConfig, WireBenchConfig
-from drivers.wire_bench import MOST_MODBUS_CALLS, WireBench
+from drivers.wire_bench import WireBench
 
 EVERY_SCAN_S = PERIOD_NS * 1e-9
 
@@ -84,7 +84,7 @@ def test_a_scan_looks_and_asks_no_more_often_than_it_may(lines: ThreeLines) -> N
     asked = []
     for number in range(60):
         in_flight, sent = lines.scan(number)
-        assert in_flight + len(sent) <= MOST_MODBUS_CALLS == 4
+        assert in_flight + len(sent) <= lines.bench._most_calls == 4
         asked += sent
         lines.answer(1, 2, 3)
     counts = [asked.count(unit) for unit in (1, 2, 3)]

@@ -60,7 +60,7 @@ def test_one_request_in_flight(tcp: Tcp) -> None:
 
 
 def test_write_is_acknowledged_by_its_own_address_and_count_only(tcp: Tcp) -> None:
-    request = tcp.line.frames.write_request(UNIT, 0x10, [1, 2500])
+    request = tcp.line.frames.write_request(UNIT, "holding", 0x10, [1, 2500])
     tcp.line.send(request, 0)
     assert tcp.asked() == bytes.fromhex("0001 0000 000b 01 10 0010 0002 04 0001 09c4")
     tcp.say(1, bytes.fromhex("01 10 0010 0002"))

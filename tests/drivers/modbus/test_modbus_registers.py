@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from definitions.plain_data import exact
-from drivers.modbus.device import RegisterReader, RegisterWriter, identity_registers
+from drivers.modbus.registers import RegisterReader, RegisterWriter, identity_registers
 from drivers.profile import IdentityRegister, ModbusProfile
-from recipes.schema.profile_schema import IdentityRegister as IdentityFile
+from recipes.schema.modbus_profile_schema import IdentityRegister as IdentityFile
 from virtual_bench.devices.modbus_servers import encode
 
 

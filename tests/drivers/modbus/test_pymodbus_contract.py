@@ -65,7 +65,7 @@ def test_one_module_uses_it() -> None:
 
 
 FRAMES = ModbusFrames(rtu=False)
-READ, WRITE = FRAMES.read_request(1, "input", 0x102, 3), FRAMES.write_request(1, 0x10, [1, 2500])
+READ, WRITE = FRAMES.read_request(1, "input", 0x102, 3), FRAMES.write_request(1, "holding", 0x10, [1, 2500])
 RIGHT = {READ: bytes.fromhex("01 04 06 1234 0000 ffff"), WRITE: bytes.fromhex("01 10 0010 0002")}
 
 

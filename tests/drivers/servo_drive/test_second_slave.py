@@ -4,55 +4,33 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from can_drive_support import orders
-from drivers_support import PERIOD_NS, drive_config, drive_profile
-from eds_drives import DRIVES, eds_text
+from drivers_support import PERIOD_NS
+from eds_drives import DRIVES
 from ramp_support import mid_ramp
-from ruamel.yaml import YAML
-from table_drive import Personality, TableDrive
+from table_drive import Personality
+from table_drive_bus import on_the_bus
 
 from definitions.image import Command, DriveCommand, DriveMode, DriveState, Orders, State
 from definitions.protections import MISSING
-from drivers.can.bus import CanLink, open_can
-from drivers.config import CanConfig, DriveConfig
+from drivers.can.bus import CanLink
+from drivers.config import DriveConfig
 from drivers.errors import DriveSetupError
 from drivers.servo_drive.cia402 import decode_state, follows_command
 from drivers.servo_drive.drive import CanDrive
 from drivers.servo_drive.setup import set_up_drive
-from station.bench.eds_profile import draft
 
-CHANNEL = "second-slave"
 CST = int(DriveMode.CYCLIC_SYNC_TORQUE)
 NEXT = {
     DriveState.SWITCH_ON_DISABLED: DriveCommand.SHUTDOWN,
     DriveState.READY_TO_SWITCH_ON: DriveCommand.SWITCH_ON,
     DriveState.SWITCHED_ON: DriveCommand.ENABLE_OPERATION,
 }
-
-
-@contextmanager
-def on_the_bus(
-    folder: Path, name: str, personality: Personality | None = None, **changes: object
-) -> Iterator[tuple[TableDrive, CanLink, DriveConfig]]:
-    """Open a drive made of its EDS, a link to it, and the configuration by the profile drafted from that EDS."""
-    path = folder / f"{name}.eds"
-    path.write_text(eds_text(DRIVES[name]), encoding="utf-8")
-    raw = YAML(typ="rt").load(draft(path).text)
-    raw["scaling"].setdefault("position_counts_per_motor_rev", 4096.0)
-    raw["scaling"].setdefault("velocity_counts_per_rad_s", 651.9)
-    raw |= changes
-    slave, link = TableDrive(CHANNEL, DRIVES[name], personality), open_can(CanConfig("virtual", CHANNEL))
-    try:
-        yield slave, link, drive_config(profile=drive_profile(raw))
-    finally:
-        link.close()
-        slave.close()
 
 
 class Scan:

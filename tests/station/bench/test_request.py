@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -117,6 +118,28 @@ def test_a_result_says_what_the_drive_lacks_and_what_nobody_has_tried_or_measure
     path.write_text(bench.replace("embedded: true", "embedded: false"), encoding="utf-8")
     assert load_job("rv-40e-121-quick", str(path)).drive_notes == (*notes, UNPROVEN)
     assert load_job("rv-40e-121-quick", None).drive_notes == ()
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "said"),
+    [
+        (
+            "field: channel_2",
+            "field: chanel_2",
+            "torque_out_nm of device torques.*Did you mean channel_2",
+        ),
+        ("alive_field: output_stamp", "alive_field: input_stamp", "input_stamp in channel angle_out_rad"),
+    ],
+    ids=["a field that is not there", "a proof in another block"],
+)
+def test_channels_that_no_device_delivers_are_refused_before_a_run(
+    tmp_path: Path, good: str, bad: str, said: str
+) -> None:
+    folder = shutil.copytree(ROOT / "tests" / "data" / "benches", tmp_path / "benches")
+    bench = folder / "two-amplifiers.yaml"
+    bench.write_text(bench.read_text(encoding="utf-8").replace(good, bad), encoding="utf-8")
+    with pytest.raises(RecipeError, match=said):
+        load_job(str(RECIPE), str(bench))
 
 
 def raw_text(profile: str) -> str:

@@ -88,6 +88,12 @@ def test_what_failed_is_marked_and_can_be_looked_at_closely() -> None:
     assert "range" not in loop_figure(Drawn("this run", CURVES), [], [], close=True)["layout"]["xaxis"]
 
 
+def test_the_width_that_is_allowed_stands_about_the_middle_of_the_loop() -> None:
+    found = loop_figure(Drawn("this run", CURVES), [], [replace(BACKLASH, allowed_arcmin=1.0)])
+    (bar,) = [trace for trace in found["data"] if "error_y" in trace]
+    assert (bar["x"], bar["y"], bar["error_y"]["value"]) == ([12.0], [pytest.approx(0.1)], 0.5)
+
+
 def test_metrics_read_at_the_same_torques_share_a_band() -> None:
     also = replace(BACKLASH, name="Lost motion")
     found = loop_figure(Drawn("this run", CURVES), [], [BACKLASH, also])

@@ -13,9 +13,11 @@ import pytest
 from lostmotion_command import ROOT, here
 from served import Served, prepared, served
 from station_support import GOLDEN, PASSWORD
+from stored_runs import metric, store_run
 
 from station.records.data_folder import Store
 from station.reports.loop_curves import loop_curves
+from station.web.pages.run import allowed_width, beside
 from station.web.pages.run_text import run_text
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -49,6 +51,25 @@ def test_what_failed_stands_first(folder: Path) -> None:
     assert abs(read_at["backlash_width_3pct"][0][0]) == pytest.approx(12.36)
     assert read_at["spring_constant"][0] in ((402.0, 412.0), (-412.0, -402.0))
     assert found.html.count("&lt;img src=x onerror=alert(1)&gt;") >= 3, "operator, reason and note stand there as text"
+
+
+def test_earlier_attempts_and_the_golden_unit_of_the_model_are_offered(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    first = store_run(data, "A", [metric(2.0)], failed="too large")
+    store_run(data, "GOLDEN", [metric(0.4)], master="PASS")
+    store_run(data, "BAD MASTER", [metric(2.0)], failed="too large", master="FAIL")
+    second = store_run(data, "A", [metric(0.4)])
+    found = beside(data, second.id, "A", "RV")
+    assert [one.run for one in found.attempts] == [first.id]
+    assert [one.serial for one in found.golden] == ["GOLDEN"]
+    assert beside(data, second.id, "A", "RV-80E").golden == ()
+
+
+def test_a_width_of_the_loop_has_an_allowed_width_and_nothing_else_has(folder: Path) -> None:
+    rows = run_text(Store(folder).find("W1")).rows
+    assert {row.id: allowed_width(row) for row in rows if allowed_width(row) is not None} == {
+        "backlash_width_3pct": 1.0
+    }
 
 
 @pytest.mark.parametrize("name", ["result.json", "run.json", "samples.parquet"])
@@ -107,12 +128,12 @@ def test_why_a_unit_failed_is_found_from_the_screen_alone(page: playwright.Page)
     assert "Backlash" in first.inner_text()
     assert "FAIL" in first.inner_text()
     page.wait_for_selector(".lm-loop .shapelayer path", state="attached")
-    assert page.locator(".lm-loop .legend .traces").count() == 1
+    assert page.locator(".lm-loop .legend .traces").count() == 2, "this run, and how wide it may be"
     page.click("text=attempt 1:")
-    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 2")
+    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 3")
     page.get_by_label("Draw another run").fill("<")
     page.click(f"text={SCRIPT} attempt 1")
-    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 3")
+    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 4")
     assert SCRIPT in page.inner_text(".lm-facts"), "the operator's name is text"
     assert SCRIPT in page.text_content(".lm-loop .legend")
     assert page.locator('img[src="x"]').count() == 0

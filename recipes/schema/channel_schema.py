@@ -1,0 +1,79 @@
+"""Sections of a bench file that say where each measured channel comes from: devices on Modbus, sensors on CAN."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from recipes.text.section import Age, Name, Section, refusal
+
+CHANNELS = ("torque_in", "torque_out", "angle_in", "angle_out")
+"""Measured channels, by the names of their sensors."""
+
+
+class ChannelSource(Section):
+    """Where a channel comes from: device and field of its profile; value = field × scale + offset, in N·m or rad.
+
+    alive: what shows that a value is new. counter, time_stamp: `alive_field` of the same block has changed. noise: that
+    field, by default the value itself, has changed within `still`; a sensor without noise at rest cannot be proven so.
+    arrival: every answer or frame counts as new, and each result says that this is not proven.
+    """
+
+    device: Name
+    field: Name
+    scale: Annotated[float, Field(ge=-1e9, le=1e9)] = 1.0
+    offset: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    alive: Literal["counter", "time_stamp", "noise", "arrival"]
+    alive_field: Name | None = None
+    still_s: Age | None = None
+
+    @model_validator(mode="after")
+    def _proof_fits(self) -> ChannelSource:
+        if self.scale == 0.0:
+            raise refusal("0", "any other number, negative to turn the sign", at="scale")
+        named = self.alive_field is not None
+        if self.alive in ("counter", "time_stamp") and not named:
+            hint = "Add 'alive_field: sample_counter', by the name that the profile has for it."
+            raise refusal(f"alive: {self.alive} without alive_field", "the field that counts", hint, at="alive")
+        if self.alive == "arrival" and named:
+            raise refusal("alive: arrival with alive_field", "one of the two", "Delete one.", at="alive_field")
+        if (self.alive == "noise") != (self.still_s is not None):
+            hint = "It is the longest time for which a sound sensor shows the same number, such as '50 ms'."
+            raise refusal(f"alive: {self.alive}", "'still' with alive: noise, and with no other", hint, at="alive")
+        return self
+
+    @property
+    def proof_field(self) -> str:
+        """Field whose change shows that a value is new; empty where nothing does."""
+        if self.alive == "arrival":
+            return ""
+        return self.alive_field or self.field
+
+
+class CanSensor(Section):
+    """A sensor on the CAN bus of the drive that `channels` name; its profile is a YAML file or a DBC file.
+
+    node_id: of a CANopen node, which is started by NMT. update_every: how often it sends by itself; left out for one
+    that sends with every SYNC, which is every scan.
+    """
+
+    name: Name
+    profile: Name
+    node_id: Annotated[int, Field(ge=1, le=127)] | None = None
+    update_every_s: Age | None = None
+
+
+class Channels(Section):
+    """Sources of the measured channels: of all sensors, or of none, where all are the amplifier's."""
+
+    torque_in: ChannelSource | None = None
+    torque_out: ChannelSource | None = None
+    angle_in: ChannelSource | None = None
+    angle_out: ChannelSource | None = None
+
+    @property
+    def by_name(self) -> dict[str, ChannelSource]:
+        """The sources that there are, by the names of their sensors."""
+        named = {name: getattr(self, name) for name in CHANNELS}
+        return {name: source for name, source in named.items() if source is not None}

@@ -1,0 +1,101 @@
+"""Profiles of CAN sensors as the drivers want them: from a YAML file, or from a DBC file as its maker gives it.
+
+cantools reads DBC, here and nowhere else: the scan gets places of bits. Of a DBC file every signal is a field, by the
+name `MESSAGE.SIGNAL`; a message counts when a channel names one of its signals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+import cantools
+from cantools.database.can import Database, Message, Signal
+
+from definitions.number_formats import SIZES
+from drivers.profile import CanField, CanFrame
+from recipes import Problem, RecipeError, parse_document
+from recipes.schema.can_profile_schema import CAN_BYTES, CanFrameFile, CanProfileFile
+from station.bench.files import File
+
+DBC = ".dbc"
+"""Ending of a profile that is a DBC file."""
+
+
+def can_frames(file: File, node_id: int | None, named: Collection[str]) -> tuple[CanFrame, ...]:
+    """Return the frames of a sensor; `named`: fields that channels name.
+
+    Raises:
+        RecipeError: the profile has problems, each with its place, or asks for what frames of a DBC file cannot give.
+
+    """
+    if file.path.suffix.lower() == DBC:
+        return tuple(_of_message(file.path, one, named) for one in _messages(file, named))
+    profile = parse_document(file.content, str(file.path), CanProfileFile)
+    return tuple(_of_file(file.path, frame, node_id) for frame in profile.frames)
+
+
+def _of_file(path: Path, frame: CanFrameFile, node_id: int | None) -> CanFrame:
+    if frame.add_node_id and node_id is None:
+        raise _refused(path, "add_node_id", "'node_id' at the sensor in the bench file", "Give it, or the identifier.")
+    identifier = frame.identifier + (node_id or 0) * frame.add_node_id
+    if identifier > 0x7FF:
+        raise _refused(path, f"identifier 0x{identifier:X}", "up to 0x7FF", "Correct identifier or node_id.")
+    fields = []
+    for field in frame.fields:
+        size = SIZES[field.type]
+        last = field.offset + size
+        kind = {"u": "unsigned", "i": "signed", "f": "float"}[field.type[0]]
+        shift = 8 * (field.offset if frame.byte_order == "little" else frame.bytes - last)
+        fields.append(CanField(field.name, shift, 8 * size, kind, frame.byte_order, field.scale, field.zero))  # type: ignore[arg-type]
+    return CanFrame(identifier, frame.bytes, tuple(fields))
+
+
+def _messages(file: File, named: Collection[str]) -> list[Message]:
+    """Return the messages of a DBC file that have a named signal, in the file's order."""
+    try:
+        found = cantools.database.load_string(file.content.decode("utf-8", "replace"), "dbc")
+    except Exception as error:
+        text = " ".join(str(error).split())[:200]
+        raise _refused(
+            file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export it anew."
+        ) from error
+    assert isinstance(found, Database)  # noqa: S101 - of "dbc" it makes no other
+    return [one for one in found.messages if any(_name(one, signal) in named for signal in one.signals)]
+
+
+def _name(message: Message, signal: Signal) -> str:
+    return f"{message.name}.{signal.name}"
+
+
+def _of_message(path: Path, message: Message, named: Collection[str]) -> CanFrame:
+    if message.is_extended_frame or message.length > CAN_BYTES:
+        found = (
+            f"{message.name} with {'29 bits of identifier' if message.is_extended_frame else f'{message.length} bytes'}"
+        )
+        raise _refused(path, found, "classical frames of 11 bits", "Let the device send such a frame.")
+    fields = []
+    for signal in message.signals:
+        name = _name(message, signal)
+        multiplexed = signal.is_multiplexer or signal.multiplexer_ids
+        if name in named and multiplexed:
+            raise _refused(path, f"{name}, a multiplexed signal", "a signal that is in every frame", "Name another.")
+        if not multiplexed:
+            fields.append(_of_signal(name, signal, message.length))
+    return CanFrame(message.frame_id, message.length, tuple(fields))
+
+
+def _of_signal(name: str, signal: Signal, size: int) -> CanField:
+    """Return the place of a signal. Of a big-endian one DBC gives the highest bit, counted byte by byte."""
+    if signal.byte_order == "little_endian":
+        order, shift = "little", signal.start
+    else:
+        highest = 8 * (size - 1 - signal.start // 8) + signal.start % 8
+        order, shift = "big", highest - signal.length + 1
+    kind = "float" if signal.is_float else "signed" if signal.is_signed else "unsigned"
+    scale, zero = float(signal.scale), float(signal.offset)
+    return CanField(name, shift, signal.length, kind, order, scale, zero)  # type: ignore[arg-type]
+
+
+def _refused(path: Path, found: str, allowed: str, hint: str) -> RecipeError:
+    return RecipeError([Problem(str(path), 0, 0, "frames", found, allowed, hint)])

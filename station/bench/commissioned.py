@@ -1,0 +1,174 @@
+"""How far a bench is commissioned: its protocol, read and written here, against bench file and profiles as they are.
+
+A step that passed is due again when an entry that its result depends on has changed since, and so is every step behind
+it. Comments, layout and sections that no step depends on change nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from definitions.commissioning import STEPS, Step, concerns
+from drivers.modbus.part_fields import PART_FIELDS
+from drivers.profile import DriveProfile, DriveProfileHeader, ModbusProfile
+from recipes import Bench
+from station.atomic_file import write_atomic
+from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.files import File, FileAt
+from station.bench.measuring import can_sensors
+from station.documents.commissioning import Protocol, StepDone
+from station.documents.reading import plain, read_document
+from station.errors import StationError
+
+ENDING = ".commissioning.json"
+PROFILE = " profile"
+WATCHDOGS = "watchdogs"
+
+State = Literal["passed", "not passed", "due again", "to do"]
+
+
+class Change(NamedTuple):
+    """An entry of bench file or profiles that is not what it was when a step was done; '' where it is missing."""
+
+    part: str
+    was: str
+    now: str
+
+
+class Standing(NamedTuple):
+    """How a step stands: what was done last, what has changed since, and which steps before it stand in its way."""
+
+    step: Step
+    state: State
+    done: StepDone | None
+    changes: tuple[Change, ...]
+    waits_for: tuple[str, ...]
+
+
+def protocol_path(bench_file: Path) -> Path:
+    """Return the protocol of a bench file: beside it."""
+    return bench_file.with_name(bench_file.stem + ENDING)
+
+
+def read_protocol(bench_file: Path, bench: Bench) -> Protocol:
+    """Return what was done on this bench; RecordError when the protocol is damaged."""
+    path = protocol_path(bench_file)
+    return read_document(Protocol, path) if path.exists() else Protocol(bench=bench.bench.name)
+
+
+def add_to_protocol(bench_file: Path, bench: Bench, done: StepDone) -> None:
+    """Put a step that was done behind the others; RecordError when the protocol is damaged or cannot be written."""
+    protocol = read_protocol(bench_file, bench)
+    whole = replace(protocol, steps=(*protocol.steps, done))
+    write_atomic(protocol_path(bench_file), json.dumps(plain(whole), ensure_ascii=False, indent=1).encode() + b"\n")
+
+
+def parts_of(bench: Bench, profiles: Mapping[str, File]) -> dict[str, str]:
+    """Return every entry of a bench and of its profiles by its dotted name; `profiles` are their files by name.
+
+    Raises:
+        recipes.RecipeError: a profile has problems.
+
+    """
+    data: dict[str, Any] = bench.model_dump(mode="json")
+    read: dict[str, DriveProfile | ModbusProfile] = {
+        name: modbus_profile(profiles[device.profile]) for name, device in bench.modbus_devices.items()
+    }
+    read["drive"] = drive_profile(profiles[bench.drive.profile])
+    data |= {part + PROFILE: asdict(read[part]) for part in ("drive", *PART_FIELDS) if part in read}
+    others: dict[str, Any] = {name: asdict(one) for name, one in read.items() if name + PROFILE not in data}
+    data["devices" + PROFILE] = others | {one.name: asdict(one) for one in can_sensors(bench, profiles)}
+    return dict(_leaves("", data))
+
+
+def _leaves(name: str, value: Any) -> Iterator[tuple[str, str]]:
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _leaves(f"{name}.{key}".removeprefix("."), inner)
+    elif isinstance(value, list | tuple):
+        for place, inner in enumerate(value):
+            key = inner.get("name", place) if isinstance(inner, Mapping) else place
+            yield from _leaves(f"{name}[{key}]", inner)
+    else:
+        yield name, str(value)
+
+
+def depended_on(step: Step, parts: Mapping[str, str]) -> dict[str, str]:
+    """Return the entries that the result of a step depends on."""
+    return {part: value for part, value in parts.items() if concerns(step, part)}
+
+
+def standings(protocol: Protocol, parts: Mapping[str, str]) -> tuple[Standing, ...]:
+    """Return how each step stands, in their order."""
+    newest = {done.step: done for done in protocol.steps}
+    stands: list[Standing] = []
+    behind: list[str] = []
+    for step in STEPS:
+        done = newest.get(step.id)
+        changes = () if done is None else changed_since(step, done, parts)
+        state: State = "to do"
+        if done is not None:
+            state = "not passed" if not done.passed else "due again" if changes or behind else "passed"
+        stands.append(Standing(step, state, done, changes, tuple(behind)))
+        if state != "passed":
+            behind.append(step.id)
+    return tuple(stands)
+
+
+def changed_since(step: Step, done: StepDone, parts: Mapping[str, str]) -> tuple[Change, ...]:
+    """Return what of a step's entries has changed since it was done."""
+    was, now = done.parts, depended_on(step, parts)
+    names = [*was, *(name for name in now if name not in was)]
+    return tuple(Change(name, was.get(name, ""), now.get(name, "")) for name in names if was.get(name) != now.get(name))
+
+
+@cache
+def _virtual_drive(path: Path) -> DriveProfileHeader:
+    return drive_profile(FileAt(path)).profile
+
+
+def is_virtual_drive(profile: DriveProfile, shipped: Path) -> bool:
+    """Tell whether a profile is that of the virtual drive, by its identity, which every run checks in the drive.
+
+    `shipped` is the file of the virtual drive's profile.
+    """
+    virtual = _virtual_drive(shipped)
+    return (profile.profile.vendor_id, profile.profile.product_code) == (virtual.vendor_id, virtual.product_code)
+
+
+def watchdogs_measured(bench_file: Path, bench: Bench, profiles: Mapping[str, File]) -> StepDone | None:
+    """Return the measurement of the drive's watchdogs that passed and still holds; None where there is none.
+
+    The steps before it do not matter here: what they prove, a run sees for itself.
+
+    Raises:
+        recipes.RecipeError, RecordError: a profile or the protocol is damaged.
+
+    """
+    step = next(step for step in STEPS if step.id == WATCHDOGS)
+    done = next((one for one in reversed(read_protocol(bench_file, bench).steps) if one.step == WATCHDOGS), None)
+    if done is None or not done.passed or changed_since(step, done, parts_of(bench, profiles)):
+        return None
+    return done
+
+
+def refuse_before(step: Step, stands: tuple[Standing, ...], bench_file: Path) -> None:
+    """Refuse a step while one before it has not passed, or is due again.
+
+    Raises:
+        StationError: it has not; which, and the command for it.
+
+    """
+    waits_for = next(one.waits_for for one in stands if one.step.id == step.id)
+    if waits_for:
+        states = {one.step.id: one.state for one in stands}
+        told = ", ".join(f"{name} ({states[name]})" for name in waits_for)
+        raise StationError(
+            f"bench {step.id}: found before it: {told}; allowed when these have passed. "
+            f"Next: lostmotion bench {waits_for[0]} --bench {bench_file}"
+        )

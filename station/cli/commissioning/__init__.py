@@ -1,0 +1,1 @@
+"""`lostmotion bench ...`: the steps of commissioning, on the command line."""

@@ -1,0 +1,175 @@
+"""The commands of `lostmotion bench`, in the order of the steps."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
+
+bench_app = typer.Typer(
+    help="Commission a new bench, step by step, with a protocol beside its file.",
+    no_args_is_help=True,
+)
+
+BenchFileOption = Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file of the bench.")]
+ByOption = Annotated[
+    str | None, typer.Option("--by", metavar="NAME", help="Who does it. Default: the user of this computer.")
+]
+PatienceOption = Annotated[
+    float, typer.Option("--seconds", metavar="N", min=1, max=600, help="Longest time to wait for each action.")
+]
+TrialRecipeOption = Annotated[
+    str,
+    typer.Option("--recipe", metavar="RECIPE", help="Recipe of the unit on the bench: its ratings and limits hold."),
+]
+
+
+@bench_app.command()
+def status(bench: BenchFileOption, as_json: JsonOption = False) -> None:
+    """Print how each step stands, and what has changed since it was done.
+
+    Exit code: 0; 1 while a step is not passed; 2 bad input.
+    """
+    from station.cli.commissioning import steps
+
+    raise typer.Exit(steps.status(bench, as_json=as_json))
+
+
+@bench_app.command()
+def probe(
+    bench: BenchFileOption,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="N", min=0.1, max=60, help="Duration of the look at the values.")
+    ] = 2.0,
+    by: ByOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Step 1: identities, the drive's objects against its profile, and live values. Nothing is written or enabled.
+
+    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
+    """
+    from station.cli.commissioning import steps
+
+    raise typer.Exit(steps.probe(bench, seconds, by, as_json=as_json))
+
+
+@bench_app.command()
+def registers(
+    bench: BenchFileOption,
+    seconds: PatienceOption = 60.0,
+    part: Annotated[
+        str | None,
+        typer.Option("--device", metavar="NAME", help="Default: what measures torques; another is looked at."),
+    ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option("--without", metavar="CHANNEL", help="Torque that nobody can press on; may be repeated."),
+    ] = None,
+    by: ByOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Step 2: the amplifier's registers, raw and in both word orders, while somebody presses on the torque sensors.
+
+    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
+    """
+    from station.cli.commissioning import steps
+
+    raise typer.Exit(steps.registers(bench, part, seconds, tuple(without or ()), by, as_json=as_json))
+
+
+@bench_app.command()
+def io(
+    bench: BenchFileOption, seconds: PatienceOption = 60.0, by: ByOption = None, as_json: JsonOption = False
+) -> None:
+    """Step 3: press the emergency stop and open the guard when asked; tells which inputs changed.
+
+    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
+    """
+    from station.cli.commissioning import steps
+
+    raise typer.Exit(steps.contacts(bench, seconds, by, as_json=as_json))
+
+
+@bench_app.command()
+def direction(
+    bench: BenchFileOption,
+    recipe: TrialRecipeOption,
+    data: DataOption = DEFAULT_DATA,
+    by: ByOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Step 4: signs of motor, torques and angles, by a small run on the locked unit. The shaft turns a little.
+
+    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
+    """
+    from station.cli.commissioning import trials
+
+    raise typer.Exit(trials.direction(bench, recipe, data, by, as_json=as_json))
+
+
+@bench_app.command()
+def latency(
+    bench: BenchFileOption,
+    recipe: TrialRecipeOption,
+    data: DataOption = DEFAULT_DATA,
+    by: ByOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Step 5: age and lag of every channel, by small torque steps on the locked unit.
+
+    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
+    """
+    from station.cli.commissioning import trials
+
+    raise typer.Exit(trials.latency(bench, recipe, data, by, as_json=as_json))
+
+
+@bench_app.command()
+def watchdogs(bench: BenchFileOption, by: ByOption = None, as_json: JsonOption = False) -> None:
+    """Step 6: what the drive does when SYNC, then the heartbeat, then everything stops. Enabled, without torque.
+
+    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
+    """
+    from station.cli.commissioning import steps
+
+    raise typer.Exit(steps.watchdogs(bench, by, as_json=as_json))
+
+
+@bench_app.command()
+def tune(
+    bench: BenchFileOption,
+    recipe: TrialRecipeOption,
+    data: DataOption = DEFAULT_DATA,
+    by: ByOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Step 7: the gain of the torque loop and its margin, by small torque steps; proposes one. Nothing is written.
+
+    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
+    """
+    from station.cli.commissioning import trials
+
+    raise typer.Exit(trials.tune(bench, recipe, data, by, as_json=as_json))
+
+
+@bench_app.command()
+def timing(
+    bench: BenchFileOption,
+    recipe: TrialRecipeOption,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="N", min=0.1, help="Duration of the measurement.")
+    ] = 60.0,
+    by: ByOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Step 8: does this computer keep the scan period with these devices? As `lostmotion timing`, with a protocol.
+
+    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
+    """
+    from station.cli.commissioning import trials
+
+    raise typer.Exit(trials.timing(bench, recipe, seconds, by, as_json=as_json))

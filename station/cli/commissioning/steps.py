@@ -1,0 +1,262 @@
+"""What the commands of `lostmotion bench` print: tables for a person, one JSON object for a program."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from definitions.commissioning import STEP_BY_ID, STEPS
+from drivers.can.bus import open_can
+from drivers.can.other_controller import refuse_other_controller
+from drivers.config import WireBenchConfig
+from drivers.modbus.part_fields import PART_FIELDS
+from station.bench.commissioned import protocol_path
+from station.cli.say import Grid, say
+from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
+from station.commissioning.steps_done import how_it_stands, may_begin, write_down
+from station.documents.commissioning import Finding, StepDone
+from station.documents.reading import plain
+from station.errors import StationError
+
+NOT_PASSED = 1
+Block = str | Grid
+
+
+def status(bench_name: str, *, as_json: bool) -> int:
+    """Print how each step stands; 1 while one has not passed, or is due again."""
+    bench = on_wires(bench_name)
+    stands = how_it_stands(bench)
+    rows = [
+        (
+            one.step.id,
+            one.state,
+            "" if one.done is None else one.done.when,
+            "" if one.done is None else one.done.by,
+            "" if one.done is None else one.done.bench_sha256[:8],
+            _why(one.changes, one.waits_for, one.state),
+        )
+        for one in stands
+    ]
+    changes = [(one.step.id, *change) for one in stands for change in one.changes]
+    document = {
+        "bench": bench.bench.bench.name,
+        "protocol": str(protocol_path(bench.path)),
+        "steps": [
+            {
+                "step": row[0],
+                "state": row[1],
+                "when": row[2] or None,
+                "by": row[3] or None,
+                "bench_sha256": row[4] or None,
+            }
+            for row in rows
+        ],
+        "changes": [dict(zip(("step", "part", "was", "now"), row, strict=True)) for row in changes],
+    }
+    blocks: list[Block] = [Grid(("step", "state", "done", "by", "bench file", "why"), rows)]
+    if changes:
+        blocks += ["", Grid(("due again", "entry", "was", "is"), changes)]
+    following = next((one for one in stands if one.state != "passed"), None)
+    if following is not None:
+        blocks += ["", f"Next: lostmotion bench {following.step.id} --bench {bench.path}", f"  {following.step.needs}."]
+    say(document, blocks, as_json=as_json)
+    return NOT_PASSED if following is not None else 0
+
+
+def _why(changes: Sequence[Any], waits_for: Sequence[str], state: str) -> str:
+    if state == "passed":
+        return ""
+    if changes:
+        return f"{len(changes)} entries changed" if len(changes) > 1 else f"{changes[0].part} changed"
+    return f"after {waits_for[0]}" if waits_for else ""
+
+
+def probe(bench_name: str, seconds: float, by: str | None, *, as_json: bool) -> int:
+    """Do the step `probe`."""
+    from station.commissioning.probe import probe as look  # noqa: PLC0415 - each step brings its own part
+
+    bench = on_wires(bench_name)
+    may_begin(bench, "probe")
+    with bench.alone():
+        seen = look(bench, seconds)
+    live = [
+        (one.channel, one.value, one.unit, one.source, "never" if one.age_ms is None else f"{one.age_ms:.0f} ms")
+        for one in seen.live
+    ]
+    objects = [(one.outcome, one.place, one.found, one.wanted, one.meaning) for one in seen.objects]
+    blocks: list[Block] = [
+        Grid(("", "object", "found", "wanted", "meaning"), objects),
+        "",
+        Grid(("value", "now", "", "from", "age"), live, right=(1, 4)),
+    ]
+    done = write_down(bench, "probe", by, seen.findings, seen.figures)
+    more = {
+        "objects": [one._asdict() for one in seen.objects],
+        "live": [one._asdict() for one in seen.live],
+        "missing": seen.missing,
+    }
+    return end(bench, done, blocks, more, as_json=as_json)
+
+
+def registers(
+    bench_name: str, asked: str | None, seconds: float, without: Sequence[str], by: str | None, *, as_json: bool
+) -> int:
+    """Do the step `registers`; with another device than that of the torques only look."""
+    from station.commissioning.registers import SENSORS, Row, browse, torques_of  # noqa: PLC0415 - as above
+
+    bench = on_wires(bench_name)
+    devices = ByHand(bench.wires).devices
+    there = tuple(devices)
+    of_torques = [name for name, one in devices.items() if set(one.names) & torques_of(bench.bench, name).keys()]
+    part = asked or (of_torques or there)[0]
+    for what, found, allowed in (
+        ("--device", part, there),
+        *(("--without", one, tuple(SENSORS)) for one in without),
+    ):
+        if found not in allowed:
+            raise StationError(f"{what}: found '{found}'; allowed: {', '.join(allowed)}")
+    tell = teller(as_json=as_json)
+    is_step = part == (of_torques or there)[0]
+    if is_step:
+        may_begin(bench, "registers")
+
+    def begun() -> None:
+        if is_step and of_torques:
+            tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
+
+    def pressed(row: Row, value: float | None) -> None:
+        tell(f"  {row.field.name} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
+
+    with bench.alone():
+        seen = browse(bench, part, seconds, begun, pressed, without)
+    rows = [
+        (
+            str(row.address),
+            row.field.name,
+            row.field.type,
+            row.raw,
+            _number(row.big),
+            _number(row.little),
+            str(row.changes),
+            row.shows or "",
+        )
+        for row in seen.rows
+    ]
+    heads = ("register", "field", "type", "raw", "word order big", "little", "changes", "shows")
+    blocks: list[Block] = [Grid(heads, rows, right=(0, 4, 5, 6))]
+    more = {"device": part, "fields": [dict(zip(heads, row, strict=True)) for row in rows], "moved": list(seen.moved)}
+    if not is_step:
+        say(more, [*blocks, *(f"{one.what} {one.cure}" for one in seen.findings)], as_json=as_json)
+        return 0
+    others = [
+        Finding(
+            what=f"{name} has torques too.",
+            cure=f"Look at it as well: lostmotion bench registers --device '{name}' --bench {bench.path}",
+            refuses=False,
+        )
+        for name in of_torques[1:]
+    ]
+    done = write_down(bench, "registers", by, (*seen.findings, *others), seen.figures)
+    return end(bench, done, blocks, more, as_json=as_json)
+
+
+def _number(value: float | None) -> str:
+    return "not a number" if value is None else f"{value:.6g}"
+
+
+def contacts(bench_name: str, seconds: float, by: str | None, *, as_json: bool) -> int:
+    """Do the step `io`."""
+    from station.commissioning.contacts import guide  # noqa: PLC0415 - as above
+
+    bench = on_wires(bench_name)
+    may_begin(bench, "io")
+    with bench.alone():
+        guided = guide(bench, seconds, teller(as_json=as_json))
+    done = write_down(bench, "io", by, guided.findings, guided.figures)
+    return end(bench, done, [], {}, as_json=as_json)
+
+
+def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
+    """Do the step `watchdogs`."""
+    from station.commissioning import watchdogs as trials  # noqa: PLC0415 - as above
+
+    bench = on_wires(bench_name)
+    may_begin(bench, "watchdogs")
+    tell = teller(as_json=as_json)
+    wires = bench.wires
+    reactions = []
+    with bench.alone(), ByHand(wires).opened("remote_io") as by_hand:
+        for trial in trials.TRIALS:
+            tell(f"{trial.title} ...")
+            link = open_can(wires.can)
+            try:
+                refuse_other_controller(link, wires.drive)
+                reactions.append(trials.measure(link, wires.drive, PERIOD_NS, trial, _safety_chain(by_hand, wires)))
+            finally:
+                link.close()
+    rows = [
+        (
+            trial.title,
+            "yes" if one.acted else "no",
+            "" if not one.acted else f"{one.seen_enabled_s * 1e3:.0f} to {one.after_s * 1e3:.0f} ms",
+            "" if one.off_s is None else f"{one.off_s * 1e3:.0f} ms",
+            "none" if one.timeout_s is None else f"{one.timeout_s * 1e3:g} ms",
+            f"0x{one.emcy_code:04X}" if one.emcy_code else "",
+        )
+        for trial, one in zip(trials.TRIALS, reactions, strict=True)
+    ]
+    heads = ("trial", "drive reacts", "after", "without torque after", "time-out", "EMCY")
+    done = write_down(bench, "watchdogs", by, trials.judged(reactions), trials.figures(reactions))
+    more = {"trials": [{**one._asdict(), "state": one.state.name.lower()} for one in reactions]}
+    return end(bench, done, [Grid(heads, rows)], more, as_json=as_json)
+
+
+STALE_MS = 500
+"""Age of the contacts from which on they are not known."""
+
+
+def _safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
+    device = by_hand.devices["remote_io"]
+    names = PART_FIELDS["remote_io"]
+    begun = by_hand.scan
+
+    def look() -> str:
+        by_hand.step()
+        if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - begun > STALE_MS):
+            return f"{wires.remote_io.where} is silent: emergency stop and guard are not known"
+        if not device.replies:
+            return ""
+        opened = [name for name in names if not device.values[device.place(name)]]
+        return f"{' and '.join(opened)} reads 0" if opened else ""
+
+    return look
+
+
+def teller(*, as_json: bool) -> Callable[[str], None]:
+    """Return what tells a person who is guided: on standard error where standard output is for a program."""
+    stream = sys.stderr if as_json else sys.stdout
+
+    def tell(text: str) -> None:
+        stream.write(text + "\n")
+        stream.flush()
+
+    return tell
+
+
+def end(bench: OnWires, done: StepDone, blocks: list[Block], more: dict[str, Any], *, as_json: bool) -> int:
+    """Print what came of a step and which one is next; 1 when it has not passed."""
+    document = plain(done) | {"bench": bench.bench.bench.name, "protocol": str(protocol_path(bench.path))} | more
+    del document["parts"]
+    step = STEP_BY_ID[done.step]
+    for finding in done.findings:
+        blocks += ["", f"{'WRONG' if finding.refuses else 'note'}  {finding.what}", f"       {finding.cure}"]
+    place = [one.id for one in STEPS].index(step.id)
+    following = STEPS[place + 1] if done.passed and place + 1 < len(STEPS) else None
+    blocks += ["", f"{step.id}: {'passed' if done.passed else 'NOT PASSED'}. Protocol: {protocol_path(bench.path)}"]
+    if following is not None:
+        blocks += [f"Next: lostmotion bench {following.id} --bench {bench.path}", f"  {following.needs}."]
+    elif not done.passed:
+        blocks.append(f"Mend it, then: lostmotion bench {step.id} --bench {bench.path}")
+    say(document, blocks, as_json=as_json)
+    return 0 if done.passed else NOT_PASSED

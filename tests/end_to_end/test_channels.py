@@ -1,0 +1,89 @@
+"""The main job on benches whose channels come from other devices, over real wires, on the bench's own clock.
+
+Every value is held against what is true of the virtual unit: the same recipe in virtual time, evaluated from torque and
+wind-up inside the unit.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from patient import QUICK_RECIPE
+
+from benchmarks.slow_amplifier import bench_of, samples
+from station.bench.request import load_job
+
+pytestmark = pytest.mark.wires
+BENCHES = Path(__file__).parents[1] / "data" / "benches"
+
+
+@pytest.fixture(scope="module")
+def truth() -> dict[str, float]:
+    """What is true of P1 in this recipe, by metric and side."""
+    job = load_job(str(QUICK_RECIPE), "virtual")
+    return samples(job, bench_of(job, 1), None)[2]
+
+
+def beyond_its_uncertainty(result: dict, truth: dict[str, float]) -> list[str]:
+    """The values of a result that are farther from the truth than their U; all metrics of the truth must be there."""
+    sides = {f"{m['id']} {name}": side for m in result["metrics"] for name, side in m["sides"].items()}
+    assert set(truth) <= set(sides)
+    return [
+        f"{name}: {sides[name]['value']} ± {sides[name]['uncertainty']}, true {true}"
+        for name, true in truth.items()
+        if abs(sides[name]["value"] - true) > sides[name]["uncertainty"]
+    ]
+
+
+def run_on(lostmotion, bench: str, folder: Path = BENCHES) -> dict:
+    """The result of the quick recipe on a bench, which completes."""
+    ran = lostmotion(
+        "run", str(QUICK_RECIPE), "--bench", str(folder / f"{bench}.yaml"), "--seed", "1", "--serial", "P1-0001",
+        "--json", "--pace", "fast", "--no-report",
+    )  # fmt: skip
+    assert (ran.json["state"], ran.json["alarms"]) == ("complete", []), ran.json["reasons"]
+    return ran.json
+
+
+def test_two_amplifiers_of_swapped_floats_and_a_brake_that_is_a_coil(lostmotion, truth):
+    result = run_on(lostmotion, "two-amplifiers")
+    assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
+    wires = result["timing"]["wires"]
+    assert wires["torques.replies"] > 0.95 * result["timing"]["scans"]
+    assert wires["angles.replies"] > 0.95 * result["timing"]["scans"], "two blocks, one after the other"
+    said = " ".join(result["notes"])
+    for unproven in ("brake_current_lost", "set to by hand", "torques: no identity"):
+        assert unproven in said
+    assert "angles: no identity" not in said
+
+
+def test_torques_and_angles_of_two_canopen_sensors(lostmotion, truth):
+    """A transducer that sends every millisecond in its own time, and encoders that answer SYNC."""
+    result = run_on(lostmotion, "can-sensors")
+    assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
+    wires, scans = result["timing"]["wires"], result["timing"]["scans"]
+    assert min(wires["flange.frames"], wires["encoders.frames"] / 2) > 0.99 * scans
+    assert wires["flange.malformed"] == wires["encoders.malformed"] == wires["can.frames_foreign"] == 0
+    assert any("Channel angle_in of encoders: not proven" in note for note in result["notes"])
+
+
+def test_raw_frames_that_a_dbc_file_describes(lostmotion, truth):
+    result = run_on(lostmotion, "can-dbc")
+    assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
+    assert result["timing"]["wires"]["box.frames"] > 1.98 * result["timing"]["scans"]
+    assert not any("torque_out of box: not proven" in note for note in result["notes"]), "its noise proves it new"
+
+
+def test_encoders_that_send_every_20_ms_cost_uncertainty_and_no_stop(lostmotion, truth, tmp_path):
+    folder = Path(shutil.copytree(BENCHES, tmp_path / "benches"))
+    bench = folder / "can-sensors.yaml"
+    slow = bench.read_text(encoding="utf-8").replace("node_id: 12}", "node_id: 12, update_every: 20 ms}")
+    bench.write_text(slow, encoding="utf-8")
+    result = run_on(lostmotion, "can-sensors", folder)
+    assert beyond_its_uncertainty(result, truth) == []
+    assert result["verdict"] == "NOT DECIDABLE"
+    (backlash,) = [one for one in result["metrics"] if one["id"] == "backlash_width_3pct"]
+    assert max(backlash["budget"], key=lambda row: row["share"])["quantity"] == "skew"
+    assert result["timing"]["wires"]["encoders.frames"] < 0.11 * result["timing"]["scans"]

@@ -1,0 +1,166 @@
+"""The steps of commissioning: their order, what makes one due again, and what a run asks of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from definitions.commissioning import NOT_COMMISSIONED, STEP_BY_ID, STEPS, concerns
+from recipes import Bench
+from station.bench.commissioned import protocol_path, read_protocol, standings
+from station.bench.request import DRIVER_PROFILES, load_job
+from station.commissioning.on_wires import OnWires, on_wires
+from station.commissioning.steps_done import how_it_stands, may_begin, write_down
+from station.documents.commissioning import Figure, Finding
+from station.errors import RecordError, StationError
+
+WRONG = Finding(what="The contact is inverted.", cure="Use the other contact.")
+
+
+@pytest.fixture
+def bench_file(tmp_path: Path) -> Path:
+    """A bench on its own wires, with its profiles beside it; nothing is opened."""
+    for name in ("virtual-drive", "virtual-amplifier", "virtual-remote-io"):
+        content = (DRIVER_PROFILES / f"{name}.yaml").read_text(encoding="utf-8")
+        (tmp_path / f"{name}.yaml").write_text(content, encoding="utf-8")
+    text = load_job("rv-40e-121-quick", "virtual").bench_source.content.decode()
+    path = tmp_path / "mine.yaml"
+    path.write_text(text.replace("embedded: true", "embedded: false"), encoding="utf-8")
+    return path
+
+
+def change(path: Path, before: str, after: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert before in text
+    path.write_text(text.replace(before, after, 1), encoding="utf-8")
+
+
+def pass_all(bench: OnWires) -> None:
+    for step in STEPS:
+        may_begin(bench, step.id)
+        write_down(bench, step.id, "A. Technician", (), (Figure(name="lag", value=1.5, unit="ms"),))
+
+
+def states(path: Path) -> dict[str, str]:
+    return {one.step.id: one.state for one in how_it_stands(on_wires(str(path)))}
+
+
+def test_every_section_of_a_bench_file_is_of_some_step_or_says_why_not(bench_file: Path) -> None:
+    parts = on_wires(str(bench_file)).parts
+    for section in Bench.model_fields:
+        entries = [part for part in parts if part == section or part.startswith((f"{section}.", f"{section}["))]
+        missing = [part for part in entries if not any(concerns(step, part) for step in STEPS)]
+        assert not missing or section in NOT_COMMISSIONED, missing
+    assert set(NOT_COMMISSIONED) <= set(Bench.model_fields)
+    for step in STEPS:
+        assert any(concerns(step, part) for part in parts), step.id
+
+
+def test_a_step_is_refused_until_those_before_it_have_passed(bench_file: Path) -> None:
+    bench = on_wires(str(bench_file))
+    for step in STEPS[1:]:
+        with pytest.raises(StationError, match=f"Next: lostmotion bench probe --bench {bench_file}"):
+            may_begin(bench, step.id)
+    write_down(bench, "probe", None, (), ())
+    may_begin(bench, "registers")
+    write_down(bench, "registers", None, (WRONG,), ())
+    with pytest.raises(StationError, match=r"registers \(not passed\)"):
+        may_begin(bench, "io")
+    assert states(bench_file)["registers"] == "not passed"
+    write_down(bench, "registers", None, (Finding(what="Odd.", cure="None.", refuses=False),), ())
+    may_begin(bench, "io")
+
+
+def test_a_protocol_keeps_every_attempt_with_who_when_and_by_which_file(bench_file: Path) -> None:
+    bench = on_wires(str(bench_file))
+    write_down(bench, "probe", "A", (WRONG,), ())
+    pass_all(bench)
+    protocol = read_protocol(bench_file, bench.bench)
+    assert protocol_path(bench_file).parent == bench_file.parent
+    assert [done.step for done in protocol.steps] == ["probe", *(step.id for step in STEPS)]
+    first = protocol.steps[0]
+    assert (first.passed, first.by, first.bench_sha256) == (False, "A", bench.source.sha256)
+    assert protocol.steps[1].figures[0] == Figure(name="lag", value=1.5, unit="ms")
+    assert set(states(bench_file).values()) == {"passed"}
+
+
+GUARD_BIT = "name: guard_closed, offset: 1, type: u16, bit: "
+CHANGES = {
+    "address": ("mine.yaml", "port: 1504", "port: 1505", {"probe", "io", "timing"}),
+    "gain": ("mine.yaml", "gain: 15", "gain: 20", {"tune"}),
+    "time-out": (
+        "mine.yaml",
+        "setpoint_timeout: 50 ms",
+        "setpoint_timeout: 60 ms",
+        {"probe", "direction", "latency", "watchdogs", "tune"},
+    ),
+    "contact": ("virtual-remote-io.yaml", GUARD_BIT + "1", GUARD_BIT + "2", {"probe", "io"}),
+    "sign": (
+        "virtual-amplifier.yaml",
+        "scale: 1.0e-6",
+        "scale: -1.0e-6",
+        {"probe", "registers", "direction", "latency", "tune"},
+    ),
+    "statement": ("virtual-drive.yaml", "tried_on_hardware: true", "tried_on_hardware: false", set()),
+    "comment": ("mine.yaml", "# whose heartbeat the drive consumes", "# a comment", set()),
+    "unit": ("mine.yaml", "calibrations: []", "calibrations: []\nmaster_parts: [{serial: M1, expect: PASS}]", set()),
+}
+
+
+@pytest.mark.parametrize(("file", "before", "after", "due"), CHANGES.values(), ids=CHANGES)
+def test_what_has_changed_makes_the_steps_that_depend_on_it_due_and_those_behind(
+    bench_file: Path, file: str, before: str, after: str, due: set[str]
+) -> None:
+    pass_all(on_wires(str(bench_file)))
+    change(bench_file.parent / file, before, after)
+    stands = how_it_stands(on_wires(str(bench_file)))
+    assert {one.step.id for one in stands if one.changes} == due
+    for one in stands:
+        for entry in one.changes:
+            assert entry.was != entry.now
+    first = next((place for place, one in enumerate(stands) if one.step.id in due), len(stands))
+    assert {one.state for one in stands[:first]} <= {"passed"}
+    assert {one.state for one in stands[first:]} <= {"due again"}
+
+
+def test_a_damaged_protocol_is_told_and_never_taken_for_none(bench_file: Path) -> None:
+    protocol_path(bench_file).write_text("{}", encoding="utf-8")
+    with pytest.raises(RecordError, match="bench: is missing"):
+        how_it_stands(on_wires(str(bench_file)))
+
+
+def test_an_embedded_bench_has_nothing_to_commission() -> None:
+    with pytest.raises(StationError, match="only while a run uses it"):
+        on_wires("virtual")
+
+
+@pytest.fixture
+def real_bench(bench_file: Path) -> Path:
+    """The same with a drive that is not the virtual one."""
+    change(bench_file.parent / "virtual-drive.yaml", "vendor_id: 0x4C4D0001", "vendor_id: 0x000000FB")
+    return bench_file
+
+
+def test_no_run_starts_by_itself_on_a_real_drive_whose_watchdogs_nobody_has_measured(real_bench: Path) -> None:
+    def why() -> str:
+        return load_job("rv-40e-121-quick", str(real_bench)).no_automatic_run
+
+    assert "not measured on this bench" in why()
+    bench = on_wires(str(real_bench))
+    write_down(bench, "watchdogs", None, (WRONG,), ())
+    assert why(), "it was measured, and has not passed"
+    write_down(bench, "watchdogs", None, (), ())
+    assert not why()
+    change(real_bench, "abort_connection_option: 3", "abort_connection_option: 2")
+    assert why(), "another reaction was measured"
+
+
+def test_a_virtual_drive_needs_no_proof(bench_file: Path) -> None:
+    assert not load_job("rv-40e-121-quick", str(bench_file)).no_automatic_run
+    assert not load_job("rv-40e-121-quick", "virtual").no_automatic_run
+
+
+def test_a_step_that_nobody_has_done_stands_so() -> None:
+    stands = standings(read_protocol(Path("none-there.yaml"), load_job("rv-40e-121-quick", "virtual").bench), {})
+    assert [one.state for one in stands] == ["to do"] * len(STEP_BY_ID)

@@ -18,7 +18,9 @@ from drivers.modbus.part_fields import PART_FIELDS
 from drivers.profile import DriveProfile, DriveProfileHeader, ModbusProfile
 from recipes import Bench
 from station.atomic_file import write_atomic
-from station.bench.assemble import File, FileAt, drive_profile, modbus_profile
+from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.files import File, FileAt
+from station.bench.measuring import can_sensors
 from station.documents.commissioning import Protocol, StepDone
 from station.documents.reading import plain, read_document
 from station.errors import StationError
@@ -75,10 +77,12 @@ def parts_of(bench: Bench, profiles: Mapping[str, File]) -> dict[str, str]:
     """
     data: dict[str, Any] = bench.model_dump(mode="json")
     read: dict[str, DriveProfile | ModbusProfile] = {
-        part: modbus_profile(profiles[getattr(bench, part).profile]) for part in PART_FIELDS
+        name: modbus_profile(profiles[device.profile]) for name, device in bench.modbus_devices.items()
     }
     read["drive"] = drive_profile(profiles[bench.drive.profile])
-    data |= {part + PROFILE: asdict(profile) for part, profile in read.items()}
+    data |= {part + PROFILE: asdict(read[part]) for part in ("drive", *PART_FIELDS) if part in read}
+    others: dict[str, Any] = {name: asdict(one) for name, one in read.items() if name + PROFILE not in data}
+    data["devices" + PROFILE] = others | {one.name: asdict(one) for one in can_sensors(bench, profiles)}
     return dict(_leaves("", data))
 
 

@@ -40,9 +40,7 @@ class OnWires:
     @cached_property
     def profiles(self) -> Mapping[str, Source]:
         """Files of the profiles, by name; RecipeError for one that is not there."""
-        bench = self.bench
-        names = (bench.drive.profile, bench.amplifier.profile, bench.brake.profile, bench.remote_io.profile)
-        return {name: Source.read(find_profile(name, self.path)) for name in dict.fromkeys(names)}
+        return {name: Source.read(find_profile(name, self.path)) for name in self.bench.profile_names}
 
     @cached_property
     def wires(self) -> WireBenchConfig:
@@ -92,8 +90,12 @@ class ByHand:
 
     def __init__(self, wires: WireBenchConfig) -> None:
         """Prepare the devices; ProfileError when a profile does not fit its part."""
-        whole = WireBench(wires)
-        self.devices = {"amplifier": whole.amplifier, "brake": whole.brake, "remote_io": whole.remote_io}
+        self.devices = {
+            name if number == 1 else f"{name} block {number}": device
+            for name, blocks in WireBench(wires).named_devices.items()
+            for number, device in enumerate(blocks, start=1)
+        }
+        """By their names in the bench file; a device with several blocks has more names, as `NAME block 2`."""
         self._lines = list(dict.fromkeys(device.line for device in self.devices.values()))
         self.scan = 0
         """Milliseconds since the lines were opened: what ages count in."""

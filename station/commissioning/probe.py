@@ -28,7 +28,7 @@ SHOWN = {
     "brake": ("brake_on", "brake_current_a"),
     "remote_io": tuple(field.name for field in REMOTE_IO_FIELDS),
 }
-"""Channels that are shown of each device, where its profile delivers them."""
+"""Channels that are shown of each device, where its profile delivers them; of any other device all of its fields."""
 
 
 class Live(NamedTuple):
@@ -135,9 +135,10 @@ def _drive_values(link: CanLink, bench: OnWires) -> list[Live]:
 def _modbus_values(name: str, device: ModbusDevice, scan: int) -> list[Live]:
     age = device.age_scans(scan)
     age_ms = None if age == AGE_NEVER else float(age)
-    names = [channel for channel in SHOWN[name] if channel in device.reader.names]
+    wanted = SHOWN.get(name, device.names)
+    names = [channel for channel in wanted if channel in device.names]
     return [
-        Live(channel, f"{float(device.values[device.place(channel)]):.6g}", UNITS[channel], name, age_ms)
+        Live(channel, f"{float(device.values[device.place(channel)]):.6g}", UNITS.get(channel, ""), name, age_ms)
         for channel in names
     ]
 

@@ -8,16 +8,18 @@ of it. A channel that does not move when its sensor is pressed is another channe
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
-from definitions.number_formats import SIZES, RegisterType
-from drivers.modbus.device import COUNTERS, RegisterReader
+from definitions.number_formats import BIT, SIZES, FieldType
+from drivers.modbus.device import COUNTERS
+from drivers.modbus.registers import RegisterReader
 from drivers.profile import ModbusProfile, ReadField
 from recipes import Bench
 from recipes.schema.bench_schema import TorqueSensor
+from station.bench.measuring import sources
 from station.commissioning.on_wires import ByHand, OnWires, pause
 from station.documents.commissioning import Figure, Finding
 
@@ -84,7 +86,8 @@ def browse(  # noqa: PLR0917 - what is looked at, and who is told
     """
     by_hand = ByHand(bench.wires)
     profile = by_hand.devices[part].config.profile
-    pressed = _Pressed(bench.bench, profile, without) if part == "amplifier" else None
+    channels = torques_of(bench.bench, part)
+    pressed = _Pressed(bench.bench, profile, channels, without) if channels else None
     looks: list[bytes] = []
     with by_hand.opened(part):
         until = time.monotonic() + seconds
@@ -107,15 +110,25 @@ def browse(  # noqa: PLR0917 - what is looked at, and who is told
     return Browsed(rows, tuple(channel for channel, _ in moved), tuple(findings), figures)
 
 
-class _Pressed:
-    """Which torque channels have moved since the first looks, in the word order of the profile."""
+def torques_of(bench: Bench, part: str) -> dict[str, str]:
+    """Return the channels of a device, or of its blocks, that are torques to press on, by their fields."""
+    device = part.partition(" block ")[0]
+    if bench.channels is None:
+        return {channel: channel for channel in SENSORS} if device == "amplifier" else {}
+    return {one.field: one.channel for one in sources(bench) if one.device == device and one.channel in SENSORS}
 
-    def __init__(self, bench: Bench, profile: ModbusProfile, without: Sequence[str]) -> None:
-        sensors = {channel: getattr(bench.sensors, name) for channel, name in SENSORS.items()}
-        self._sensors = {channel: one for channel, one in sensors.items() if one is not None}
+
+class _Pressed:
+    """Which torque fields have moved since the first looks, in the word order of the profile."""
+
+    def __init__(
+        self, bench: Bench, profile: ModbusProfile, channels: Mapping[str, str], without: Sequence[str]
+    ) -> None:
+        sensors = {field: getattr(bench.sensors, SENSORS[channel]) for field, channel in channels.items()}
+        self._sensors = {field: one for field, one in sensors.items() if one is not None}
         self._fields = [field for field in profile.read.fields if field.name in self._sensors]
         self._profile = profile
-        self._without = without
+        self._without = [field for field, channel in channels.items() if channel in without]
         self._first: dict[str, float] = {}
         self._said: dict[str, float] = {}
         self._most: dict[str, float] = {}
@@ -182,12 +195,12 @@ def words_of(profile: ModbusProfile, field: ReadField, block: bytes) -> tuple[in
     return tuple(int.from_bytes(data[at : at + 2], byte_order) for at in range(0, 2 * words, 2))
 
 
-def shown_order(kind: RegisterType, seen: Sequence[tuple[int, ...]]) -> Order | None:
+def shown_order(kind: FieldType, seen: Sequence[tuple[int, ...]]) -> Order | None:
     """Return the word order that the changes of a 32-bit value show, None where they show nothing.
 
     `seen` are its two registers, look by look.
     """
-    if SIZES[kind] != 4 or len(seen) < 2:
+    if kind == BIT or SIZES[kind] != 4 or len(seen) < 2:
         return None
     span = 1 << 15 if kind == "f32" else 1 << 16  # the sign of a float flips at zero, wherever it stands
     first, second = ([words[place] % span for words in seen] for place in (0, 1))

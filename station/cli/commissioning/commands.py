@@ -62,8 +62,9 @@ def registers(
     bench: BenchFileOption,
     seconds: PatienceOption = 60.0,
     part: Annotated[
-        str, typer.Option("--device", metavar="NAME", help="amplifier; or brake or remote_io, to look at only.")
-    ] = "amplifier",
+        str | None,
+        typer.Option("--device", metavar="NAME", help="Default: what measures torques; another is looked at."),
+    ] = None,
     without: Annotated[
         list[str] | None,
         typer.Option("--without", metavar="CHANNEL", help="Torque that nobody can press on; may be repeated."),

@@ -15,12 +15,11 @@ from station.bench.commissioned import protocol_path
 from station.cli.say import Grid, say
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
-from station.documents.commissioning import StepDone
+from station.documents.commissioning import Finding, StepDone
 from station.documents.reading import plain
 from station.errors import StationError
 
 NOT_PASSED = 1
-AMPLIFIER = "amplifier"
 Block = str | Grid
 
 
@@ -101,24 +100,29 @@ def probe(bench_name: str, seconds: float, by: str | None, *, as_json: bool) -> 
 
 
 def registers(
-    bench_name: str, part: str, seconds: float, without: Sequence[str], by: str | None, *, as_json: bool
+    bench_name: str, asked: str | None, seconds: float, without: Sequence[str], by: str | None, *, as_json: bool
 ) -> int:
-    """Do the step `registers`; with another device than the amplifier only look."""
-    from station.commissioning.registers import SENSORS, Row, browse  # noqa: PLC0415 - as above
+    """Do the step `registers`; with another device than that of the torques only look."""
+    from station.commissioning.registers import SENSORS, Row, browse, torques_of  # noqa: PLC0415 - as above
 
+    bench = on_wires(bench_name)
+    devices = ByHand(bench.wires).devices
+    there = tuple(devices)
+    of_torques = [name for name, one in devices.items() if set(one.names) & torques_of(bench.bench, name).keys()]
+    part = asked or (of_torques or there)[0]
     for what, found, allowed in (
-        ("--device", part, tuple(PART_FIELDS)),
+        ("--device", part, there),
         *(("--without", one, tuple(SENSORS)) for one in without),
     ):
         if found not in allowed:
             raise StationError(f"{what}: found '{found}'; allowed: {', '.join(allowed)}")
-    bench = on_wires(bench_name)
     tell = teller(as_json=as_json)
-    if part == AMPLIFIER:
+    is_step = part == (of_torques or there)[0]
+    if is_step:
         may_begin(bench, "registers")
 
     def begun() -> None:
-        if part == AMPLIFIER:
+        if is_step and of_torques:
             tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
 
     def pressed(row: Row, value: float | None) -> None:
@@ -142,10 +146,18 @@ def registers(
     heads = ("register", "field", "type", "raw", "word order big", "little", "changes", "shows")
     blocks: list[Block] = [Grid(heads, rows, right=(0, 4, 5, 6))]
     more = {"device": part, "fields": [dict(zip(heads, row, strict=True)) for row in rows], "moved": list(seen.moved)}
-    if part != AMPLIFIER:
+    if not is_step:
         say(more, [*blocks, *(f"{one.what} {one.cure}" for one in seen.findings)], as_json=as_json)
         return 0
-    done = write_down(bench, "registers", by, seen.findings, seen.figures)
+    others = [
+        Finding(
+            what=f"{name} has torques too.",
+            cure=f"Look at it as well: lostmotion bench registers --device '{name}' --bench {bench.path}",
+            refuses=False,
+        )
+        for name in of_torques[1:]
+    ]
+    done = write_down(bench, "registers", by, (*seen.findings, *others), seen.figures)
     return end(bench, done, blocks, more, as_json=as_json)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from station.bench.assemble import modbus_profile
 from station.bench.request import load_job
 from station.cli.commissioning.steps import Block, end, teller
 from station.cli.out_file import refuse_records
@@ -26,8 +25,7 @@ def direction(bench_name: str, recipe: str, data: Path, by: str | None, *, as_js
     may_begin(bench, "direction")
     tried = _run(bench, recipe, directions.PLAN, data, by, as_json=as_json)
     seen = directions.look(tried)
-    profile = modbus_profile(bench.profiles[bench.bench.amplifier.profile])
-    findings = directions.judged(tried, seen, profile)
+    findings = directions.judged(tried, seen, directions.scale_places(bench.bench, bench.profiles))
     done = write_down(bench, "direction", by, findings, directions.figures(tried, seen))
     words = {1: "same way", -1: "OPPOSITE", 0: "not shown"}
     rows = [

@@ -9,7 +9,8 @@ import struct
 import pytest
 
 from definitions.number_formats import LETTERS
-from station.bench.assemble import FileAt, modbus_profile
+from station.bench.assemble import modbus_profile
+from station.bench.files import FileAt
 from station.bench.request import DRIVER_PROFILES
 from station.commissioning.contacts import TASKS, Seen, judged
 from station.commissioning.registers import shown_order

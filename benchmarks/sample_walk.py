@@ -23,7 +23,9 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).resolve().parents[1]
 RECIPE = "recipes/rv-40e-121-quick.yaml"
 ROOMS = ("definitions", "drivers", "controller", "analysis", "recipes", "station")
-"""Rooms that are counted: the virtual bench stands for the hardware, its files are none of the walk."""
+"""Rooms that are counted: the virtual bench stands for the hardware; older trees have it in `NOT_COUNTED`."""
+
+NOT_COUNTED = "drivers/virtual/"
 
 PROBE = r"""
 import atexit, json, os, sys, threading
@@ -77,7 +79,11 @@ def walk(tree: Path, options: Sequence[str]) -> set[tuple[str, str]]:
         kept = [json.loads(path.read_text(encoding="utf-8")) for path in place.glob("*.json")]
         if done.returncode not in (0, 1, 3) or not kept:
             raise SystemExit(f"the run failed with exit code {done.returncode}\n{done.stdout}{done.stderr}")
-    return {(file, name) for rows in kept for file, name in rows if file.split("/", 1)[0] in ROOMS}
+    return {(file, name) for rows in kept for file, name in rows if _counts(file)}
+
+
+def _counts(file: str) -> bool:
+    return file.split("/", 1)[0] in ROOMS and not file.startswith(NOT_COUNTED)
 
 
 def room_of(file: str) -> str:

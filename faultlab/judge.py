@@ -190,7 +190,7 @@ def not_as_in_table(run: FaultRun, place: int) -> list[str]:
     if row.state is not None and state != row.state:
         wrong.append(f"the state was {state.name.lower()} {at(run, place)}, the reaction's is {row.state.name.lower()}")
     if place and run.orders[place - 1].brake_on != given.brake_on:
-        wrong.append(f"the lock's contact changed {at(run, place)}, the reaction keeps it")
+        wrong.append(f"the lock's contact changed {at(run, place)}, and the reaction must not change it")
     following = next(
         (change for change in orders(run, place)[1:] if run.orders[change.place].reaction == reaction), None
     )

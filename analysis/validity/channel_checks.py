@@ -61,9 +61,9 @@ def lag(found: Measured) -> Reading | str:
         return Reading(0.0)
     speed = max(windup_speed(one, found.method.reference_nm) for one in _sides(found))
     if not np.isfinite(speed):
-        return Reading(np.inf, "torque and angle lag differently and the trace has no time to say what it makes")
+        return Reading(np.inf, "torque and angle lag differently; without a time column the effect is unknown")
     width = 2.0 * speed * delay
-    words = f"{delay * 1e3:.3g} ms between torque and angle move the width of the loop by {width:.3g} arcmin"
+    words = f"{delay * 1e3:.3g} ms between torque and angle change the width of the loop by {width:.3g} arcmin"
     return of_span(found, width, words)
 
 
@@ -74,14 +74,14 @@ def _lag_from_speeds(found: Measured) -> Reading | str:
     unknown = "not measured: the lags of the channels are not known"
     speeds = [windup_speed(one, found.method.reference_nm) for pair in pairs for one in pair]
     if not speeds or not np.isfinite(speeds).all():
-        return f"{unknown}, and the trace has no time to say what they would make"
+        return f"{unknown}; without a time column their effect is unknown"
     try:
         estimated = skew_of_cycles(loops, pairs)
     except AnalysisError:
         each = 2.0 * max(speeds) * EXAMPLE_LAG_S
         return (
-            f"{unknown}, and one speed does not show them: at {max(speeds):.3g} arcmin/s each "
-            f"{EXAMPLE_LAG_S * 1e3:g} ms between torque and angle move the width of the loop by {each:.2g} arcmin"
+            f"{unknown}, and cycles at one speed cannot show them: at {max(speeds):.3g} arcmin/s every "
+            f"{EXAMPLE_LAG_S * 1e3:g} ms of lag would change the width of the loop by {each:.2g} arcmin"
         )
     width = 2.0 * max(speeds) * abs(estimated.skew_s)
     words = (

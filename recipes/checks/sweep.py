@@ -71,8 +71,8 @@ def _shape(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
         yield "amplitude", found, "a sweep where the output torque is measured", hint
 
 
-def reached_nm(
-    step: TorqueSweep, frequency_hz: float, friction_nm: float, efficiency: float, slew_nm_s: float
+def reached_nm(  # noqa: PLR0917 - what the loop and the unit are
+    step: TorqueSweep, frequency_hz: float, friction_nm: float, efficiency: float, slew_nm_s: float, gain_per_s: float
 ) -> float:
     """Amplitude of the output torque [N·m] that the torque loop reaches at a frequency, of the one that is planned.
 
@@ -87,7 +87,7 @@ def reached_nm(
     for place in range(PLAYED_CYCLES * CYCLE_STEPS):
         phase = 2.0 * pi * place / CYCLE_STEPS
         error_nm = mean_nm + amplitude_nm * sin(phase) - torque_nm
-        rate_nm_s = 2.0 * pi * frequency_hz * amplitude_nm * cos(phase) + budget("gain_per_s") * error_nm
+        rate_nm_s = 2.0 * pi * frequency_hz * amplitude_nm * cos(phase) + gain_per_s * error_nm
         drive_nm += min(slew_nm_s, max(-slew_nm_s, rate_nm_s)) * step_s
         torque_nm = min(drive_nm / efficiency**2 + friction_nm, max(drive_nm - friction_nm, torque_nm))
         found.append(torque_nm)
@@ -102,12 +102,14 @@ def _speed(recipe: Recipe, bench: Bench, step: TorqueSweep) -> Iterator[Row]:
     slope = unit.loading_torque_ratio.slope if at_input else 1.0
     friction_nm = abs(unit.loading_torque_ratio.offset_nm) if at_input else 0.0
     efficiency = min(1.0, slope / unit.ratio) if at_input else 1.0
+    gain_per_s = bench.torque_control.gain_per_s
     slew_nm_s = budget("slew_of_peak_per_s") * bench.max_loading_torque_nm * slope
 
     def follows(frequency_hz: float) -> bool:
         return (
             2.0 * pi * frequency_hz * step.amplitude_nm <= SLEW_SHARE * slew_nm_s * ROUNDING
-            and reached_nm(step, frequency_hz, friction_nm, efficiency, slew_nm_s) >= FOLLOWED * step.amplitude_nm
+            and reached_nm(step, frequency_hz, friction_nm, efficiency, slew_nm_s, gain_per_s)
+            >= FOLLOWED * step.amplitude_nm
         )
 
     if step.amplitude_nm > friction_nm and not follows(step.to_frequency_hz):

@@ -176,7 +176,9 @@ def _read(file: Path, into: Path) -> Kept:
             for entry in archive:
                 content = archive.extractfile(entry)
                 if content is None or listed is not None:
-                    raise RecordError(f"{file}: {entry.name}: found no file, or one behind {LIST}; it is not a backup")
+                    raise RecordError(
+                        f"{file}: {entry.name}: found no file, or a file after {LIST}; it is not a backup"
+                    )
                 if entry.name == LIST:
                     listed = json.loads(content.read())
                     continue

@@ -82,9 +82,12 @@ class Evaluations:
         while not self._over.is_set():
             left = 0
             # Who looks for runs is told what is wrong; here it is tried again.
-            with suppress(StationError, OSError, RuntimeError, CancelledError, BrokenProcessPool):
-                behind: Future[int] = self._submit(bring_up, data, KEEP_UP_S)
-                left = behind.result()
+            with suppress(StationError, OSError, RuntimeError, CancelledError):
+                try:
+                    behind: Future[int] = self._submit(bring_up, data, KEEP_UP_S)
+                    left = behind.result()
+                except BrokenProcessPool:
+                    self._end()
             self._over.wait(0.0 if left else KEEP_UP_EVERY_S)
 
     def close(self) -> None:

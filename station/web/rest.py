@@ -16,9 +16,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 
 from station.errors import StationError
-from station.records.data_folder import Store
-from station.records.run_record import RESULT, RunRecord
-from station.records.seal import alterations, is_sealed
 from station.version import version
 from station.web.actions import (
     ACTIONS,
@@ -171,18 +168,6 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "webhooks": None if left is None else {"waiting": left.messages, "last_error": left.last_error},
         })  # fmt: skip
 
-    @app.get("/api/runs/{run}", summary="the result of a run", tags=["runs"], **_answers(200, 401, 404, 409, 503))
-    def result(run: str, token: CookieToken = None) -> Response:
-        if _session(station, token) is None:
-            return _not_entered()
-        there = Store(station.data).by_id(run)
-        if there is None or not there.has(RESULT):
-            return JSONResponse(said("run", "There is no such run with a result."), 404)
-        try:
-            return _result_of(there)
-        except StationError as error:
-            return JSONResponse(said("run", str(error)), NOT_NOW)
-
     @app.get(
         "/api/audit", summary="the newest lines of the audit trail, and the hash of the last one", tags=["audit"],
         **_answers(200, 401, 403, 422, 503),
@@ -198,14 +183,6 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             head = audit.head_of(connection)
             lines = audit.lines_of(connection, newest)
         return JSONResponse({"lines": head.lines, "head_sha256": head.sha256, "newest": lines})
-
-
-def _result_of(run: RunRecord) -> Response:
-    """Return the result of a run whose record is as it was left; a refusal for any other."""
-    altered = alterations(run) if is_sealed(run.manifest()) else ()
-    if altered:
-        return JSONResponse(said("altered", f"{run.id}: {altered[0]}. It has no verdict any more."), NOT_NOW)
-    return JSONResponse(run.read_json(RESULT))
 
 
 def _endpoint(station: Station, row: Action) -> Callable[..., Response]:

@@ -12,7 +12,8 @@ from fastapi.responses import JSONResponse
 
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RunRecord
+from station.records.run_record import RESULT, RunRecord
+from station.reports.stored_result import refuse_doubtful
 from station.store.run_search import MOST_ROWS, search
 from station.store.stored_runs import Wanted
 from station.web.actions import NOT_NOW, Station, said
@@ -109,6 +110,20 @@ def add_runs(
         page = search(station.data, wanted, first=first, count=count)
         shown = [{name: getattr(row, name) for name in SHOWN} for row in page.rows]
         return JSONResponse({"total": page.total, "behind": page.behind, "runs": shown})
+
+    @app.get("/api/runs/{run}", summary="the result of a run", tags=["runs"], **answers(200, 401, 403, 404, 409, 503))
+    def result(run: str, token: CookieToken = None) -> Response:
+        refused = refuse(token)
+        if refused is not None:
+            return refused
+        there = Store(station.data).by_id(run)
+        if there is None or not there.has(RESULT):
+            return JSONResponse(said("run", "There is no such run with a result."), 404)
+        try:
+            refuse_doubtful(there)
+            return JSONResponse(there.read_json(RESULT))
+        except StationError as error:
+            return JSONResponse(said("run", str(error)), NOT_NOW)
 
     for path, row in FILES.items():
         told = answers(200, 401, 403, 404, 409, 503)

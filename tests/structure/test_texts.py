@@ -37,3 +37,11 @@ def test_every_row_of_the_vocabulary_is_among_the_texts(found):
 def test_a_seed_draws_the_same_fifty(found, seed):
     assert drawn(seed, found) == drawn(seed, texts())
     assert len({one.place for one in drawn(seed, found)}) > DRAWN // 2
+
+
+GONE = re.compile(r"\b(desk|lateness|circumstances|durable|gates?|(?:is|are|not|^)\s?in order)\b", re.IGNORECASE)
+"""Words that had a term of the field beside them, which is used now."""
+
+
+def test_one_thing_has_one_word(found):
+    assert [one for one in found if GONE.search(one.text)] == []

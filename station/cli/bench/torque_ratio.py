@@ -125,7 +125,7 @@ def _of_run(name: str, data: Path) -> Lines:
     result = run.read(Result, RESULT)
     said = [f"{run.id}: {invalid}: its lines say little of the unit"] if (invalid := objection(result)) else []
     if result.scenario:
-        said.append(f"{run.id}: faults were injected ({result.scenario}): its lines may be theirs")
+        said.append(f"{run.id}: faults were injected ({result.scenario}): its lines may be wrong")
     return Lines(run.id, run.id, dict(quadrants.fits.items()), notes=said)
 
 

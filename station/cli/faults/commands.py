@@ -68,7 +68,7 @@ def faults_run(
 @faults_app.command("gateway")
 def faults_gateway(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file: faults of can.… and modbus.…")],
-    bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file of the bench on the cable.")],
+    bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file of the real bench.")],
 ) -> None:
     """Run a gateway on the wires of a real bench that injects faults. Prints its ports, then runs until Ctrl-C."""
     from station.cli.faults import faults as command_faults

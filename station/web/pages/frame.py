@@ -16,6 +16,9 @@ HERE = Path(__file__).parent
 PAGES = {"bench": "/", "results": "/results", "recipes": "/recipes"}
 """The pages by their names in the bar."""
 
+LONGEST_BUILD_S = 15.0
+"""Longest time in which a page reads what it shows, on a computer that does other things."""
+
 SESSION_EVERY_S = 2.0
 """How often an open page looks whether its session has ended."""
 

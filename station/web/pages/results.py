@@ -16,7 +16,7 @@ from station.errors import StationError
 from station.store.run_search import Page, search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
-from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.words import SHAPES, local, verdict_text
 from station.web.people.accounts import Session
 from station.web.rest_runs import begin_of
@@ -48,7 +48,7 @@ LINKS = ("open", "report")
 def add_results(station: Station) -> None:
     """Add the page to the running application."""
 
-    @ui.page("/results", title="lostmotion: results")
+    @ui.page("/results", title="lostmotion: results", response_timeout=LONGEST_BUILD_S)
     async def results(request: Request) -> Response | None:
         session = await asyncio.to_thread(session_of_request, station, request)
         if session is None or session.person.must_change:

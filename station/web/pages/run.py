@@ -19,15 +19,12 @@ from station.records.data_folder import Store
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
-from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.loop_figure import OTHERS, Drawn, Marked, loop_figure, stiffness_figure
 from station.web.pages.run_text import RunText, metric_title, run_text
 from station.web.pages.words import local, verdict_text
 from station.web.people.accounts import Session
 from station.web.rest_runs import FILES
-
-LONGEST_BUILD_S = 15.0
-"""Longest time for reading a record, on a computer that does other things."""
 
 MOST_ATTEMPTS = 20
 MOST_FOUND = 8
@@ -85,6 +82,7 @@ class _RunPage:
     def __init__(self, station: Station, session: Session, run: str) -> None:
         self._station, self._session, self._name = station, session, run
         self._own: Drawn | None = None
+        self._chosen: set[str] = set()
         self._others: dict[str, Drawn] = {}
         self._marked: list[Marked] = []
         self._close = False
@@ -166,7 +164,7 @@ class _RunPage:
         """Offer a run to be drawn; one whose record is not as it was left cannot be."""
         words = f"{what}: {verdict_text(run)}, {local(run.started)}"
         with ui.element("span").classes("lm-offer"):
-            box = ui.checkbox(words, value=run.run in self._others).props("dense")
+            box = ui.checkbox(words, value=run.run in self._chosen).props("dense")
             name = f"{what}, {verdict_text(run)}"
             box.on_value_change(lambda event: self._choose(run.run, name, on=bool(event.value)))
             box.set_enabled(not run.altered)
@@ -177,12 +175,20 @@ class _RunPage:
         if not await still_open(self._station, self._session):
             return
         if not on:
+            self._chosen.discard(run)
             self._others.pop(run, None)
-        elif len(self._others) >= len(OTHERS):
+        elif len(self._chosen) >= len(OTHERS):
             self._say(f"{len(OTHERS)} other runs can be drawn at once. Take one away first.")
             return
-        elif (found := await self._drawn(name, run)) is not None:
-            self._others[run] = found
+        else:
+            self._chosen.add(run)
+            self._say(f"{name} is being evaluated.")
+            found = await self._drawn(name, run)
+            if found is None:
+                return
+            self._say("")
+            if run in self._chosen:  # and was not taken away meanwhile
+                self._others[run] = found
         self._draw()
 
     async def _search(self) -> None:

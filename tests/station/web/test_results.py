@@ -179,5 +179,5 @@ def test_who_must_choose_a_password_first_reads_no_run(station: Station, client:
     other = client_of(station, "quality")
     with station.database.writing() as connection:
         connection.execute(update(PEOPLE).where(PEOPLE.c.name == "the quality").values(must_change=True))
-    for address in ("/api/runs", f"/api/runs/{run}/report.html"):
+    for address in ("/api/runs", f"/api/runs/{run}", *(f"/api/runs/{run}/{name}" for name in FILES)):
         assert other.http.get(address).status_code == 403

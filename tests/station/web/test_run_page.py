@@ -128,12 +128,12 @@ def test_why_a_unit_failed_is_found_from_the_screen_alone(page: playwright.Page)
     assert "Backlash" in first.inner_text()
     assert "FAIL" in first.inner_text()
     page.wait_for_selector(".lm-loop .shapelayer path", state="attached")
-    assert page.locator(".lm-loop .legend .traces").count() == 1
+    assert page.locator(".lm-loop .legend .traces").count() == 2, "this run, and how wide it may be"
     page.click("text=attempt 1:")
-    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 2")
+    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 3")
     page.get_by_label("Draw another run").fill("<")
     page.click(f"text={SCRIPT} attempt 1")
-    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 3")
+    page.wait_for_function("document.querySelectorAll('.lm-loop .legend .traces').length == 4")
     assert SCRIPT in page.inner_text(".lm-facts"), "the operator's name is text"
     assert SCRIPT in page.text_content(".lm-loop .legend")
     assert page.locator('img[src="x"]').count() == 0

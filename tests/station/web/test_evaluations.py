@@ -1,0 +1,51 @@
+"""Reports and loops are made beside the server: at a lower priority, again after a kill, and the store is kept up."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.many_runs import make_runs
+from station.errors import StationError
+from station.records.chain.chain_file import Chain
+from station.records.run_record import RunRecord
+from station.store.table_counts import behind
+from station.store.view import opened
+from station.web.evaluations import Evaluations
+
+LONGEST_S = 120.0
+
+
+def test_the_process_gives_way_keeps_the_store_up_and_comes_again(quick_run: Any, tmp_path: Path) -> None:
+    data, run = tmp_path / "runs", RunRecord(quick_run.record)
+    make_runs(data, 5)
+    database = opened(data)
+    beside = Evaluations()
+    try:
+        beside.start(data)
+        until = time.monotonic() + LONGEST_S
+        while behind(database, Chain(data)):
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        process = beside._submit(os.getpid).result(LONGEST_S)
+        assert process != os.getpid()
+        assert os.getpriority(os.PRIO_PROCESS, process) > os.getpriority(os.PRIO_PROCESS, 0)
+        os.kill(process, signal.SIGKILL)
+        found = None
+        while found is None:
+            assert time.monotonic() < until + LONGEST_S
+            with suppress(StationError):  # of whoever was waiting when it was killed
+                found = beside.loop(run)
+        assert len(found.loop) >= 2
+        assert beside.loop(run) is found, "made once while the files are as they were"
+    finally:
+        beside.close()
+        database.close()
+    with pytest.raises(StationError, match="ending"):
+        beside.loop_csv(run)

@@ -92,6 +92,9 @@ def test_a_row_shows_texts_as_texts() -> None:
     assert "/api/runs/R%201%2F..%2Fx/report.html" in shown["report"]
     assert 'href="/runs/R%201%2F..%2Fx"' in shown["open"]
     assert "FAIL" in shown["verdict"]
+    altered = row_of(row._replace(altered="result.json: is missing", verdict=None))
+    assert altered["report"] == "", "it would be refused"
+    assert "result.json: is missing" in altered["notes"]
     stopped = row._replace(state="stopped", verdict=None)
     assert "STOPPED" in verdict_text(stopped)
 

@@ -40,7 +40,6 @@ from station.web.action_values import (
     Values,
 )
 from station.web.bypasses import BypassError, add_bypass, bypasses_now, end_bypass
-from station.web.dry_run import DryRuns
 from station.web.evaluations import Evaluations
 from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.mes.settings import MesSettings
@@ -64,7 +63,8 @@ from station.web.people.accounts import (
 )
 from station.web.people.database import ANSWERS, CONFIRMED, StationDatabase
 from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
-from station.web.recipe_check import BadRecipeError, bench_of, encoded, refuse_unfit
+from station.web.recipe_text.check import BadRecipeError, bench_of, encoded, refuse_unfit
+from station.web.recipe_text.dry_run import DryRuns
 from station.web.running import Running
 from station.web.scanner import ScanError, serial_of
 

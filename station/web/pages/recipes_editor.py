@@ -24,13 +24,13 @@ from station.records.recipe_revisions import History, Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
 from station.web.actions import ACTIONS, OK, Answer, Station, perform
-from station.web.dry_run import FAILED, IDLE, TRYING, DryRun
 from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.recipes_diff import diff_html
 from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
 from station.web.people.accounts import Session
-from station.web.recipe_check import LookedAt, look_at
+from station.web.recipe_text.check import LookedAt, look_at
+from station.web.recipe_text.dry_run import FAILED, IDLE, TRYING, DryRun
 
 LOOK_EVERY_S = 0.15
 QUIET_S = 0.35

@@ -34,7 +34,12 @@ NOT_ON_THE_WIRES = ("drive.reversed", "drive.angle_agreement_rad", "drive.coupli
 NOT_PROVEN = ("drive profile.tried_on_hardware",)
 """What somebody states of a profile."""
 
-AMPLIFIER = ("amplifier", "amplifier profile", "devices", "devices profile", "can_devices", "sensors", "channels")
+AMPLIFIER = (
+    *("amplifier", "amplifier profile", "devices", "devices profile", "can_devices", "can_devices profile"),
+    *("channels", "sensors"),
+)
+"""What measures: one amplifier, or the devices that `channels` name."""
+
 BRAKE = ("brake", "brake profile")
 REMOTE_IO = ("remote_io", "remote_io profile")
 MOTION = ("bench.loading", *DRIVE, *AMPLIFIER, *BRAKE)
@@ -72,7 +77,7 @@ STEPS: tuple[Step, ...] = (
     Step("timing", "Timing of this computer",
          "This computer keeps the scan period with these devices",
          "All devices switched on", "off",
-         ("can", "amplifier", "brake", "remote_io", "devices", "can_devices", "channels")),
+         ("can", "amplifier", "devices", "can_devices", "channels", "brake", "remote_io")),
 )
 # fmt: on
 

@@ -65,7 +65,7 @@ class WireBench:
         devices = (*self.amplifiers, self.brake, self.remote_io)
         self._devices = devices
         named = [*measuring, ("brake", self.brake), ("remote_io", self.remote_io)]
-        self.named_devices = {
+        self._named = {
             name: tuple(device for other, device in named if other == name) for name in config.modbus_devices
         }
         """Devices by their names in the bench file, in its order."""
@@ -200,7 +200,7 @@ class WireBench:
         missed = pace.wait()
         answer = pace.answer
         self.drive.link.frames_due = answer.frames
-        due = zip(self.named_devices.values(), answer.answered, strict=False)  # a message has room for more devices
+        due = zip(self._named.values(), answer.answered, strict=False)  # a message has room for more devices
         for line in self._lines.values():
             line.bytes_due = 0
         for devices, sent in due:
@@ -227,7 +227,7 @@ class WireBench:
             self.brake.order({"brake_on": orders.brake_on, "brake_current_a": orders.brake_current_a})
         self._request(scan)
         if self.pace is not None:
-            requests = tuple([sum([one.requests for one in devices]) for devices in self.named_devices.values()])
+            requests = tuple([sum([one.requests for one in devices]) for devices in self._named.values()])
             self.pace.scan_ended(scan, orders.state, self.drive.link.frames_sent, requests)
 
     def _request(self, scan: int) -> None:
@@ -273,7 +273,7 @@ class WireBench:
             "can.frames_foreign": drive.frames_foreign,
             "drive.setpoints_clamped": drive.setpoints_clamped,
         }
-        for name, blocks in self.named_devices.items():
+        for name, blocks in self._named.items():
             line = blocks[0].line
             counts |= {
                 f"{name}.replies": sum(block.replies for block in blocks),

@@ -30,9 +30,6 @@ class BusFrame(NamedTuple):
         return 10 + stuffed + (stuffed - 1) // 4 + 3
 
 
-SCAN_BITS = BusFrame("SYNC", 0).bits + 3 * BusFrame("PDO", 8).bits
-"""SYNC and three full PDOs: what a usual drive and its controller send in a scan."""
-
 REQUEST_BYTES = 8
 """Modbus RTU: address, function, register, count, CRC."""
 
@@ -43,9 +40,9 @@ SILENT_CHARACTERS = 3.5
 """Modbus RTU: silence after a frame; devices may want more, none less."""
 
 
-def bus_us(bitrate: int) -> float:
+def bus_us(frames: Sequence[BusFrame], bitrate: int) -> float:
     """Return how long the frames of one scan occupy a CAN bus, at worst [µs]."""
-    return SCAN_BITS * 1e6 / bitrate
+    return sum(frame.bits for frame in frames if not frame.every_s) * 1e6 / bitrate
 
 
 def line_s(device: ModbusDevice, registers: int) -> float:

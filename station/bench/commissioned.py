@@ -6,6 +6,7 @@ it. Comments, layout and sections that no step depends on change nothing.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
@@ -14,13 +15,12 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from definitions.commissioning import STEPS, Step, concerns
-from drivers.modbus.part_fields import PART_FIELDS
-from drivers.profile import DriveProfile, DriveProfileHeader, ModbusProfile
+from drivers.profile import DriveProfile, DriveProfileHeader
 from recipes import Bench
+from recipes.schema.bench_schema import PARTS
 from station.atomic_file import write_atomic
 from station.bench.assemble import drive_profile, modbus_profile
 from station.bench.files import File, FileAt
-from station.bench.measuring import can_sensors
 from station.documents.commissioning import Protocol, StepDone
 from station.documents.reading import plain, read_document
 from station.errors import StationError
@@ -76,13 +76,12 @@ def parts_of(bench: Bench, profiles: Mapping[str, File]) -> dict[str, str]:
 
     """
     data: dict[str, Any] = bench.model_dump(mode="json")
-    read: dict[str, DriveProfile | ModbusProfile] = {
-        name: modbus_profile(profiles[device.profile]) for name, device in bench.modbus_devices.items()
-    }
-    read["drive"] = drive_profile(profiles[bench.drive.profile])
-    data |= {part + PROFILE: asdict(read[part]) for part in ("drive", *PART_FIELDS) if part in read}
-    others: dict[str, Any] = {name: asdict(one) for name, one in read.items() if name + PROFILE not in data}
-    data["devices" + PROFILE] = others | {one.name: asdict(one) for one in can_sensors(bench, profiles)}
+    data["drive" + PROFILE] = asdict(drive_profile(profiles[bench.drive.profile]))
+    for name, device in bench.modbus_devices.items():
+        part = name + PROFILE if name in PARTS else f"devices{PROFILE}.{name}"
+        data[part] = asdict(modbus_profile(profiles[device.profile]))
+    for one in bench.can_devices:  # a profile or a DBC file: told apart as a whole
+        data[f"can_devices{PROFILE}.{one.name}"] = hashlib.sha256(profiles[one.profile].content).hexdigest()
     return dict(_leaves("", data))
 
 

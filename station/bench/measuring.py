@@ -21,8 +21,6 @@ CHANNEL_OF_SENSOR = {
     "angle_out": "angle_out_rad",
 }
 
-SENSOR_OF_CHANNEL = {channel: sensor for sensor, channel in CHANNEL_OF_SENSOR.items()}
-
 
 def channels(bench: Bench) -> tuple[str, ...]:
     """Return the channels of the process image that this bench has sensors for."""

@@ -31,7 +31,7 @@ from recipes import (
     read_bytes,
     warnings,
 )
-from recipes.checks.bus_load import bus_findings
+from recipes.checks.bus_load import BusFrame, bus_findings, bus_us
 from recipes.compiler.compiler import compile_program
 from station.atomic_file import refused
 from station.bench.assemble import drive_profile, modbus_profile
@@ -181,6 +181,17 @@ class Job:
         return sources
 
     @cached_property
+    def bus_frames(self) -> tuple[BusFrame, ...]:
+        """Every frame with a period on the CAN bus, as the device profiles have them."""
+        drive = drive_profile(self.profile_sources[self.bench.drive.profile])
+        return tuple(bus_frames(self.recipe, self.bench, drive, can_sensors(self.bench, self.profile_sources)))
+
+    @property
+    def bus_us(self) -> float:
+        """How long the frames of one scan occupy the CAN bus, at worst [µs]."""
+        return bus_us(self.bus_frames, self.bench.can.bitrate)
+
+    @cached_property
     def not_proven(self) -> tuple[str, ...]:
         """What the devices of this bench cannot prove, a sentence each: it stands in every result."""
         said = [
@@ -306,8 +317,7 @@ def _check_parts(job: Job) -> None:
         Problem(path, 0, 0, "can_devices", f"{one.where}: {one.found}", one.expected, f"{_begun(one.next_step)}.")
         for one in identifier_problems(sensors, drive, *node_ids)
     ]
-    frames = list(bus_frames(job.recipe, job.bench, drive, sensors))
-    problems += [job.recipe.problem(*one) for one in bus_findings(job.recipe, job.bench, frames)]
+    problems += [job.recipe.problem(*one) for one in bus_findings(job.recipe, job.bench, job.bus_frames)]
     if problems:
         raise RecipeError(problems)
 

@@ -10,11 +10,10 @@ import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from definitions.number_formats import SIZES
 from drivers.modbus.device import COUNTERS
-from drivers.profile import ModbusProfile, ReadField
+from drivers.profile import COIL_TABLES, ModbusProfile, ReadField
 from station.commissioning.on_wires import ByHand, OnWires, pause
-from station.commissioning.registers import words_of
+from station.commissioning.registers import places_of, words_in
 from station.documents.commissioning import Figure, Finding
 
 LOOK_EVERY_S = 0.02
@@ -119,7 +118,7 @@ class _Watch:
             word
             for field in profile.read.fields
             if field.bit is None and (field.scale is not None or field.name in COUNTERS)
-            for word in _words(field)
+            for word in places_of(field)
         }
         self._quiet = [word for word in range(profile.read.count) if word not in lively]
         self._state = self._steady(seconds=1.0) or self._look()
@@ -148,13 +147,8 @@ class _Watch:
         return last
 
     def _look(self) -> dict[int, int]:
-        block = self._by_hand.block("remote_io")
-        order = self._profile.byte_order
-        return {word: int.from_bytes(block[2 * word : 2 * word + 2], order) for word in self._quiet}
-
-
-def _words(field: ReadField) -> range:
-    return range(field.offset, field.offset + SIZES[field.type] // 2)
+        words = words_in(self._profile, self._by_hand.block("remote_io"))
+        return {word: words[word] for word in self._quiet}
 
 
 def _differences(before: dict[int, int], now: dict[int, int]) -> Iterator[tuple[Bit, int]]:
@@ -175,8 +169,9 @@ def judged(profile: ModbusProfile, seen: Seen) -> Iterator[Finding]:
     elif not mine:
         places = ", ".join(place_of(profile, bit) for bit in seen.changed)
         word, bit = next(iter(seen.changed))
+        there = f"offset: {word}" if profile.read.table in COIL_TABLES else f"offset: {word}, bit: {bit}"
         cure = (
-            f"Wire this contact to {_place(profile, field.offset, field.bit)}, or write 'offset: {word}, bit: {bit}'"
+            f"Wire this contact to {_place(profile, field.offset, field.bit)}, or write '{there}'"
             f" for {task.field} into profile {name}. Then do this step again."
         )
         yield Finding(what=f"{task.ask}: {places} changed; {task.field} of the profile did not.", cure=cure)
@@ -198,8 +193,10 @@ def place_of(profile: ModbusProfile, bit: Bit) -> str:
 
 
 def _place(profile: ModbusProfile, word: int, bit: int | None) -> str:
-    register = f"{profile.read.table} register {profile.read.address + word}"
-    return register if bit is None else f"{register} bit {bit}"
+    address = profile.read.address + word
+    if profile.read.table in COIL_TABLES:
+        return f"{profile.read.table} {address}"
+    return f"{profile.read.table} register {address}" + ("" if bit is None else f" bit {bit}")
 
 
 def at_rest(profile: ModbusProfile, block: bytes) -> bool:
@@ -209,5 +206,5 @@ def at_rest(profile: ModbusProfile, block: bytes) -> bool:
 
 
 def _value(profile: ModbusProfile, field: ReadField, block: bytes) -> int:
-    (word, *_) = words_of(profile, field, block)
+    word = words_in(profile, block)[field.offset]
     return word if field.bit is None else word >> field.bit & 1

@@ -13,7 +13,7 @@ is judged coarsely. A channel that moves by less than its resolution or noise sh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,9 +21,7 @@ import numpy.typing as npt
 
 from definitions.states import LOCKED
 from recipes import Bench, Recipe
-from station.bench.assemble import modbus_profile
-from station.bench.files import File
-from station.bench.measuring import SENSOR_OF_CHANNEL, sources
+from station.commissioning.on_wires import Scale
 from station.commissioning.trial_run import Plan, Tried
 from station.documents.commissioning import Figure, Finding
 
@@ -45,6 +43,7 @@ DRIVE_ANGLE = "drive_angle_rad"
 """Position of the drive: it goes with its torque but for play and friction, which a small torque may not overcome."""
 
 Column = npt.NDArray[np.float64]
+ScaleOf = Callable[[str], Scale | None]
 
 
 class Seen(NamedTuple):
@@ -124,29 +123,11 @@ def _seen(  # noqa: PLR0917 - a row
     return Seen(channel, against, unit, moved, least, slope, int(np.sign(fit)) if abs(fit) >= LEAST_FIT else 0)
 
 
-class ScalePlace(NamedTuple):
-    """Scale of a measured channel as it is now, and where it is written."""
-
-    value: float | None
-    where: str
-
-
-def scale_places(bench: Bench, profiles: Mapping[str, File]) -> dict[str, ScalePlace]:
-    """Return where the scale of each measured channel is written; RecipeError with the problems of a profile."""
-    if bench.channels is not None:
-        return {
-            one.channel: ScalePlace(one.scale, f"the bench file, channels.{SENSOR_OF_CHANNEL[one.channel]}")
-            for one in sources(bench)
-        }
-    profile = modbus_profile(profiles[bench.modbus_devices["amplifier"].profile])
-    return {field.name: ScalePlace(field.scale, f"profile {profile.profile.name}") for field in profile.read.fields}
-
-
-def judged(tried: Tried, seen: Sequence[Seen], scales: Mapping[str, ScalePlace]) -> tuple[Finding, ...]:
+def judged(tried: Tried, seen: Sequence[Seen], scale_of: ScaleOf) -> tuple[Finding, ...]:
     """Say which signs and amounts are wrong, each with what has to be written where."""
     bench, recipe = tried.job.bench, tried.job.recipe
-    findings = [*_signs(bench, recipe, seen, scales)]
-    findings += _amounts(seen, scales)
+    findings = [*_signs(bench, recipe, seen, scale_of)]
+    findings += _amounts(seen, scale_of)
     if not findings and not tried.complete:
         findings.append(Finding(what=f"The small run ended early: {tried.why}.", cure=_next(tried)))
     for one in seen:
@@ -166,7 +147,7 @@ def _next(tried: Tried) -> str:
     return f"{alarms[0].next_action}." if alarms else "Do this step again."
 
 
-def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], scales: Mapping[str, ScalePlace]) -> Iterator[Finding]:
+def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], scale_of: ScaleOf) -> Iterator[Finding]:
     signs = {one.channel: one.sign for one in seen}
     loaded, locked = ("in", "out") if recipe.loading == "input" else ("out", "in")
     if signs[DRIVE_ANGLE] < 0:
@@ -185,13 +166,14 @@ def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], scales: Mapping[s
     rows = ((f"angle_{loaded}_rad", angle), (f"torque_{loaded}_nm", torque), (f"torque_{locked}_nm", other))
     for channel, sign in (*rows, (f"angle_{locked}_rad", signs.get(f"angle_{locked}_rad", 0) * (other or 1))):
         if sign < 0:
-            scale, where = scales[channel]
-            turned = -(1.0 if scale is None else scale)
-            cure = f"Write 'scale: {turned!r}' for {channel} into {where}; it is {scale!r} now."
+            scale = scale_of(channel)
+            cure = "Turn the sign of its scale."
+            if scale is not None:
+                cure = f"Write 'scale: {-scale.value!r}' for {scale.place}; it is {scale.value!r} now."
             yield Finding(what=f"{channel} counts the wrong way.", cure=cure)
 
 
-def _amounts(seen: Sequence[Seen], scales: Mapping[str, ScalePlace]) -> Iterator[Finding]:
+def _amounts(seen: Sequence[Seen], scale_of: ScaleOf) -> Iterator[Finding]:
     for one in seen:
         low, high = ANGLE_RATIO if one.unit == "rad" else TORQUE_RATIO
         if one.sign and one.against != "output torque" and one.channel != DRIVE_ANGLE:
@@ -199,7 +181,9 @@ def _amounts(seen: Sequence[Seen], scales: Mapping[str, ScalePlace]) -> Iterator
             if not low <= amount <= high:
                 what = f"{one.channel}: {amount:.3g} of what {one.against} lets expect; {low:g} to {high:g} allowed."
                 where = "gear_ratio of the bench file or " if one.unit == "rad" else "ratio of the recipe or "
-                yield Finding(what=what, cure=f"Correct {where}scale of {one.channel} in {scales[one.channel].where}.")
+                scale = scale_of(one.channel)
+                place = one.channel if scale is None else scale.place
+                yield Finding(what=what, cure=f"Correct {where}the scale of {place}.")
 
 
 def figures(tried: Tried, seen: Sequence[Seen]) -> tuple[Figure, ...]:

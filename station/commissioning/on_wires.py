@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 from drivers.config import WireBenchConfig
 from drivers.errors import DriverError, Problem
@@ -23,6 +24,13 @@ from station.errors import BenchFaultError, StationError
 
 PERIOD_NS = 1_000_000
 """Scan period of the steps: the one of the shipped recipes."""
+
+
+class Scale(NamedTuple):
+    """Scale of a channel as it is, and the place where it is written."""
+
+    value: float
+    place: str
 
 
 @dataclass(frozen=True)
@@ -51,6 +59,19 @@ class OnWires:
     def parts(self) -> dict[str, str]:
         """Every entry of bench file and profiles, by its dotted name."""
         return parts_of(self.bench, self.profiles)
+
+    def scale_of(self, channel: str) -> Scale | None:
+        """Return the scale of a measured channel and where it is written; None for one that no file has."""
+        bench = self.bench
+        if bench.channels is not None:
+            source = bench.channels.by_name.get(channel.rsplit("_", 1)[0])
+            place = f"channels.{channel.rsplit('_', 1)[0]} of the bench file"
+            return None if source is None else Scale(source.scale, place)
+        if self.wires.amplifier is None:
+            return None
+        profile = self.wires.amplifier.profile
+        field = next((one for one in profile.read.fields if one.name == channel), None)
+        return None if field is None else Scale(field.scale or 1.0, f"{channel} in profile {profile.profile.name}")
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -90,12 +111,16 @@ class ByHand:
 
     def __init__(self, wires: WireBenchConfig) -> None:
         """Prepare the devices; ProfileError when a profile does not fit its part."""
-        self.devices = {
-            name if number == 1 else f"{name} block {number}": device
-            for name, blocks in WireBench(wires).named_devices.items()
-            for number, device in enumerate(blocks, start=1)
-        }
-        """By their names in the bench file; a device with several blocks has more names, as `NAME block 2`."""
+        whole = WireBench(wires)
+        names = [*(one.name for one in wires.measuring), *(() if wires.amplifier is None else ("amplifier",))]
+        blocks = [
+            f"{name} block {names[:place].count(name) + 1}" if names.count(name) > 1 else name
+            for place, name in enumerate(names)
+        ]
+        self.measuring = dict(zip(blocks, names, strict=True))
+        """The devices that measure, each block apart, with the name that the bench file has for the device."""
+        self.devices: dict[str, ModbusDevice] = dict(zip(blocks, whole.amplifiers, strict=True))
+        self.devices |= {"brake": whole.brake, "remote_io": whole.remote_io}
         self._lines = list(dict.fromkeys(device.line for device in self.devices.values()))
         self.scan = 0
         """Milliseconds since the lines were opened: what ages count in."""
@@ -145,7 +170,7 @@ class ByHand:
             where = f"{config.where} {read.table} registers {read.address} to {read.address + read.count - 1}"
             hint = "compare table, address and count with the device's manual"
             raise DriverError(Problem("the block cannot be read", where, found, "its registers", hint))
-        return reply.data
+        return bytes(reply.data)
 
 
 def _identified(device: ModbusDevice) -> list[Problem]:

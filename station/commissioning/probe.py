@@ -28,7 +28,7 @@ SHOWN = {
     "brake": ("brake_on", "brake_current_a"),
     "remote_io": tuple(field.name for field in REMOTE_IO_FIELDS),
 }
-"""Channels that are shown of each device, where its profile delivers them; of any other device all of its fields."""
+"""Channels that are shown of each device, where its profile delivers them."""
 
 
 class Live(NamedTuple):
@@ -92,6 +92,12 @@ def probe(bench: OnWires, seconds: float) -> Probed:
         Finding(what=f"The profile says that the drive has no {what}.", cure="Compare with the manual.", refuses=False)
         for what in lacking
     ]
+    findings += [
+        Finding(
+            what=f"{one.where}: not read here.", cure="Its frames are checked by direction and latency.", refuses=False
+        )
+        for one in wires.can_sensors
+    ]
     counts = [
         Figure(name=f"objects {one}", value=sum(row.outcome == one for row in objects)) for one in _outcomes(objects)
     ]
@@ -135,8 +141,8 @@ def _drive_values(link: CanLink, bench: OnWires) -> list[Live]:
 def _modbus_values(name: str, device: ModbusDevice, scan: int) -> list[Live]:
     age = device.age_scans(scan)
     age_ms = None if age == AGE_NEVER else float(age)
-    wanted = SHOWN.get(name, device.names)
-    names = [channel for channel in wanted if channel in device.names]
+    wanted = SHOWN.get(name, tuple(one for one in device.reader.names if one != "identity"))
+    names = [channel for channel in wanted if channel in device.reader.names]
     return [
         Live(channel, f"{float(device.values[device.place(channel)]):.6g}", UNITS.get(channel, ""), name, age_ms)
         for channel in names

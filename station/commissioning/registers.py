@@ -15,13 +15,13 @@ from typing import Literal, NamedTuple
 
 from definitions.number_formats import BIT, SIZES, FieldType
 from drivers.modbus.device import COUNTERS
-from drivers.modbus.registers import RegisterReader
-from drivers.profile import ModbusProfile, ReadField
+from drivers.modbus.registers import reader_of
+from drivers.profile import COIL_TABLES, ModbusProfile, ReadField
 from recipes import Bench
 from recipes.schema.bench_schema import TorqueSensor
-from station.bench.measuring import sources
 from station.commissioning.on_wires import ByHand, OnWires, pause
 from station.documents.commissioning import Figure, Finding
+from station.errors import StationError
 
 Order = Literal["big", "little"]
 ORDERS: tuple[Order, Order] = ("big", "little")
@@ -49,6 +49,7 @@ class Row(NamedTuple):
     show nothing.
     """
 
+    part: str
     field: ReadField
     address: int
     raw: str
@@ -69,66 +70,84 @@ class Browsed(NamedTuple):
 
 def browse(  # noqa: PLR0917 - what is looked at, and who is told
     bench: OnWires,
-    part: str,
+    part: str | None,
     seconds: float,
     begun: Callable[[], None],
-    told: Callable[[Row, float | None], None],
+    told: Callable[[Row, float], None],
     without: Sequence[str] = (),
 ) -> Browsed:
-    """Read the block of a device again and again for at most `seconds`.
+    """Read the blocks of all devices that measure again and again for at most `seconds`, or that of one device.
 
     begun: called after the first look. told: called for each torque that has moved by 1 % of its full scale more.
     Ends early when every torque was pressed on; `without`: channels that nobody can press on.
 
     Raises:
-        DriverError: the device does not answer, or is another one.
+        StationError: there is no such device.
+        DriverError: a device does not answer, or is another one.
 
     """
     by_hand = ByHand(bench.wires)
-    profile = by_hand.devices[part].config.profile
-    channels = torques_of(bench.bench, part)
-    pressed = _Pressed(bench.bench, profile, channels, without) if channels else None
-    looks: list[bytes] = []
-    with by_hand.opened(part):
+    if part is not None and part not in by_hand.devices:
+        raise StationError(f"--device: found '{part}'; allowed: {', '.join(by_hand.devices)}")
+    parts = tuple(by_hand.measuring) if part is None else (part,)
+    profiles = {name: by_hand.devices[name].config.profile for name in parts}
+    pressed = _Pressed(bench.bench, by_hand, without) if part is None else None
+    looks: dict[str, list[bytes]] = {name: [] for name in parts}
+    count = 0
+    with by_hand.opened(*parts):
         until = time.monotonic() + seconds
-        while time.monotonic() < until and not (pressed and pressed.all_moved and len(looks) >= LEAST_LOOKS):
-            looks.append(by_hand.block(part))
-            for field, value in pressed.look(looks[-1]) if pressed else ():
-                told(_row(profile, field, looks), value)
-            if len(looks) == 1:
+        while time.monotonic() < until and not (pressed and pressed.all_moved and count >= LEAST_LOOKS):
+            for name in parts:
+                looks[name].append(by_hand.block(name))
+            count += 1
+            for one, value in pressed.look({name: seen[-1] for name, seen in looks.items()}) if pressed else ():
+                told(_row(one.part, one.profile, one.field, looks[one.part]), value)
+            if count == 1:
                 begun()
             pause(LOOK_EVERY_S)
-    rows = [_row(profile, field, looks) for field in profile.read.fields]
-    findings = list(_word_orders(profile, rows))
-    moved = pressed.moved if pressed else ()
+    rows = [_row(name, profiles[name], field, looks[name]) for name in parts for field in profiles[name].read.fields]
+    findings = [
+        finding for name in parts for finding in _word_orders(profiles[name], [row for row in rows if row.part == name])
+    ]
     if pressed and not findings:
         findings += pressed.findings()
+    moved = pressed.moved if pressed else ()
     figures = (
-        Figure(name="looks", value=len(looks)),
+        Figure(name="looks", value=count),
         *(Figure(name=f"{channel} moved by", value=round(by, 6), unit="N·m") for channel, by in moved),
     )
     return Browsed(rows, tuple(channel for channel, _ in moved), tuple(findings), figures)
 
 
-def torques_of(bench: Bench, part: str) -> dict[str, str]:
-    """Return the channels of a device, or of its blocks, that are torques to press on, by their fields."""
-    device = part.partition(" block ")[0]
-    if bench.channels is None:
-        return {channel: channel for channel in SENSORS} if device == "amplifier" else {}
-    return {one.field: one.channel for one in sources(bench) if one.device == device and one.channel in SENSORS}
+class _Channel(NamedTuple):
+    """A torque that somebody presses on: the field that it is made of, and how, and its sensor."""
+
+    channel: str
+    part: str
+    profile: ModbusProfile
+    field: ReadField
+    scale: float
+    zero: float
+    sensor: TorqueSensor
+
+    @property
+    def step_nm(self) -> float:
+        """Change by which it counts as pressed [N·m]."""
+        return MOVED * self.sensor.full_scale_nm
 
 
 class _Pressed:
-    """Which torque fields have moved since the first looks, in the word order of the profile."""
+    """Which torque channels have moved since the first look, in the word orders of the profiles."""
 
-    def __init__(
-        self, bench: Bench, profile: ModbusProfile, channels: Mapping[str, str], without: Sequence[str]
-    ) -> None:
-        sensors = {field: getattr(bench.sensors, SENSORS[channel]) for field, channel in channels.items()}
-        self._sensors = {field: one for field, one in sensors.items() if one is not None}
-        self._fields = [field for field in profile.read.fields if field.name in self._sensors]
-        self._profile = profile
-        self._without = [field for field, channel in channels.items() if channel in without]
+    def __init__(self, bench: Bench, by_hand: ByHand, without: Sequence[str]) -> None:
+        self._channels = [one for one in _channels(bench, by_hand) if one.channel not in without]
+        self._elsewhere = [
+            channel
+            for channel, name in SENSORS.items()
+            if getattr(bench.sensors, name) is not None
+            and channel not in without
+            and channel not in {one.channel for one in self._channels}
+        ]
         self._first: dict[str, float] = {}
         self._said: dict[str, float] = {}
         self._most: dict[str, float] = {}
@@ -137,62 +156,78 @@ class _Pressed:
     @property
     def all_moved(self) -> bool:
         """Whether every channel that can be pressed on was."""
-        return all(self._has_moved(field.name) for field in self._fields if field.name not in self._without)
-
-    def _has_moved(self, channel: str) -> bool:
-        return self._most.get(channel, 0.0) >= self._step_nm(channel)
-
-    def _step_nm(self, channel: str) -> float:
-        sensor: TorqueSensor = self._sensors[channel]
-        return MOVED * sensor.full_scale_nm
+        return len(self.moved) == len(self._channels)
 
     @property
     def moved(self) -> tuple[tuple[str, float], ...]:
         """The channels that have moved, and by how much at most [N·m]."""
-        return tuple((field.name, self._most[field.name]) for field in self._fields if self._has_moved(field.name))
+        most = ((one, self._most.get(one.channel, 0.0)) for one in self._channels)
+        return tuple((one.channel, by) for one, by in most if by >= one.step_nm)
 
-    def look(self, block: bytes) -> Iterator[tuple[ReadField, float]]:
+    def look(self, blocks: Mapping[str, bytes]) -> Iterator[tuple[_Channel, float]]:
         """Take a look; yield each channel that has moved by one step more than was said of it last."""
-        for field in self._fields:
-            value = decoded(self._profile, field, block, self._profile.word_order)
-            if value is None:
+        for one in self._channels:
+            number = decoded(one.profile, one.field, blocks[one.part], one.profile.word_order)
+            if number is None:
                 continue
-            sensor, name = self._sensors[field.name], field.name
+            name, value = one.channel, number * one.scale + one.zero
             first = self._first.setdefault(name, value)
-            if abs(value) > BEYOND * sensor.usable_nm:
+            if abs(value) > BEYOND * one.sensor.usable_nm:
                 self._beyond[name] = value
             self._most[name] = max(self._most.get(name, 0.0), abs(value - first))
-            if abs(value - self._said.setdefault(name, value)) >= self._step_nm(name):
+            if abs(value - self._said.setdefault(name, value)) >= one.step_nm:
                 self._said[name] = value
-                yield field, value
+                yield one, value
 
     def findings(self) -> Iterator[Finding]:
         """Say what is beyond its sensor's range, and what never moved."""
-        name = self._profile.profile.name
-        for channel, value in self._beyond.items():
-            what = f"{channel}: {value:.4g} N·m, sensor usable to {self._sensors[channel].usable_nm:g} N·m."
-            yield Finding(what=what, cure=f"Correct offset, type or scale of {channel} in profile {name}.")
-        for field in self._fields:
-            if field.name not in self._without and not self._has_moved(field.name):
-                least = self._step_nm(field.name)
-                what = f"{field.name} moved by {self._most.get(field.name, 0.0):.3g} N·m, at least {least:g} expected."
+        for one in self._channels:
+            name, by = one.profile.profile.name, self._most.get(one.channel, 0.0)
+            if one.channel in self._beyond:
+                value, usable = self._beyond[one.channel], one.sensor.usable_nm
+                what = f"{one.channel}: {value:.4g} N·m, sensor usable to {usable:g} N·m."
+                yield Finding(what=what, cure=f"Correct offset, type or scale of {one.field.name} in profile {name}.")
+            if by < one.step_nm:
+                what = f"{one.channel} moved by {by:.3g} N·m, at least {one.step_nm:g} expected."
                 cure = f"Press on that sensor. If you did, another field of profile {name} may be this channel."
                 yield Finding(what=what, cure=cure)
+        for channel in self._elsewhere:
+            what = f"{channel} comes over CAN: its frames are not looked at here."
+            yield Finding(what=what, cure="The step 'direction' compares it with the others.", refuses=False)
+
+
+def _channels(bench: Bench, by_hand: ByHand) -> Iterator[_Channel]:
+    """Yield the torques that come from a device on Modbus."""
+    for channel, sensor_name in SENSORS.items():
+        sensor: TorqueSensor | None = getattr(bench.sensors, sensor_name)
+        source = None if bench.channels is None else bench.channels.by_name.get(sensor_name)
+        device, wanted = ("amplifier", channel) if source is None else (source.device, source.field)
+        scale, zero = (1.0, 0.0) if source is None else (source.scale, source.offset)
+        for part, name in by_hand.measuring.items():
+            profile = by_hand.devices[part].config.profile
+            field = next((one for one in profile.read.fields if one.name == wanted), None)
+            if sensor is not None and field is not None and name == device:
+                yield _Channel(channel, part, profile, field, scale, zero, sensor)
 
 
 def decoded(profile: ModbusProfile, field: ReadField, block: bytes, order: Order) -> float | None:
     """Return a field of a block in a word order; None when that is not a number."""
     alone = replace(profile, word_order=order, read=replace(profile.read, fields=(field,)))
-    values = RegisterReader(alone).values(block)
+    values = reader_of(alone).values(block)
     return None if values is None else float(values[0])
 
 
-def words_of(profile: ModbusProfile, field: ReadField, block: bytes) -> tuple[int, ...]:
-    """Return the registers of a field as numbers, in the order of their addresses."""
-    words = SIZES[field.type] // 2
-    data = block[2 * field.offset : 2 * (field.offset + words)]
-    byte_order: Order = profile.byte_order
-    return tuple(int.from_bytes(data[at : at + 2], byte_order) for at in range(0, 2 * words, 2))
+def words_in(profile: ModbusProfile, block: bytes) -> list[int]:
+    """Return the registers of a block as numbers; of coils and discrete inputs each one, as 1 or 0."""
+    if profile.read.table in COIL_TABLES:
+        return [block[place // 8] >> place % 8 & 1 for place in range(profile.read.count)]
+    order = profile.byte_order
+    return [int.from_bytes(block[at : at + 2], order) for at in range(0, 2 * profile.read.count, 2)]
+
+
+def places_of(field: ReadField) -> range:
+    """Return the places in the block that a field fills."""
+    return range(field.offset, field.offset + (1 if field.type == BIT else SIZES[field.type] // 2))
 
 
 def shown_order(kind: FieldType, seen: Sequence[tuple[int, ...]]) -> Order | None:
@@ -200,7 +235,7 @@ def shown_order(kind: FieldType, seen: Sequence[tuple[int, ...]]) -> Order | Non
 
     `seen` are its two registers, look by look.
     """
-    if kind == BIT or SIZES[kind] != 4 or len(seen) < 2:
+    if SIZES.get(kind) != 4 or len(seen) < 2:
         return None
     span = 1 << 15 if kind == "f32" else 1 << 16  # the sign of a float flips at zero, wherever it stands
     first, second = ([words[place] % span for words in seen] for place in (0, 1))
@@ -221,14 +256,15 @@ def _mean_step(words: Sequence[int], span: int) -> float:
     return sum(steps) / len(steps)
 
 
-def _row(profile: ModbusProfile, field: ReadField, looks: Sequence[bytes]) -> Row:
-    seen = [words_of(profile, field, block) for block in looks]
+def _row(part: str, profile: ModbusProfile, field: ReadField, looks: Sequence[bytes]) -> Row:
+    places = places_of(field)
+    seen = [tuple(words_in(profile, block)[place] for place in places) for block in looks]
     last = looks[-1] if looks else b""
     changes = sum(earlier != later for earlier, later in pairwise(seen))
     raw = " ".join(f"{word:04X}" for word in seen[-1]) if seen else ""
     big, little = (decoded(profile, field, last, order) if last else None for order in ORDERS)
     shows = shown_order(field.type, seen) if len(looks) >= LEAST_LOOKS else None
-    return Row(field, profile.read.address + field.offset, raw, big, little, changes, shows)
+    return Row(part, field, profile.read.address + field.offset, raw, big, little, changes, shows)
 
 
 def _word_orders(profile: ModbusProfile, rows: Sequence[Row]) -> Iterator[Finding]:

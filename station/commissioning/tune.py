@@ -21,7 +21,7 @@ from station.documents.commissioning import Figure, Finding
 PEAK = 0.10
 """Of rated torque: half of it stays within the friction of a unit, and moves nothing that could swing."""
 
-PLAN = Plan("tune", proof=0.05, peak=PEAK, rate_nm_s=120.0, dwell_s=0.2, count=2)
+PLAN = Plan("tune", proof=0.05, peak=PEAK, rate_nm_s=120.0, dwell_s=0.2, count=3)
 RAMPS = (State.RAMP_POS, State.RAMP_NEG)
 SMOOTH_SCANS = 10
 """Scans that the set-point is averaged over: noise of the sensor is not what is looked for."""

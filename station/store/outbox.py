@@ -10,15 +10,16 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from typing import Any
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, insert, select, update
 
 from station.records.chain.chain_file import Chain, folder_id
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Place, Walk, walk
 from station.records.run_record import MANIFEST, RunRecord
-from station.store.engine import Database
+from station.store.engine import Database, StoreError
 from station.store.projection import put_rows, remove_rows, rows_of
 from station.store.tables import PROJECTIONS, RUNS
 
@@ -52,7 +53,13 @@ def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, t
         return 0
     read = _ReadSoFar(chain)
     with database.reading() as connection:
-        if _up_to_date(connection, chain, read):
+        row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+    if row is not None:
+        if row["seen"] and row["seen"] == chain.seen_now():
+            return 0  # without reading the file: a hundred megabytes where it has a few hundred thousand lines
+        end_of_lines = chain.content.rfind(b"\n") + 1
+        if row["offset"] == end_of_lines and row["prefix_sha256"] == read.sha256(end_of_lines):
+            _keep_seen(database, chain)
             return 0
     end = None if most_s is None else time.monotonic() + most_s
     done = 0
@@ -137,14 +144,11 @@ def stored_walk(connection: Connection, chain: Chain) -> Walk:
     return found
 
 
-def _up_to_date(connection: Connection, chain: Chain, read: _ReadSoFar) -> bool:
-    row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
-    if row is None:
-        return False
-    if row["seen"] and row["seen"] == chain.seen_now():
-        return True  # without reading the file: a hundred megabytes where it has a few hundred thousand lines
-    end = chain.content.rfind(b"\n") + 1
-    return bool(row["offset"] == end and row["prefix_sha256"] == read.sha256(end))
+def _keep_seen(database: Database, chain: Chain) -> None:
+    """Note how the file looks of which all is in the store: it was copied or restored, and has the same bytes."""
+    if chain.seen:
+        with suppress(StoreError), database.writing() as connection:  # one that cannot be written is read again
+            connection.execute(update(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id).values(seen=chain.seen))
 
 
 def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping
 from operator import attrgetter
 from typing import Any, NamedTuple
 
-from recipes.checks.bus_load import bus_us
 from station.records.scan_times import CAUSES
 
 PERIODS_US = (1000, 667, 500, 400, 333, 250, 200, 167, 125, 100)
@@ -44,14 +43,14 @@ class Rate(NamedTuple):
         """Scans per second."""
         return 1e6 / self.period_us
 
-    def row(self, bitrate: int) -> str:
-        """Return it as a row of the table."""
+    def row(self, bus_us: float) -> str:
+        """Return it as a row of the table; bus_us: how long the frames of a scan occupy the bus."""
         bench = "-" if self.bench_share is None else f"{self.bench_share:.0%}"
         outcome = "holds" if self.holds else f"fails: {CAUSES[self.cause]}"
         outcome += "; measured twice" if self.disturbed else ""
         return (
             f"  {f'{self.hz:.0f} Hz':>9}{self.missed_share:>10.3%}{self.work_p99_us:>8.0f} µs"
-            f"{self.work_p99_us / self.period_us:>11.0%}{bench:>11}{bus_us(bitrate) / self.period_us:>7.0%}   {outcome}"
+            f"{self.work_p99_us / self.period_us:>11.0%}{bench:>11}{bus_us / self.period_us:>7.0%}   {outcome}"
         )
 
 
@@ -93,9 +92,9 @@ def highest(rates: list[Rate]) -> Rate | None:
     return best
 
 
-def limit(rates: list[Rate], bitrate: int) -> list[str]:
+def limit(rates: list[Rate], bus_us: float, bitrate: int) -> list[str]:
     """Return the highest rate that holds, the bus's own limit beside it, and which side is the limit."""
-    best, bus_hz = highest(rates), 1e6 / bus_us(bitrate)
+    best, bus_hz = highest(rates), 1e6 / bus_us
     bus = f"a bus of {bitrate / 1e6:g} Mbit/s carries {bus_hz:.0f} Hz at most"
     slower = [rate for rate in rates if not rate.holds]
     if best is None:

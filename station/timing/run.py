@@ -116,7 +116,7 @@ def measure(job: Job, asked: Asked) -> dict[str, Any]:
         report["virtual_bench_cpu_s"] = round(cpu_seconds(bench_pid) - before_s, 3) if embedded else None
     spin_ns = spec.spin_ns if report["realtime"]["spin_tail"] else 0
     head = {"period_ns": period_ns, "spin_ns": spin_ns, "bench": job.bench.bench.name, "embedded": embedded}
-    head["bitrate"] = job.bench.can.bitrate
+    head |= {"bitrate": job.bench.can.bitrate, "bus_us": job.bus_us}
     found = look(granted=report["realtime"])
     return head | report | {"machine": [finding._asdict() for finding in found], "asked": asdict(asked)}
 

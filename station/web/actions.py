@@ -13,21 +13,33 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 from sqlalchemy import Connection, delete, insert, select
 
 from recipes import RecipeError
-from recipes.text.section import Name
-from recipes.text.section import Revision as RevisionNumber
-from recipes.text.yaml_source import LARGEST_FILE
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.recipe_revisions import History, Revision, RevisionError, ask_release, release, save_draft
 from station.wall_clock import WALL_CLOCK, now_text
-from station.web.bypasses import LONGEST_HOURS, BypassError, add_bypass, bypasses_now, end_bypass
-from station.web.dry_run import DryRuns
+from station.web.action_values import (
+    Announced,
+    Confirm,
+    EndedBypass,
+    FreshPassword,
+    Named,
+    NewBypass,
+    NewPassword,
+    NewPerson,
+    Nothing,
+    RecipeRevision,
+    RecipeText,
+    RecipeTried,
+    Start,
+    Values,
+)
+from station.web.bypasses import BypassError, add_bypass, bypasses_now, end_bypass
 from station.web.evaluations import Evaluations
 from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.mes.settings import MesSettings
@@ -51,7 +63,8 @@ from station.web.people.accounts import (
 )
 from station.web.people.database import ANSWERS, CONFIRMED, StationDatabase
 from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
-from station.web.recipe_check import BadRecipeError, bench_of, encoded, refuse_unfit
+from station.web.recipe_text.check import BadRecipeError, bench_of, encoded, refuse_unfit
+from station.web.recipe_text.dry_run import DryRuns
 from station.web.running import Running
 from station.web.scanner import ScanError, serial_of
 
@@ -67,97 +80,6 @@ OK, BAD_INPUT, NOT_ENTERED, NOT_ALLOWED, NOT_NOW, NOT_READY = 200, 422, 401, 403
 LONGEST_KEY = 64
 KEPT_S = 24 * 3600.0
 """How long an answer is kept for whoever asks the same again."""
-
-
-class _Needs(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Nothing(_Needs):
-    """An action that needs nothing."""
-
-
-class Start(_Needs):
-    """What was scanned, and why the unit is measured again where it was before."""
-
-    scanned: str = Field(max_length=512)
-    retest_reason: str = Field(default="", max_length=200)
-
-
-class Confirm(_Needs):
-    """The run whose bad unit is in the NOK box."""
-
-    run: str = Field(max_length=200)
-
-
-class Announced(_Needs):
-    """A unit that comes to the bench, and what became of it in the process step before."""
-
-    serial: str = Field(max_length=512)
-    previous_step: Literal["passed", "failed"]
-
-
-class NewBypass(_Needs):
-    """A start condition to set aside, why, and for how many hours."""
-
-    condition: str = Field(max_length=40)
-    reason: str = Field(min_length=1, max_length=120)
-    hours: float = Field(gt=0.0, le=LONGEST_HOURS)
-
-
-class EndedBypass(_Needs):
-    """A start condition that counts again."""
-
-    condition: str = Field(max_length=40)
-
-
-class NewPerson(_Needs):
-    """A new account."""
-
-    name: str
-    role: str
-    password: str
-
-
-class Named(_Needs):
-    """An account."""
-
-    name: str
-
-
-class FreshPassword(_Needs):
-    """An account and a first password for it."""
-
-    name: str
-    password: str
-
-
-class NewPassword(_Needs):
-    """The old password and the new one."""
-
-    old_password: str
-    new_password: str
-
-
-class RecipeText(_Needs):
-    """The text of a recipe; `replaces`: SHA-256 of the draft of the same revision that was read before, if any."""
-
-    text: str = Field(min_length=1, max_length=LARGEST_FILE)
-    replaces: str = Field(default="", max_length=64)
-
-
-class RecipeTried(_Needs):
-    """The text of a recipe."""
-
-    text: str = Field(min_length=1, max_length=LARGEST_FILE)
-
-
-class RecipeRevision(_Needs):
-    """A revision of a recipe, and the SHA-256 of its text as it was read."""
-
-    name: Name
-    revision: RevisionNumber
-    sha256: str = Field(pattern="^[0-9a-f]{64}$")
 
 
 class Answer(NamedTuple):
@@ -221,7 +143,7 @@ class Action(NamedTuple):
     id: str
     text: str
     roles: frozenset[str]
-    needs: type[_Needs]
+    needs: type[Values]
     does: Callable[[Call, Any], dict[str, Any]]
     audited: tuple[str, ...] = ()
     with_first_password: bool = False

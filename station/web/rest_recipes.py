@@ -14,7 +14,7 @@ from station.documents.reading import plain
 from station.errors import StationError
 from station.records.recipe_revisions import History, Revision
 from station.web.actions import NOT_NOW, Station, said
-from station.web.recipe_check import look_at
+from station.web.recipe_text.check import look_at
 from station.web.rest_runs import CookieToken
 
 Number = Annotated[int, InPath(ge=1, le=1_000_000)]

@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RESULT, RunRecord
+from station.reports.content import LOOP_CSV
 from station.reports.stored_result import refuse_doubtful
 from station.store.run_search import MOST_ROWS, search
 from station.store.stored_runs import Wanted
@@ -54,7 +55,7 @@ FILES: dict[str, RunFile] = {
     "report.pdf": RunFile(
         "the report of a run as PDF", "application/pdf", lambda made, run: made.report(run)[1], ".pdf", "inline"
     ),
-    "loop.csv": RunFile(
+    LOOP_CSV: RunFile(
         "the loop of a run: torque, wind-up and segment of every branch", "text/csv; charset=utf-8",
         lambda made, run: made.loop_csv(run), "-loop.csv",
     ),

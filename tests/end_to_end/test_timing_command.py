@@ -52,7 +52,7 @@ def test_every_period_is_counted_or_missed_and_the_figures_are_explained(lostmot
         "what stands in the way",
         "granted",
         "MiB at its end",
-        "2174 Hz",
+        "2439 Hz",
     ):
         assert word in text
 

@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from typing import Any
 
-from recipes.checks.bus_load import bus_us
 from station.bench.request import load_job
 from station.records.scan_times import CAUSES, PARTS
 from station.timing.rates import HEAD, MISSED_ALLOWED, Rate, limit, measured
@@ -57,12 +56,12 @@ def rates(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool)
     for rate in measured(lambda period_us: measure(job, replace(asked, period_ns=period_us * 1000))):
         found.append(rate)
         if not as_json:
-            sys.stdout.write(rate.row(bitrate) + "\n")
+            sys.stdout.write(rate.row(job.bus_us) + "\n")
             sys.stdout.flush()
-    told = limit(found, bitrate)
+    told = limit(found, job.bus_us, bitrate)
     if as_json:
         rows = [rate._asdict() | {"holds": rate.holds} for rate in found]
-        whole = {"rates": rows, "bitrate": bitrate, "bus_us": bus_us(bitrate), "explanation": told}
+        whole = {"rates": rows, "bitrate": bitrate, "bus_us": job.bus_us, "explanation": told}
         sys.stdout.write(json.dumps(whole, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write("\n".join(told) + "\n")
@@ -178,7 +177,7 @@ def lines(report: dict[str, Any]) -> list[str]:
 
 def footing(report: dict[str, Any]) -> list[str]:
     """Return what the scan needs beside time: every record, memory that does not grow, room on the bus."""
-    memory, period_us, bus = report["resident_kb"], report["period_ns"] / 1000.0, bus_us(report["bitrate"])
+    memory, period_us, bus = report["resident_kb"], report["period_ns"] / 1000.0, report["bus_us"]
     wrong = lost_records(report)
     sequence = wrong or "no gap in sequence or scan numbers, every CRC right"
     grown_kb = memory["after"] - memory["before"]

@@ -62,8 +62,7 @@ def registers(
     bench: BenchFileOption,
     seconds: PatienceOption = 60.0,
     part: Annotated[
-        str | None,
-        typer.Option("--device", metavar="NAME", help="Default: what measures torques; another is looked at."),
+        str | None, typer.Option("--device", metavar="NAME", help="Look at this device only: brake, remote_io ...")
     ] = None,
     without: Annotated[
         list[str] | None,
@@ -72,7 +71,7 @@ def registers(
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 2: the amplifier's registers, raw and in both word orders, while somebody presses on the torque sensors.
+    """Step 2: registers of what measures, raw and in both word orders, while somebody presses on the torque sensors.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """

@@ -15,7 +15,7 @@ from station.bench.commissioned import protocol_path
 from station.cli.say import Grid, say
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
-from station.documents.commissioning import Finding, StepDone
+from station.documents.commissioning import StepDone
 from station.documents.reading import plain
 from station.errors import StationError
 
@@ -100,38 +100,31 @@ def probe(bench_name: str, seconds: float, by: str | None, *, as_json: bool) -> 
 
 
 def registers(
-    bench_name: str, asked: str | None, seconds: float, without: Sequence[str], by: str | None, *, as_json: bool
+    bench_name: str, part: str | None, seconds: float, without: Sequence[str], by: str | None, *, as_json: bool
 ) -> int:
-    """Do the step `registers`; with another device than that of the torques only look."""
-    from station.commissioning.registers import SENSORS, Row, browse, torques_of  # noqa: PLC0415 - as above
+    """Do the step `registers`; with a device that is named only look at it."""
+    from station.commissioning.registers import SENSORS, Row, browse  # noqa: PLC0415 - as above
 
+    for found in without:
+        if found not in SENSORS:
+            raise StationError(f"--without: found '{found}'; allowed: {', '.join(SENSORS)}")
     bench = on_wires(bench_name)
-    devices = ByHand(bench.wires).devices
-    there = tuple(devices)
-    of_torques = [name for name, one in devices.items() if set(one.names) & torques_of(bench.bench, name).keys()]
-    part = asked or (of_torques or there)[0]
-    for what, found, allowed in (
-        ("--device", part, there),
-        *(("--without", one, tuple(SENSORS)) for one in without),
-    ):
-        if found not in allowed:
-            raise StationError(f"{what}: found '{found}'; allowed: {', '.join(allowed)}")
     tell = teller(as_json=as_json)
-    is_step = part == (of_torques or there)[0]
-    if is_step:
+    if part is None:
         may_begin(bench, "registers")
 
     def begun() -> None:
-        if is_step and of_torques:
+        if part is None:
             tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
 
-    def pressed(row: Row, value: float | None) -> None:
+    def pressed(row: Row, value: float) -> None:
         tell(f"  {row.field.name} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
 
     with bench.alone():
         seen = browse(bench, part, seconds, begun, pressed, without)
     rows = [
         (
+            row.part,
             str(row.address),
             row.field.name,
             row.field.type,
@@ -143,21 +136,13 @@ def registers(
         )
         for row in seen.rows
     ]
-    heads = ("register", "field", "type", "raw", "word order big", "little", "changes", "shows")
-    blocks: list[Block] = [Grid(heads, rows, right=(0, 4, 5, 6))]
-    more = {"device": part, "fields": [dict(zip(heads, row, strict=True)) for row in rows], "moved": list(seen.moved)}
-    if not is_step:
+    heads = ("device", "register", "field", "type", "raw", "word order big", "little", "changes", "shows")
+    blocks: list[Block] = [Grid(heads, rows, right=(1, 5, 6, 7))]
+    more = {"fields": [dict(zip(heads, row, strict=True)) for row in rows], "moved": list(seen.moved)}
+    if part is not None:
         say(more, [*blocks, *(f"{one.what} {one.cure}" for one in seen.findings)], as_json=as_json)
         return 0
-    others = [
-        Finding(
-            what=f"{name} has torques too.",
-            cure=f"Look at it as well: lostmotion bench registers --device '{name}' --bench {bench.path}",
-            refuses=False,
-        )
-        for name in of_torques[1:]
-    ]
-    done = write_down(bench, "registers", by, (*seen.findings, *others), seen.figures)
+    done = write_down(bench, "registers", by, seen.findings, seen.figures)
     return end(bench, done, blocks, more, as_json=as_json)
 
 
@@ -257,6 +242,6 @@ def end(bench: OnWires, done: StepDone, blocks: list[Block], more: dict[str, Any
     if following is not None:
         blocks += [f"Next: lostmotion bench {following.id} --bench {bench.path}", f"  {following.needs}."]
     elif not done.passed:
-        blocks.append(f"Mend it, then: lostmotion bench {step.id} --bench {bench.path}")
+        blocks.append(f"Mend it, then: lostmotion bench status --bench {bench.path}")
     say(document, blocks, as_json=as_json)
     return 0 if done.passed else NOT_PASSED

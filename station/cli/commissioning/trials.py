@@ -25,7 +25,7 @@ def direction(bench_name: str, recipe: str, data: Path, by: str | None, *, as_js
     may_begin(bench, "direction")
     tried = _run(bench, recipe, directions.PLAN, data, by, as_json=as_json)
     seen = directions.look(tried)
-    findings = directions.judged(tried, seen, directions.scale_places(bench.bench, bench.profiles))
+    findings = directions.judged(tried, seen, bench.scale_of)
     done = write_down(bench, "direction", by, findings, directions.figures(tried, seen))
     words = {1: "same way", -1: "OPPOSITE", 0: "not shown"}
     rows = [

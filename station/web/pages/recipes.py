@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+from functools import partial
 from html import escape
 from typing import Any
 from urllib.parse import quote
@@ -16,8 +17,9 @@ from recipes.text.yaml_source import LARGEST_FILE
 from station.errors import StationError
 from station.records.recipe_revisions import History, Revision, State
 from station.web.actions import ACTIONS, OK, Station, perform
-from station.web.pages.frame import bar, session_of_request
-from station.web.pages.recipes_editor import LINE_INK, add_editor, address_of, local_day
+from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.recipes_editor import LINE_INK, add_editor, address_of
+from station.web.pages.words import local
 from station.web.people.accounts import Session
 
 STATES = {State.DRAFT: "○ draft", State.ASKED: "◐ release asked", State.RELEASED: "● released"}
@@ -78,6 +80,7 @@ class _Recipes:
                 "suppressMovableColumns": True,
                 ":getRowId": "params => params.data.id",
             }
+            ui.timer(SESSION_EVERY_S, partial(still_open, self._station, self._session))
             self._grid = ui.aggrid(options, html_columns=[links]).classes("lm-grid")
         try:
             history = await asyncio.to_thread(History, self._station.data)
@@ -113,7 +116,7 @@ def row_of(history: History, one: Revision) -> dict[str, Any]:
     """Return what the table shows of a revision; all but the links is text, and stays text whatever it holds."""
     address, what = address_of(one.name, one.revision), f"{escape(one.name)} revision {one.revision}"
     file = f"/api/recipes/{quote(one.name, safe='')}/{one.revision}.yaml"
-    released = "the program" if one.shipped else f"{one.released_by}, {local_day(one.released)}"
+    released = "the program" if one.shipped else f"{one.released_by}, {local(one.released)}"
     return {
         "id": f"{one.name} {one.revision}",
         "name": one.name,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import secrets
 import time
-from datetime import datetime
 from functools import partial
 from html import escape
 from typing import Any
@@ -25,13 +24,13 @@ from station.records.recipe_revisions import History, Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
 from station.web.actions import ACTIONS, OK, Answer, Station, perform
-from station.web.dry_run import FAILED, IDLE, TRYING, DryRun
-from station.web.pages.frame import bar, session_of_request
+from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.recipes_diff import diff_html
-from station.web.pages.words import NOT_BELIEVED, VERDICTS
+from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
 from station.web.people.accounts import Session
-from station.web.recipe_check import LookedAt, look_at
+from station.web.recipe_text.check import LookedAt, look_at
+from station.web.recipe_text.dry_run import FAILED, IDLE, TRYING, DryRun
 
 LOOK_EVERY_S = 0.15
 QUIET_S = 0.35
@@ -45,11 +44,6 @@ INK, QUIET_INK, LINE_INK = "#23282b", "#c2c7ca", "#2f4a5e"
 def address_of(name: str, revision: int) -> str:
     """Return the address of a revision's page."""
     return f"/recipes/{quote(name, safe='')}/{revision}"
-
-
-def local_day(moment: str) -> str:
-    """Return a moment by the computer's time zone, '' for none."""
-    return datetime.fromisoformat(moment).astimezone().strftime("%Y-%m-%d %H:%M") if moment else ""
 
 
 def add_editor(station: Station) -> None:
@@ -111,6 +105,7 @@ class _Editor:
         ui.run_javascript(f"document.querySelector('.cm-content')?.setAttribute('aria-label', '{TEXT_LABEL}')")
         self._show_head()
         ui.timer(LOOK_EVERY_S, self._look)
+        ui.timer(SESSION_EVERY_S, partial(still_open, self._station, self._session))
 
     def _build_tabs(self, opened: Revision) -> None:
         with ui.tabs().props("dense no-caps align=left") as tabs:
@@ -344,7 +339,7 @@ def _dry_run_html(now: DryRun, stage: str) -> str:
 
 def _history_html(history: History, name: str) -> str:
     rows = "".join(
-        f"<tr><td>{local_day(one.time)}</td><td>revision {one.revision}</td>"
+        f"<tr><td>{local(one.time)}</td><td>revision {one.revision}</td>"
         f"<td>{escape(one.person)} {DID[one.kind]}</td><td><code>{one.sha256[:12]}</code></td></tr>"
         for one in reversed(history.events(name))
     )

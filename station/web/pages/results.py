@@ -158,14 +158,16 @@ def row_of(one: StoredRun) -> dict[str, Any]:
         "recipe": one.recipe if one.revision is None else f"{one.recipe} r{one.revision}",
         "operator": one.operator or "",
         "notes": " ".join(_notes(one)),
-        "report": f'<a href="/api/runs/{name}/report.html" aria-label="report {what}">page</a> '
+        # A record that is not as it was left has no report.
+        "report": ""
+        if one.altered
+        else f'<a href="/api/runs/{name}/report.html" aria-label="report {what}">page</a> '
         f'<a href="/api/runs/{name}/report.pdf" aria-label="report as PDF {what}">PDF</a>',
     }
 
 
 def _notes(one: StoredRun) -> list[str]:
-    doubts = one.altered.splitlines()[:1]
-    notes = [f"{text[:1].upper()}{text[1:]}." for text in doubts]
+    notes = [f"No verdict: {text}." for text in one.altered.splitlines()[:1]]
     notes += ["Faults were injected."] if one.scenario else []
     notes += ["Virtual bench."] if one.virtual else []
     return notes + (["Master part."] if one.master else [])

@@ -16,6 +16,7 @@ from definitions.units import ARCMINUTES, STIFFNESS
 from station.documents.result import MetricValue
 from station.errors import StationError
 from station.records.data_folder import Store
+from station.reports.content import LOOP_CSV
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
@@ -31,7 +32,7 @@ MOST_FOUND = 8
 MARKED = ("FAIL", "NOT DECIDABLE")
 
 FILE_WORDS = {
-    "report.pdf": "Report (PDF)", "report.html": "Report (page)", "loop.csv": "Loop (CSV)",
+    "report.pdf": "Report (PDF)", "report.html": "Report (page)", LOOP_CSV: "Loop (CSV)",
     "run.parquet": "All samples (Parquet)",
 }  # fmt: skip
 """The files of a run as the page offers them."""
@@ -122,7 +123,8 @@ class _RunPage:
         address = f"/api/runs/{quote(shown.run, safe='')}"
         with ui.element("nav").classes("lm-card lm-files").props('aria-label="Files of this run"'):
             for name in FILES:
-                ui.link(FILE_WORDS[name], f"{address}/{name}")
+                if name != LOOP_CSV or shown.rows:  # a run that was not evaluated has no branches
+                    ui.link(FILE_WORDS[name], f"{address}/{name}")
 
     def _pictures(self) -> None:
         with ui.element("div").classes("lm-choose"):

@@ -33,6 +33,9 @@ from station.reports.timing_tables import timing_details, timing_proof
 from station.web.pages.frame import HERE
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, NOT_CONCLUDED, SHAPES, STYLES, VERDICTS, Shown, local
 
+RESTORE = "Restore the record from a backup, or test the unit again."
+"""What to do about a record that is not as it was left."""
+
 
 @dataclass(frozen=True)
 class RunText:
@@ -79,7 +82,7 @@ def run_text(run: RunRecord) -> RunText:
     checks = () if doubtful else check_rows(shown_checks(result))
     timing = None if doubtful else result.timing
     head = headline(result)
-    reasons = list(doubts) if doubtful else remaining_reasons(result)
+    reasons = [*doubts, RESTORE] if doubtful else remaining_reasons(result)
     if not doubtful and head.verdict:
         reasons = [head.text, *reasons]
     html = (

@@ -150,7 +150,7 @@ def test_what_passes_by_the_torque_ratio_of_another_unit_alone_is_not_decided() 
     shown = analyse(trace, stored, [limit], facts=FACTS, figures=FIGURES)
     assert shown.verdict is Verdict.NOT_DECIDABLE
     assert "backlash_width_3pct, side +: " in shown.reasons[0]
-    figure = re.search(r"by the torque measured at the output it is (0\.\d+) arcmin", shown.reasons[0])
+    figure = re.search(r"With the torque measured at the output it is (0\.\d+) arcmin", shown.reasons[0])
     assert figure is not None
     assert float(figure[1]) == pytest.approx(0.94, abs=5e-3)
     assert "output_torque: reaction" in shown.reasons[0]

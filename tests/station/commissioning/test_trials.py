@@ -54,14 +54,14 @@ def small_run(tmp_path_factory: pytest.TempPathFactory):
     return run
 
 
-SCALES = direction.scale_places(bench_of(VIRTUAL).bench, bench_of(VIRTUAL).profiles)
+SCALE_OF = bench_of(VIRTUAL).scale_of
 TURNED = {"angle_in": "angle_in_rad", "torque_in": "torque_in_nm", "torque_out": "torque_out_nm"}
 
 
 @pytest.mark.parametrize("sensor", [None, *TURNED])
 def test_the_channel_that_counts_the_wrong_way_is_named(small_run, sensor: str | None) -> None:
     tried = small_run(direction.PLAN, f"target: sensor.{sensor}, verb: flip" if sensor else "")
-    findings = direction.judged(tried, direction.look(tried), SCALES)
+    findings = direction.judged(tried, direction.look(tried), SCALE_OF)
     refusing = [finding for finding in findings if finding.refuses]
     assert [TURNED[sensor] in finding.what for finding in refusing] == [True] if sensor else not refusing, refusing
     if sensor:
@@ -72,14 +72,14 @@ def test_a_motor_the_other_way_round_is_not_taken_for_three_wrong_sensors(small_
     tried = small_run(direction.PLAN)
     turned = [one._replace(sign=-one.sign) if "drive" in one.against else one for one in direction.look(tried)]
     turned[0] = turned[0]._replace(sign=1)
-    (finding,) = [one for one in direction.judged(tried, turned, SCALES) if one.refuses]
+    (finding,) = [one for one in direction.judged(tried, turned, SCALE_OF) if one.refuses]
     assert "reversed: true" in finding.cure
 
 
 def test_a_scale_that_is_wrong_by_much_is_told(small_run) -> None:
     tried = small_run(direction.PLAN)
     seen = [one._replace(slope=57.3) if one.channel == "angle_in_rad" else one for one in direction.look(tried)]
-    (finding,) = [one for one in direction.judged(tried, seen, SCALES) if one.refuses]
+    (finding,) = [one for one in direction.judged(tried, seen, SCALE_OF) if one.refuses]
     assert "gear_ratio" in finding.cure
 
 

@@ -14,6 +14,7 @@ from sqlalchemy import update
 from station_support import Client, client_of, station_in
 
 from benchmarks.many_runs import make_runs
+from station.records.chain.chain_file import Chain
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
@@ -63,6 +64,16 @@ def test_a_filter_leaves_what_it_says(folder: Path, wanted: Wanted, total: int) 
     assert search(folder, wanted).total == total
 
 
+def test_a_chain_that_was_restored_is_read_once(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = tmp_path / "runs"
+    shutil.copytree(folder, data)
+    assert search(data, Wanted()).total == COUNT
+    monkeypatch.setattr(Chain, "content", property(lambda _: pytest.fail("nothing has come since")))
+    found = search(data, Wanted())
+    assert (found.total, found.behind) == (COUNT, 0)
+    assert all(row.verdict for row in found.rows)
+
+
 def test_a_record_that_is_not_as_it_was_left_has_no_verdict(folder: Path, tmp_path: Path) -> None:
     data = tmp_path / "runs"
     shutil.copytree(folder, data)
@@ -92,6 +103,9 @@ def test_a_row_shows_texts_as_texts() -> None:
     assert "/api/runs/R%201%2F..%2Fx/report.html" in shown["report"]
     assert 'href="/runs/R%201%2F..%2Fx"' in shown["open"]
     assert "FAIL" in shown["verdict"]
+    altered = row_of(row._replace(altered="result.json: is missing", verdict=None))
+    assert altered["report"] == "", "it would be refused"
+    assert "result.json: is missing" in altered["notes"]
     stopped = row._replace(state="stopped", verdict=None)
     assert "STOPPED" in verdict_text(stopped)
 

@@ -41,6 +41,7 @@ DIRECTION = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 TABLE = "a table with a header row"
 UNQUOTED = "check the separators and quotes of this line"
+COMMAS = "export with semicolons or tabs between the columns, or with points as decimal signs"
 
 
 class CsvTable(NamedTuple):
@@ -271,7 +272,10 @@ def _parsed(rows: list[str], names: list[str], separator: str, body: Body, file:
         if not wrong:
             raise
         row = wrong[0].number or 1
-        found = f"{wrong[0].actual_columns} cells"
+        cells = int(wrong[0].actual_columns)
+        commas = separator == "," and row == 1 and cells > len(names) > 1 and "." not in rows[0]
+        found = f"{cells} cells" + (", as if the numbers had decimal commas" if commas else "")
+        hint = COMMAS if commas else UNQUOTED
         raise TableError(
-            file, found, f"{len(names)}, as the header has", UNQUOTED, row=row, line=body.line_of(row)
+            file, found, f"{len(names)}, as the header has", hint, row=row, line=body.line_of(row)
         ) from error

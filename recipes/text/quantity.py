@@ -47,7 +47,7 @@ parts_per_million = 1e-6 * one = ppm
 """
 
 WORDS = (
-    (r"U/min|1/min|min\^-1|min⁻¹|r\.?p\.?m\.?", "rpm"),
+    (r"U/min|1/min|min\^?-1|min⁻¹|r\.?p\.?m\.?", "rpm"),
     (r"arc[ -]?min", "arcmin"),
     (r"arc[ -]?sec", "arcsec"),
     (r"deg[ .]?c", "degC"),
@@ -55,6 +55,7 @@ WORDS = (
     (r"[uµμ]sec", "us"),
     (r"sec", "s"),
     (r"N[.-]m", "N*m"),
+    (r"N[.-]cm", "N*cm"),
 )
 """Words that people write in several ways, whatever their case, and what the registry reads instead.
 

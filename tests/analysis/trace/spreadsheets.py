@@ -105,7 +105,11 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
     "either sign": (b"t_s;torque_out_nm\n1,125;1,250\n1,250;2,500\n", "row 1", "1,125"),
     "both signs": (b"t_s;torque_out_nm\n0,5;1,5\n0.75;2,5\n", "row 2", "0.75"),
     "thousands or decimals": (b"t_s;torque_out_nm\n0,25;1.250\n0,5;1,25\n", "row 1", "1.250"),
-    "decimal commas between commas": (b"t_s,torque_out_nm\n0,5,1,5\n0,6,2,5\n", "row 1", "4 cells"),
+    "decimal commas between commas": (
+        b"t_s,torque_out_nm\n0,5,1,5\n0,6,2,5\n",
+        "row 1",
+        "4 cells, as if the numbers had decimal",
+    ),
     "text in a cell": (b"t_s;torque_out_nm\n0,5;1,5\n0,6;#DIV/0!\n", "row 2", "#DIV/0!"),
     "an empty cell": (b"t_s;torque_out_nm\n0,5;1,5\n0,6;\n", "row 2", "''"),
     "not a number": (b"t_s;torque_out_nm\n0,5;1,5\n0,6;NaN\n", "row 2", "NaN"),

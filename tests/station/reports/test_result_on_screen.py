@@ -62,6 +62,14 @@ def test_reasons_are_shown_by_title_with_the_id_behind() -> None:
     ]
 
 
+@pytest.mark.parametrize(("passed", "notes"), [(None, 1), (True, 0), (False, 0)])
+def test_a_gain_that_nothing_held_against_the_ratio_is_said_beside_the_verdict(
+    *, passed: bool | None, notes: int
+) -> None:
+    gate = {"id": "ratio_agreement", "figure": None, "limit": 0.25, "unit": "%", "passed": passed, "text": "one torque"}
+    assert len([one for one in note_lines(result(gates=[gate])) if "not cross-checked" in one]) == notes
+
+
 def test_notes_that_matter_are_warnings_and_corrections() -> None:
     stages = [
         {"stage": "drift", "text": "drift taken out", "applied": True},

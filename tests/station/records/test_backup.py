@@ -147,7 +147,7 @@ def test_nothing_is_written_over(data: Path, tmp_path: Path) -> None:
 
 def test_there_is_no_backup_while_a_run_is_on(data: Path, tmp_path: Path) -> None:
     on = Store(data).create("U9", SETUP, {}, own=True)
-    with pytest.raises(StationError, match=rf"run {on.id} is on"):
+    with pytest.raises(StationError, match=rf"run {on.id} is in progress"):
         back_up(data, tmp_path / "backup.tar")
     assert not (tmp_path / "backup.tar").exists()
     on.lock.close()

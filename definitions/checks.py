@@ -87,8 +87,9 @@ _ROWS = (
     ),
     Check(
         "torque_zeroes", "Torque zeroes after the run", FRACTION, 100.0,
-        "move of a torque zero from before the run to after it, of what the bench file declares (tared_zero, at_rest)",
-        "a torque zero moved in the run",
+        "change of a torque sensor's zero in the run, relative to the change that the bench file allows (tared_zero, "
+        "at_rest)",
+        "the zero of a torque sensor changed in the run",
         "check mounting, cable and temperature of the torque sensor, then measure again",
     ),
     Check(
@@ -100,22 +101,22 @@ _ROWS = (
     ),
     Check(
         "angle_steps", "Steps of the wind-up", FRACTION, 3.0,
-        "smallest step between two values of the wind-up, of the whole wind-up",
+        "smallest step between two values of the wind-up, relative to the whole wind-up",
         "the angles are too coarse",
         "record the angles with more digits, or with a finer encoder",
     ),
     Check(
         "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
-        "torque error caused by the delay between torque and angle, at the ends of the ramps or the turns of the load, "
-        "of the reference torque",
+        "torque error caused by the delay between torque and angle, where a ramp ends or the load reverses, relative "
+        "to the reference torque",
         "torque and wind-up do not stop, or turn, at the same time",
         "set the filters of torque and angles as in the bench file, or give their lags there",
         settable=SHARES,
     ),
     Check(
         "clipping", "Clipping", FRACTION, 1.0,
-        "wind-up over which the torque stays exactly at its largest value, of the whole wind-up; or torque over "
-        "which the angle of the loaded shaft stays, of the whole torque",
+        "change of the wind-up while the torque stays exactly at its largest value, relative to the whole wind-up; or "
+        "change of the torque while the angle of the loaded shaft stays, relative to the whole torque",
         "the torque stays at its largest value while the unit still turns: the channel is saturated",
         "use a sensor or a range that covers the peak torque of the cycles",
         settable=SHARES,
@@ -129,42 +130,43 @@ _ROWS = (
     ),
     Check(
         "loop_closure", "Loop closure", FRACTION, 2.0,
-        "wind-up between start and end of a cycle at the same torque, of the whole wind-up",
+        "difference in wind-up between start and end of a cycle at the same torque, relative to the whole wind-up",
         "the loop does not close: the unit, its lock or an angle has moved",
         "check lock, couplings and encoder, and measure again",
         settable=SHARES,
     ),
     Check(
         "drift", "Drift", FRACTION, 1.0,
-        "drift of the wind-up in a cycle, corrected or not, of the whole wind-up",
+        "drift of the wind-up in a cycle, even if it is corrected, relative to the whole wind-up",
         "the wind-up drifts over the cycle",
         "let unit and bench warm up, or load faster",
         settable=SHARES,
     ),
     Check(
         "repeat", "Repeatability of the cycles", FRACTION, 2.0,
-        "deviation of a cycle from the mean of all cycles (rms), of the whole wind-up",
+        "deviation of a cycle from the mean of all cycles (rms), relative to the whole wind-up",
         "the cycles do not repeat",
         "condition the unit by fatigue cycles, check the lock, and measure again",
         settable=SHARES,
     ),
     Check(
         "copied_cycles", "Copied cycles", FRACTION, 50.0,
-        "samples of a branch that are identical to those of another cycle, or share of their noise that is, where "
-        "noise is specified",
+        "share of the samples of a branch that are identical to those of another cycle; where the noise of a sensor is "
+        "specified, share of the noise that is identical",
         "cycles are copies of each other",
         "measure again: copies have no scatter, so they give no uncertainty",
     ),
     Check(
         "repeated_samples", "Repeated samples", FRACTION, 20.0,
-        "samples of a branch that are identical to the sample before, where noise is specified",
+        "share of the samples of a branch that are identical to the sample before, where noise is specified",
         "samples were recorded more than once",
         "record each sample once, not faster than the amplifier measures",
         settable=SHARES,
     ),
     Check(
         "lag", "Lag between torque and angle", FRACTION, 1.0,
-        "change of the loop's width by torque and angle lagging differently, corrected or not, of the whole wind-up",
+        "change of the loop width caused by different lags of torque and angle, even if they are corrected, relative "
+        "to the whole wind-up",
         "torque and angle lag differently",
         "load slower, set both channels to the same filter, or give their lags in the bench file",
         settable=SHARES,
@@ -198,15 +200,15 @@ _ROWS = (
     ),
     Check(
         "interrupted", "Interrupted ramps", FRACTION, 3.0,
-        "torque of a branch that is left out where a ramp was held or went back, of the torque between its turning "
-        "points",
+        "torque range of a branch that is left out because its ramp stopped or reversed, relative to the range between "
+        "the turning points",
         "a ramp was interrupted",
-        "find out what held it (late samples, an overshoot, an alarm limit), and measure again",
+        "find out what stopped the ramp (late samples, an overshoot, an alarm limit), and measure again",
         settable=SHARES,
     ),
     Check(
         "monotone_loading", "Torque reversal within a branch", FRACTION, 5.0,
-        "largest torque reversal within a branch, of the reference torque",
+        "largest torque reversal within a branch, relative to the reference torque",
         "the torque reverses within a branch",
         "check drive and torque sensor, and the segments of the trace",
         settable=SHARES,
@@ -268,14 +270,14 @@ _ROWS = (
     ),
     Check(
         "locked_motion", "Motion of the locked shaft", FRACTION, 2.0,
-        "motion of the locked shaft that its torque does not explain, of the whole wind-up",
+        "motion of the locked shaft that its torque does not explain, relative to the whole wind-up",
         "the locked shaft moves",
         "check the lock, its encoder, and that both angles belong to this unit",
         settable=SHARES,
     ),
     Check(
         "fixture_share", "Fixture deflection", FRACTION, 25.0,
-        "fixture deflection that was subtracted, of the uncorrected wind-up",
+        "fixture deflection that was subtracted, relative to the uncorrected wind-up",
         "the fixture deflection is too large",
         "check stiffness and curve of the fixture in the bench file, or clamp the unit stiffer",
         settable=SHARES,
@@ -296,14 +298,14 @@ _ROWS = (
     ),
     Check(
         "loss", "Hysteresis loss", FRACTION, 1.0,
-        "smallest loop energy of all cycles, of the rectangle of torque and wind-up around its loop",
+        "smallest loop energy of all cycles, relative to the rectangle of torque and wind-up around the loop",
         "the hysteresis loss is less than the friction of a reducer: loading and unloading branch are nearly one curve",
         "check that both branches were measured, and the lag of torque against angle",
         at_least=True, settable=SHARES,
     ),
     Check(
         "width_growth", "Growth of the width with the load", FRACTION, 10.0,
-        "growth of the loop's width from 30 % to 70 % of the peak torque, of the width; the larger side",
+        "growth of the loop width from 30 % to 70 % of the peak torque, relative to the width; the larger side",
         "the loop gets wider towards its turning points, which friction cannot cause: the wind-up creeps back "
         "against its torque, or an angle is wrong",
         "let unit and bench come to rest before measuring, check lock, couplings and encoders, and measure again",
@@ -311,10 +313,10 @@ _ROWS = (
     ),
     Check(
         "creep_back", "Creep against the torque", FRACTION, 0.5,
-        "wind-up that creeps back against its torque in the time of a branch, at the rate of the dwells, of the whole "
-        "wind-up",
+        "creep of the wind-up against its torque: rate in the dwells times the duration of a branch, relative to the "
+        "whole wind-up",
         "the wind-up creeps back against its torque, which no unit does",
-        "check lock, couplings and encoders, and what warms up while the load stands; then measure again",
+        "check lock, couplings and encoders. Check whether a part warms up during the dwells. Then measure again",
         settable=SHARES,
     ),
     Check(
@@ -328,37 +330,37 @@ _ROWS = (
     Check(
         "calibrated_turn", "Turning points of the calibration", FRACTION, 0.4,
         "deviation of the input torque at the turning points of the cycles from that at the turning points of the "
-        "calibration, where it converts the torque",
+        "calibration; only where the loop torque is calculated from the input torque",
         "cycles and calibration have different turning points",
         "calibrate to the peak torque of the cycles",
         settable=SHARES,
     ),
     Check(
         "calibrated_gap", "Gap in the calibration", FRACTION, 1.0,
-        "largest torque without a sample in a branch of the calibration, of the reference torque, where it converts "
-        "the torque",
+        "largest torque range without a sample in a branch of the calibration, relative to the reference torque; only "
+        "where the loop torque is calculated from the input torque",
         "the calibration has a gap",
         "calibrate again, slower or with a higher sampling rate",
         settable=SHARES,
     ),
     Check(
         "calibrated_zero", "Zero offset by the calibration", FRACTION, 95.0,
-        "output torque at which the calibration finds no load, relative to the widest search, where it converts the "
-        "torque",
+        "output torque at which the calibration finds no load, relative to the range that it searches; only "
+        "where the loop torque is calculated from the input torque",
         "the zero of the output torque was not found",
         "tare the output torque sensor at rest and without load, and calibrate again",
     ),
     Check(
         "torque_out_zero", "Zero offset of the output torque", FRACTION, 0.5,
-        "output torque at which the lines of loading and unloading meet, beyond the declared zero of its sensor "
-        "(tared_zero), of the reference torque",
+        "output torque where the straight lines T_out over T_in of loading and unloading meet, beyond the declared "
+        "zero of its sensor (tared_zero), relative to the reference torque",
         "the output torque sensor does not read zero without load",
         "tare it at rest and without load, and check its zero; then measure again",
         settable=SHARES,
     ),
     Check(
         "torque_lines", "Residual of the torque ratio", FRACTION, 0.5,
-        "residual of the straight-line fit of T_out over T_in, loading (rms), of the reference torque",
+        "residual of the straight-line fit of T_out over T_in, loading (rms), relative to the reference torque",
         "output torque over input torque is not a straight line",
         "check both torque channels for range, linearity and filters that lag",
         settable=SHARES,
@@ -380,8 +382,8 @@ _ROWS = (
     ),
     Check(
         "drive_torque_gap", "Hysteresis between drive and torque sensor", FRACTION, 1.0,
-        "drive's torque less that of the loaded shaft's sensor, rising against falling branch, of the torque between "
-        "the turning points",
+        "drive torque minus sensor torque of the loaded shaft: difference between rising and falling branch, relative "
+        "to the torque between the turning points",
         "the torque sensor lags behind the drive, or friction lies between them",
         "set the filters of both torque channels as in the bench file, or load slower and see whether it stays",
         settable=SHARES,

@@ -52,8 +52,9 @@ class Fit(NamedTuple):
 FITS: dict[str, Fit] = {
     "six_segment": Fit(
         "six-segment fit",
-        "linear to the break torque (±90 N·m for 412 N·m unless the recipe gives one), quadratic beyond, each segment "
-        "by least squares at 400 equally spaced torques; the middle is shifted by the mean gap at its seams",
+        "three segments per branch: a straight line up to the break torque (±90 N·m for 412 N·m unless the recipe "
+        "gives one), a quadratic curve on each side beyond it. Each segment is fitted by least squares at 400 equally "
+        "spaced torques. The straight line is then shifted by the mean of its two gaps to the curves",
         "backlash and stiffness measurement",
     ),
     "six_segment_20pct": Fit(
@@ -63,8 +64,9 @@ FITS: dict[str, Fit] = {
     ),
     "three_region": Fit(
         "three-region fit",
-        "each side quadratic to 20 %, linear to 80 %, quadratic beyond, each by least squares at 400 equally "
-        "spaced torques; the regions are not shifted to meet",
+        "three regions per side: a quadratic curve up to 20 % of the reference torque, a straight line up to 80 %, a "
+        "quadratic curve beyond. Each region is fitted by least squares at 400 equally spaced torques. Gaps between "
+        "the regions stay",
         "inverse loading",
     ),
 }
@@ -195,7 +197,7 @@ def _segment(number: int, torques: str) -> Metric:
 _ROWS = (
     Metric(
         "backlash_width_3pct", "B3", "Backlash (loop width at ±3 % T_r)", ARCMINUTES,
-        "loop width at ±3 % of the reference torque: |f(T) − r(T)|, each side for itself",
+        "loop width at ±3 % of the reference torque: |f(T) − r(T)|, separately for each side",
         TWO_SYSTEMS, LOOSE, PLAY,
         sides=SIDED, branches=WIDTH, band=0.03, reach=0.03, magnitude=True,
     ),
@@ -214,8 +216,8 @@ _ROWS = (
     ),
     Metric(
         "gear_clearance", "j", "Gear clearance (unloading branches at zero torque)", ARCMINUTES,
-        "unloading branches at zero torque: half the distance of r(0) and f(0), and each side from their mean (so both "
-        "sides read half the width), or from the zero of the angle by variant intercept",
+        "unloading branches at zero torque: half the distance between r(0) and f(0). Each side is measured from their "
+        "mean, so both sides show half the width; variant intercept measures from the zero of the angle",
         "static testing", LOOSE, PLAY,
         sides=(*BOTH, *SIDED), branches=UNLOAD, variants=("centred", "intercept"), span=(0.0, 0.0),
     ),
@@ -249,8 +251,8 @@ _ROWS = (
     ),
     Metric(
         "stiffness_end_point", "K_ep", "Stiffness (end point: chord of the unloading branch)", STIFFNESS,
-        "reference torque over loading branch at that torque minus unloading branch at zero (the unloading chord: it "
-        "reads high)",
+        "reference torque divided by a wind-up: loading branch at that torque minus unloading branch at zero torque; "
+        "higher than the chord of loading",
         "stiffness characterization 4.2", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="chord", reach=1.0, span=(0.0, 1.0),
     ),
@@ -268,15 +270,15 @@ _ROWS = (
     ),
     Metric(
         "stiffness_at", "K(T)", "Stiffness (slope of the fitted curve at a torque)", STIFFNESS,
-        "1 / F′(T) of the fitted mean curve, or of a branch's own, at the chosen torque (50 % of the reference torque "
-        "by default)",
+        "1 / F′(T), the slope of torque over wind-up, at the chosen torque (50 % of the reference torque by default); "
+        "F is the fitted curve of the mean of both branches, or of the chosen branch",
         "inverse loading", SOFT, CATALOGUE,
         sides=SIDED, branches=CURVES, estimator="slope", torque=0.5, free=("torque",), fits=tuple(FITS), reach=0.5,
     ),
     Metric(
         "spring_constant", "K_s", "Spring constant (10 N·m of the fitted curve at T_r)", STIFFNESS,
-        "ΔT / ΔF over 10 N·m of the fitted mean curve, or of a branch's own, ending at the reference torque (centred "
-        "on it or starting from it by variant)",
+        "ΔT / ΔF over the last 10 N·m up to the reference torque (a variant centres them on it or starts there); F is "
+        "the fitted curve of the mean of both branches, or of the chosen branch",
         TWO_SYSTEMS, SOFT, CATALOGUE,
         sides=SIDED, branches=CURVES, estimator="chord", variants=tuple(SPRING_STEP_ENDS),
         fits=tuple(FITS), reach=1.0,
@@ -302,7 +304,7 @@ _ROWS = (
     ),
     Metric(
         "windup", "Δφ", "Wind-up (−T_r to +T_r)", ARCMINUTES,
-        "F(+T) − F(−T) of the fitted mean curve at the reference torque",
+        "F(+T) − F(−T) at the reference torque T; F is the fitted curve of the mean of both branches",
         "all",
         Bad("high", "the unit winds up less than allowed", "the unit winds up more than allowed"),
         Usual(0.3, 10.0, Scale.WINDUP),

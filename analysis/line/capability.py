@@ -66,9 +66,14 @@ def indices(mean: float, sd: float, lower: float | None, upper: float | None) ->
     if lower is None and upper is None:
         raise AnalysisError("capability: no limit; give lower, upper or both")
     if lower is not None and upper is not None and not lower < upper:
-        raise AnalysisError(f"capability: limits {lower:g} and {upper:g}; the lower one must be the smaller one")
+        raise AnalysisError(
+            f"capability: limits {lower:g} and {upper:g}; the lower limit must be smaller than the upper one"
+        )
     if not all(math.isfinite(limit) for limit in (lower, upper) if limit is not None):
-        raise AnalysisError(f"capability: limits {lower} and {upper}; leave a limit out that does not exist")
+        raise AnalysisError(
+            f"capability: limits {lower} and {upper}; both must be finite numbers. Where there is no "
+            "limit on one side, omit it"
+        )
     if not (sd > 0.0 and math.isfinite(sd) and math.isfinite(mean)):
         raise AnalysisError(f"capability: mean {mean:g}, standard deviation {sd:g}; expected a spread above zero")
     sides = [] if lower is None else [(mean - lower) / (3.0 * sd)]

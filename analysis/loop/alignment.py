@@ -87,8 +87,8 @@ def skew_from_speeds(speeds_arcmin_s: Sequence[float], widths_arcmin: Sequence[f
         or not x.max() >= DIFFERENT_SPEED * x.min() > 0
     ):
         raise AnalysisError(
-            f"skew from two speeds: found cycles at {', '.join(f'{one:.3g}' for one in x)} arcmin/s; expected two "
-            f"speeds that differ by {DIFFERENT_SPEED:g} times or more; add cycles at another speed"
+            f"delay from two speeds: found cycles at {', '.join(f'{one:.3g}' for one in x)} arcmin/s; expected two "
+            f"speeds that differ by {DIFFERENT_SPEED:g} times or more. Add cycles at another speed"
         )
     centred = x - x.mean()
     spread = float(np.square(centred).sum())

@@ -108,8 +108,8 @@ def _fit_branch(
     least = break_nm + 0.25 * (end_nm - break_nm)
     if low > -least or high < least:
         raise AnalysisError(
-            f"the six-segment fit needs a branch from {-least:.4g} to {least:.4g} N·m at least, after what is excluded "
-            f"at the reversal; it has {low:.4g} to {high:.4g} N·m; load the unit further"
+            f"the six-segment fit needs a branch from {-least:.4g} to {least:.4g} N·m at least, without the part "
+            f"excluded at the reversal; it has {low:.4g} to {high:.4g} N·m. Load the unit to a higher torque"
         )
     return (
         fit_segment(branch, low, -break_nm, 2),

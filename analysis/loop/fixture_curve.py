@@ -40,7 +40,7 @@ class FixtureCurve:
                 "more"
             )
         if not (np.isfinite(torque).all() and np.isfinite(deflection).all()):
-            raise AnalysisError("fixture curve: found a value that is not finite; measure the fixture again")
+            raise AnalysisError("fixture curve: a torque or deflection is not a number. Measure the fixture again")
         if not (np.diff(torque) > 0).all() or not (np.diff(deflection) >= 0).all():
             raise AnalysisError(
                 "fixture curve: expected torques that rise and deflections that do not fall; sort the points, or "

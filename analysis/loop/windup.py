@@ -134,7 +134,8 @@ def blank_curve(loops: Sequence[Loop], angles: Angles, name: str = "") -> Fixtur
     low, high = max(float(end[0]) for end in ends), min(float(end[1]) for end in ends)
     if not low < 0.0 < high:
         raise AnalysisError(
-            f"blank test: the loop goes from {low:.4g} to {high:.4g} N·m; expected one through zero to both sides"
+            f"blank test: the loop goes from {low:.4g} to {high:.4g} N·m; expected negative and "
+            "positive torques. Load the dummy in both directions"
         )
     half = CURVE_POINTS // 2
     torque = np.concatenate((np.linspace(low, 0.0, half + 1)[:-1], np.linspace(0.0, high, half + 1)))

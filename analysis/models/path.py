@@ -38,8 +38,8 @@ def follow(
     last = np.zeros(states) if state.hysteresis.size == 0 else state.hysteresis
     if last.shape != (states,):
         raise AnalysisError(
-            f"model: the start state has {last.size} hysteresis values; this model has {states}; start from the state "
-            "that the same model returned"
+            f"model: the start state is of another model: it has {last.size} hysteresis values; this model has "
+            f"{states}. Use a state that this model returned"
         )
     found = np.empty((angle.size, states))
     before = rest_arcmin if state.angle_arcmin is None else state.angle_arcmin

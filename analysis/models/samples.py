@@ -87,8 +87,11 @@ def loop_samples(
             f"model: found {angle.size} angles and {torque.size} torques; expected one of each per sample"
         )
     if not (np.isfinite(angle).all() and np.isfinite(torque).all()):
-        row = int(np.argmax(~(np.isfinite(angle) & np.isfinite(torque)))) + 1
-        raise AnalysisError(f"model: row {row} is not finite; repair or remove it")
+        at = int(np.argmax(~(np.isfinite(angle) & np.isfinite(torque))))
+        raise AnalysisError(
+            f"model: row {at + 1}: found angle {angle[at]:g} and torque {torque[at]:g}; expected numbers. Correct or "
+            "remove the row"
+        )
     if angle.size < LEAST_POINTS:
         raise AnalysisError(f"model: found {angle.size} samples; expected {LEAST_POINTS} or more of a whole loop")
     measured = [run for run in (found_runs(torque) if runs is None else runs) if run.role not in UNUSED_ROLES]

@@ -126,7 +126,11 @@ def _checked_step(t: FloatArray, x: FloatArray, y: FloatArray) -> float:
     for name, row in (("t_s", t), ("torque", x), ("angle", y)):
         bad = ~(np.abs(row) <= 1e9)
         if bad.any():
-            raise AnalysisError(f"frequency response: row {int(np.argmax(bad)) + 1} of {name} is not finite; repair it")
+            at = int(np.argmax(bad))
+            raise AnalysisError(
+                f"frequency response: row {at + 1} of {name}: found {row[at]:g}; expected a number within ±1e9. "
+                "Correct the value in the file"
+            )
     step = float(t[-1] - t[0]) / (t.size - 1)
     if step <= 0.0 or float(np.abs(np.diff(t) - step).max()) > LARGEST_JITTER * step:
         raise AnalysisError(

@@ -99,8 +99,10 @@ def fit_torque_ratio(torque_in_nm: FloatArray, torque_out_nm: FloatArray) -> Rat
     if x.size != y.size or x.size < LEAST_POINTS:
         raise AnalysisError(f"torque ratio: found {x.size} input and {y.size} output torques; expected 3 pairs or more")
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        row = int(np.argmax(~(np.isfinite(x) & np.isfinite(y)))) + 1
-        raise AnalysisError(f"torque ratio: pair {row} is not finite; remove it")
+        at = int(np.argmax(~(np.isfinite(x) & np.isfinite(y))))
+        raise AnalysisError(
+            f"torque ratio: pair {at + 1}: found {x[at]:g} and {y[at]:g}; expected two numbers. Remove the pair"
+        )
     n = x.size
     x_mean = float(x.mean())
     s_xx = float(np.square(x - x_mean).sum())

@@ -120,8 +120,8 @@ def _decimal_sign(
         other = min(point, comma)
         raise fail(
             row, name, f"'{text}'",
-            f"one decimal sign in all of the file: row {other[0]}, column {other[1]} has '{other[2]}'",
-            "write all numbers with the same one",
+            f"the same decimal sign in the whole file, but row {other[0]}, column {other[1]} has '{other[2]}'",
+            "write all numbers with the same decimal sign",
         )  # fmt: skip
     if point or comma:
         return "." if point else ","
@@ -130,8 +130,8 @@ def _decimal_sign(
         return "."
     row, name, text = unsure
     raise fail(
-        row, name, f"'{text}', whose sign may be the decimal one or stand between thousands", "a number with a point",
-        "write no signs between thousands, or one more decimal",
+        row, name, f"'{text}', where the sign may be decimal or separate thousands", "a number with a point",
+        "write no thousands separators, or add one decimal",
     )  # fmt: skip
 
 
@@ -147,8 +147,8 @@ def _check_thousands(texts: Mapping[str, Any], between: str, sign: str, fail: Fa
         return True
     row, name, text = some
     raise fail(
-        row, name, f"'{text}', where other numbers have a decimal {NAMES[sign]}", "one decimal sign in all of the file",
-        "write no signs between thousands",
+        row, name, f"'{text}', where other numbers have a decimal {NAMES[sign]}", "one decimal sign in the whole file",
+        "write no thousands separators",
     )  # fmt: skip
 
 

@@ -100,7 +100,7 @@ class Trace:
                     row = int(np.flatnonzero(self.segment == key)[0]) + 1
                     raise AnalysisError(
                         f"{self.source}: row {row}, column segment: id {key} is not in the segment table "
-                        f"({', '.join(str(known) for known in self.segments)}); add what it stands for"
+                        f"({', '.join(str(known) for known in self.segments)}); add its meaning to the table"
                     )
 
     @property

@@ -191,7 +191,9 @@ def interrupted(found: Measured) -> Reading | str:
         if unknown:
             at_nm = unknown[0].middle_nm
             return Reading(
-                np.inf, f"{one.where}: the ramp was interrupted at {at_nm:.4g} N·m, too near to a turn to tell its step"
+                np.inf,
+                f"{one.where}: the ramp was interrupted at {at_nm:.4g} N·m, too near to a turning point to measure "
+                "the step",
             )
         if share > worst.figure:
             worst = Reading(share, f"{one.where}: the ramp was interrupted")

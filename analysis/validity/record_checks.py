@@ -66,16 +66,19 @@ def torque_zeroes(evidence: Evidence) -> Reading | str:
     if facts.zeroes_again is None:
         return NO_ZEROES
     if facts.zeroes_again < LEAST_ZEROES:
-        return Reading(math.inf, f"{facts.zeroes_again} samples of the torque zeroes came after the run: too few")
+        return Reading(
+            math.inf,
+            f"only {facts.zeroes_again} samples of the torque zeroes were taken after the run; expected {LEAST_ZEROES}",
+        )
     worst = Reading(0.0)
     for name, (_, most_nm) in evidence.zero_moves_nm.items():
         moved_nm = facts.zero_shift_nm(name)
         if moved_nm is None or not math.isfinite(moved_nm):
-            return Reading(math.inf, f"the {TORQUE_WORDS[name]} was no number after the run")
+            return Reading(math.inf, f"the {TORQUE_WORDS[name]} was not a number after the run")
         found = Reading(
             100.0 * abs(moved_nm) / most_nm if most_nm > 0.0 else math.inf if moved_nm else 0.0,
-            f"the zero of the {TORQUE_WORDS[name]} moved by {moved_nm:+.3g} N·m in the run, and "
-            f"{most_nm:.3g} N·m is declared for it",
+            f"the zero of the {TORQUE_WORDS[name]} changed by {moved_nm:+.3g} N·m in the run; the bench file allows "
+            f"{most_nm:.3g} N·m",
         )
         worst = max(worst, found)
     return worst

@@ -48,7 +48,7 @@ UNDECLARED_GAIN = 0.01
 STORED_LINES = 0.01
 """Expanded uncertainty of the slope of a stored line of which no covariance is known, relative."""
 
-IN_TRANSITION = "not measured: at this load most of the unloading is the transition after its turn, and the lines tell"
+IN_TRANSITION = "not measured: at this load, most of the unloading branch is the transition after the turning point"
 
 TOLD = 0.01
 """Uncertainty of a ratio up to which it is held against that of the recipe."""
@@ -191,7 +191,7 @@ def ratio_agreement(evidence: Evidence) -> Reading | str:
         words = f"{where} show a ratio of {one.value:.4g} on the positive and {other.value:.4g} on the negative side"
     unsure = max(one.expanded for one in lines.ratios.values()) / ratio
     if unsure > max(TOLD, friction) and 100.0 * beyond <= CHECKS["ratio_agreement"].limit:
-        return f"{IN_TRANSITION} the ratio {_amount(100.0 * unsure)} % only"
+        return f"{IN_TRANSITION}; the ratio is {_known(100.0 * unsure, '%')}"
     return Reading(100.0 * max(0.0, beyond), words)
 
 
@@ -201,7 +201,10 @@ def torque_out_zero(evidence: Evidence) -> Reading | str:
     if found is None:
         return NOT_EVALUATED
     if found.method.loading == "output":
-        return "not measured: with a locked input, the torque lines do not meet at zero torque"
+        return (
+            "not measured: needs a locked output; with a locked input, the lines of loading and unloading do not meet "
+            "at zero torque"
+        )
     shown = shown_lines(found)
     if isinstance(shown, str):
         return shown
@@ -212,17 +215,17 @@ def torque_out_zero(evidence: Evidence) -> Reading | str:
     reference_nm = found.method.reference_nm
     words = (
         f"{where} meet where the output torque reads {zero_nm:+.3g} N·m, and {evidence.torque_out_zero_nm:.2g} "
-        "N·m are declared of its zero"
+        "N·m are declared for its zero"
     )
     beyond_nm = max(0.0, abs(zero_nm) - evidence.torque_out_zero_nm - unsure_nm)
     allowed_nm = CHECKS["torque_out_zero"].limit / 100.0 * reference_nm
     if unsure_nm > allowed_nm >= beyond_nm:
-        return f"{IN_TRANSITION} the zero {_amount(unsure_nm)} N·m only"
+        return f"{IN_TRANSITION}; the zero is {_known(unsure_nm, 'N·m')}"
     return Reading(100.0 * beyond_nm / reference_nm, words)
 
 
-def _amount(unsure: float) -> str:
-    return f"to {unsure:.2g}" if math.isfinite(unsure) else "to any"
+def _known(unsure: float, unit: str) -> str:
+    return f"known only to {unsure:.2g} {unit}" if math.isfinite(unsure) else "not known"
 
 
 LEAST_BLOCKS = 30

@@ -84,7 +84,7 @@ def lag_at_turns(found: Measured) -> TurnLag | str:
             one = _turn(arriving, leaving, torque, windup)
             told += [] if one is None else [one]
     if not told:
-        return "not measured: no turn of the load, from ramp to ramp, shows where torque and wind-up turn"
+        return "not measured: needs a turning point between two ramps where both torque and wind-up reverse"
     columns = np.array(told)
     overrun, meeting, rate, u_noise, smooth, speed = np.median(columns, axis=0).tolist()
     rows = _late(overrun, meeting, smooth)

@@ -18,10 +18,11 @@ the state at the cause, *at* the torque in the reducer then, *peak* the largest 
 cause, for a fault of the matrix from its alarm: *down* until the torque stays below {REST_SHARE_OF_RATED:.0%} of rated
 torque, *low* until it stays below {LOW_SHARE_OF_RATED:.0%}. Before there is any torque, *peak* shows that none came.
 
-Where the drive stops by its own quick stop or loses its power, friction keeps a rest of 3 to 6 % of rated torque in
-the unit: it is never *low*, the lock stays closed, and `lostmotion recover` brings it to zero before the lock opens.
-*Lock* says what became of it, with the torque in the reducer when it was ordered open. Without brake current a powder
-brake holds nothing: after a power failure the unit turns back by itself, so keep clear of the shafts.
+Where the drive stops by its own quick stop or loses its power, friction holds a residual torque of 3 to 6 % of rated
+torque in the unit (*rest*). The torque is then never *low*, and the lock stays closed. `lostmotion recover` brings the
+torque to zero before the lock opens. *Lock* is the state of the lock at the end, with the torque in the reducer when
+the lock was told to open. Without brake current a powder brake holds nothing: after a power failure the unit turns back
+by itself, so keep clear of the shafts.
 
 What happens between the processes (a killed supervisor, a killed scan, everything at once) is drilled over real wires
 by `make kill-tests` and `make power-cuts`.

@@ -10,11 +10,11 @@ from faultlab.rows import REST_SHARE_OF_RATED, ROWS, RUN, STATES, Row
 
 WIDTH, HEIGHT = 90, 26
 LEGEND = (
-    "Every cell is a run in virtual time. Figures: scans from the fault's first effect to its alarm / scans "
-    "from the alarm to the order / time from the alarm until the torque in the reducer stays below "
-    f"{LOW_SHARE_OF_RATED:.0%} of rated torque. Where the drive lost its power, friction keeps a rest of up to "
-    f"{REST_SHARE_OF_RATED:.0%} of rated torque in the unit behind the closed lock, given in N·m instead of a time; it "
-    "is unwound on the way back, before the lock opens."
+    "Every cell is a simulated run in virtual time. It shows three figures: scans from the first effect of the fault "
+    "to its alarm / scans from the alarm to the reaction / time from the alarm until the torque in the reducer stays "
+    f"below {LOW_SHARE_OF_RATED:.0%} of rated torque. Where the drive lost its power, friction holds a residual "
+    f"torque of up to {REST_SHARE_OF_RATED:.0%} of rated torque in the unit while the lock is closed. The third "
+    "figure is then this torque in N·m (rest). The recovery removes it before the lock opens."
 )
 STYLE = (
     "body{font:14px sans-serif;margin:2em}table{border-collapse:collapse}td,th{border:1px solid #ccc;padding:3px 6px;"
@@ -85,11 +85,11 @@ WIRES_HEAD = """# Faults over wires
 
 This page is written by `lostmotion faults matrix --wires --page docs/wire-faults.md`.
 
-Every row is a run over wires: the virtual bench in a process of its own, which waits for the scan, CAN by socketcand
-and Modbus by TCP on loopback, judged from the run's record. When a fault acted is known from the bench's own note on
-the monotonic clock; it is counted from the last scan that was due before. The bound is that of virtual time and four
-scans more: the rounding down, the 2 ms after which the bench looks at its faults again, and the way back. Figures as
-in the [matrix in virtual time](fault-matrix.md).
+Every row is a run over CAN (socketcand) and Modbus TCP on loopback, judged from the record of the run. The virtual
+bench is a process of its own and waits for each scan. It notes on the monotonic clock when the fault acted; scans are
+counted from the last scan before that. The limit is that of the run in virtual time plus four scans: rounding, the 2 ms
+until the bench checks its faults again, and the way of the answer back. The figures are those of the
+[matrix in virtual time](fault-matrix.md).
 
 """
 

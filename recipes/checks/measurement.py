@@ -240,13 +240,13 @@ def check_two_speeds(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
         return
     cycles = sum(step.count for _, step in steps)
     if cycles < LEAST_CYCLES:
-        hint = "Raise a count: two cycles do not say how well the delay is known."
+        hint = "Raise a count: two cycles do not give the uncertainty of the delay."
         yield Finding(ALIGNMENT, f"'two_speeds' with {cycles} cycles", f"{LEAST_CYCLES} cycles or more", hint)
     first = steps[0][1].peak_torque_nm
     for index, step in steps[1:]:
         if abs(step.peak_torque_nm - first) * 1e9 > first:
-            found = f"{show(step.peak_torque_nm, TORQUE)} beside {show(first, TORQUE)} with 'alignment: two_speeds'"
-            hint = "The width of a loop depends on where it turned, and that would be taken for a delay."
+            found = f"{show(step.peak_torque_nm, TORQUE)} and {show(first, TORQUE)} with 'alignment: two_speeds'"
+            hint = "The loop width depends on the peak torque. A difference would be read as a delay."
             yield Finding(("sequence", index, step.kind, "peak_torque"), found, "one peak for all cycles", hint)
 
 

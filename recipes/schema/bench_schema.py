@@ -299,8 +299,8 @@ class Bench(Section):
             at = "devices" if self.devices else "can_devices"
             raise refusal(f"{at} without channels", "both or none", hint, at=at)
         if self.channels is not None and self.amplifier is not None:
-            hint = "Move it to 'devices', with a name, and name that in 'channels'."
-            raise refusal("an amplifier beside channels", "one of the two", hint, at="amplifier")
+            hint = "Move the amplifier to 'devices', give it a name, and use that name in 'channels'."
+            raise refusal("both amplifier and channels", "one of the two", hint, at="amplifier")
         return self
 
     @model_validator(mode="after")

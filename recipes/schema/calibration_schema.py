@@ -119,8 +119,8 @@ class Fixture(Section):
         allowed = "stiffness, with or without a curve; or parts with output and input instead of both"
         beside = "stiffness" if self.stiffness_nm_per_arcmin is not None else "curve" if self.curve else ""
         if self.parts is not None and beside:
-            hint = f"Leave out the parts, or {beside}: a blank test and a stiffness have all parts in them."
-            raise refusal(f"parts beside {beside}", allowed, hint, at="parts")
+            hint = f"Delete the parts or {beside}: a blank test and a stiffness include all parts."
+            raise refusal(f"both parts and {beside}", allowed, hint, at="parts")
         if self.parts is None and self.stiffness_nm_per_arcmin is None:
             hint = "Add 'stiffness: 10000 N·m/arcmin', as measured at the output."
             raise refusal("neither stiffness nor parts", allowed, hint)
@@ -137,7 +137,7 @@ class Fixture(Section):
         by_curve = (last.torque_nm - first.torque_nm) / deflection if deflection else math.inf
         if not stated / ALIKE <= by_curve <= stated * ALIKE:
             shown = f"{by_curve:.4g} {STIFFNESS.shown}" if deflection else "no deflection at all"
-            found = f"a curve of {shown} beside a stiffness of {show(stated, STIFFNESS)}"
+            found = f"a curve of {shown} and a stiffness of {show(stated, STIFFNESS)}"
             allowed = (
                 f"a curve of {show(stated / ALIKE, STIFFNESS)} to {show(stated * ALIKE, STIFFNESS)} from end to end"
             )

@@ -31,16 +31,17 @@ class ChannelSource(Section):
     @model_validator(mode="after")
     def _proof_fits(self) -> ChannelSource:
         if self.scale == 0.0:
-            raise refusal("0", "any other number, negative to turn the sign", at="scale")
+            raise refusal("0", "any other number; a negative one reverses the sign", at="scale")
         named = self.alive_field is not None
         if self.alive in ("counter", "time_stamp") and not named:
-            hint = "Add 'alive_field: sample_counter', by the name that the profile has for it."
-            raise refusal(f"alive: {self.alive} without alive_field", "the field that counts", hint, at="alive")
+            hint = "Add, for example, 'alive_field: sample_counter', with the name of this field in the device profile."
+            allowed = f"alive: {self.alive} with the field of the counter or time stamp"
+            raise refusal(f"alive: {self.alive} without alive_field", allowed, hint, at="alive")
         if self.alive == "arrival" and named:
-            raise refusal("alive: arrival with alive_field", "one of the two", "Delete one.", at="alive_field")
+            raise refusal("alive: arrival with alive_field", "one of the two", "Delete one of them.", at="alive_field")
         if (self.alive == "noise") != (self.still_s is not None):
-            hint = "It is the longest time for which a sound sensor shows the same number, such as '50 ms'."
-            raise refusal(f"alive: {self.alive}", "'still' with alive: noise, and with no other", hint, at="alive")
+            hint = "'still' is the longest time for which a healthy sensor shows the same number, such as '50 ms'."
+            raise refusal(f"alive: {self.alive}", "'still' with alive: noise only", hint, at="alive")
         return self
 
     @property

@@ -186,7 +186,7 @@ def _step_with_kind(value: Any, info: ValidationInfo) -> Any:
     if others:
         names = ", ".join(str(name) for name, _ in others[:3])
         hint = f"Indent the options of {kind} further than its name, and begin every step with '- '."
-        raise refusal(f"{names} beside {excerpt(kind)}", "one name in every step", hint)
+        raise refusal(f"{names} in the same step as {excerpt(kind)}", "one kind of step per entry", hint)
     if kind not in STAGES:
         raise refusal(f"the unknown step {excerpt(kind)}", allowed, did_you_mean(kind, STAGES), at=kind)
     if options is not None and not isinstance(options, dict):

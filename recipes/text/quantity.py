@@ -185,7 +185,7 @@ def read_quantity(text: object, kind: Kind, percent_of: float | None = None, all
     match = NUMBER_AND_UNIT.fullmatch(text.replace("−", "-")) if len(text) <= LONGEST_TEXT else None
     comma = DECIMAL_COMMA.match(text)
     if any(sign.isdecimal() and not sign.isascii() for sign in text):
-        raise QuantityError(f"{excerpt(text)}, with digits of another script", allowed, "Write the digits 0 to 9.")
+        raise QuantityError(f"{excerpt(text)}, which has digits other than 0 to 9", allowed, "Write the digits 0 to 9.")
     if match is None or comma:
         hint = "Write the decimal sign as a point." if comma else "Write a number, a space and a unit."
         raise QuantityError(f"{excerpt(text)}, which is not a number with a unit", allowed, hint)
@@ -202,7 +202,7 @@ def read_quantity(text: object, kind: Kind, percent_of: float | None = None, all
         for plain, shown in spellings.items():
             meant = meant.replace(f"'{plain}'", f"'{shown}'")
         hint = meant or f"Write it in {kind.shown}."
-        raise QuantityError(f"{excerpt(text)}, whose unit is not known here", allowed, hint) from None
+        raise QuantityError(f"{excerpt(text)}, whose unit is not known", allowed, hint) from None
     registry = unit_registry()
     relative = percent_of is not None and not unit.dimensionality
     wanted = registry.parse_units("one" if relative else kind.unit)

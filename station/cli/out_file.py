@@ -26,10 +26,13 @@ def refuse_records(path: Path, option: str = "--out") -> None:
     run = next((folder for folder in there.parents if all((folder / name).is_file() for name in OF_A_RUN)), None)
     if run is not None:
         raise StationError(
-            f"{option} {path}: lies in the folder of run {run.name}, which stays as it is. Choose another"
+            f"{option} {path}: lies in the folder of run {run.name}, where no file may be added or changed. "
+            "Choose another folder"
         )
     if there.name in (CHAIN, INDEX):
-        raise StationError(f"{option} {path}: {there.name} protects the runs beside it. Choose another name")
+        raise StationError(
+            f"{option} {path}: a file of this name protects the runs in this folder against change. Choose another name"
+        )
 
 
 def refuse_early(path: Path | None, option: str) -> None:

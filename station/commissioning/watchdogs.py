@@ -281,16 +281,18 @@ def _leave(link: CanLink, drive: CanDrive, config: DriveConfig) -> None:
 
 CURES = {
     "setpoints": (
-        "The drive may look at synchronous PDOs only after a SYNC. Write 'transmission_type: 255' (event-driven) on the"
-        " receive PDOs of its profile and do this step again; else 'timeout: false', and the heartbeat stays."
+        "This drive may check synchronous PDOs only when a SYNC arrives. In its profile, write 'transmission_type: 255'"
+        " (event-driven) on the receive PDOs. Then do this step again. If it still does not stop, write 'timeout:"
+        " false': then only the heartbeat protects."
     ),
     "heartbeat": (
-        "Write 'controller_heartbeat: consumer_heartbeat' (0x1016) into protections of its profile and check"
-        " controller_node_id; where the drive does not act on it, 'none', and the time-out of set-points stays."
+        "In protections of its profile, write 'controller_heartbeat: consumer_heartbeat' (0x1016), and check"
+        " controller_node_id. Then do this step again. If it still does not stop, write 'none': then only the time-out"
+        " of set-points protects."
     ),
     "everything": (
-        "This drive goes on with torque when the program dies. Set heartbeat or set-point time-out, 0x6007 and 0x605E"
-        " with the maker's tool, or use a drive that has them: no automatic run is allowed."
+        "This drive keeps its torque when the program ends. No automatic run is allowed. With the drive maker's tool,"
+        " set the heartbeat or the time-out of set-points, 0x6007 and 0x605E; or use a drive that has them."
     ),
 }
 """What to do about a trial without a reaction."""

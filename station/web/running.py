@@ -197,8 +197,8 @@ class Running:
         try:
             lines = (self._data / OUTPUT).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         except OSError as error:
-            return f"the run ended before it began; {OUTPUT} cannot be read: {error.strerror}"
-        return " ".join(lines[-3:]) or "the run ended before it began, and said nothing"
+            return f"the run did not start; {OUTPUT} cannot be read: {error.strerror}"
+        return " ".join(lines[-3:]) or "the run did not start and gave no reason"
 
 
 def _attempt(manifest: Manifest) -> str:

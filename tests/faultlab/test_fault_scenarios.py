@@ -200,7 +200,7 @@ def test_a_wrong_fault_of_the_machine_is_refused_with_its_place(tmp_path, target
 
 
 def test_since_belongs_to_torque():
-    with pytest.raises(ValueError, match="since belongs to torque_below_nm"):
+    with pytest.raises(ValueError, match="since only with torque_below_nm"):
         scenario(expect=[{"final_state": "fault", "since": "fault"}])
 
 
@@ -208,7 +208,7 @@ def test_since_belongs_to_torque():
     ("text", "words"),
     [
         ("when: {state: ramp_poz}", "allowed: idle"),
-        ("when: {after_scans: 3, time_s: 1}", "Give the state too"),
+        ("when: {after_scans: 3, time_s: 1}", "Add the state"),
         ("when: {state: lock, time_s: 1}", "exactly one"),
         ("whan: {state: lock}", "when"),
         ("when: {}", "found none of them"),

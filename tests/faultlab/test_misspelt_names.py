@@ -123,7 +123,7 @@ def test_the_command_says_one_line_and_nothing_else_and_refuses_as_bad_input(tmp
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr == (
-        f"{path}:3:30: faults[0].verb: found 'oppen', which is not a verb of io.guard; allowed: open. "
+        f"{path}:3:30: faults[0].verb: found 'oppen', which is not a fault of io.guard; allowed: open. "
         "Did you mean 'open'?\n"
     )
 
@@ -136,7 +136,7 @@ def bench() -> BenchUnderTest:
 @pytest.mark.parametrize(("target", "verb"), sorted(set(FAULTS) - ONLY_OVER_WIRES))
 def test_a_misspelt_verb_in_a_test_gives_one_line_with_the_place_of_the_call(bench, target, verb):
     for text in misspelt(verb, {known for of, known in FAULTS if of == target}):
-        with pytest.raises(ValueError, match=r"which is not a verb of") as refused:
+        with pytest.raises(ValueError, match=r"which is not a fault of") as refused:
             bench.inject(target, text)
         here = refused.traceback[0].lineno + 1
         (line,) = str(refused.value).splitlines()

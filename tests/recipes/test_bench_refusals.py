@@ -40,12 +40,12 @@ BENCH_CASES = {
     "fixture stated twice": (
         "10000 N·m/arcmin ",
         "10000 N·m/arcmin\n  parts: {output: 5000 N·m/arcmin, input: 0.5 N·m/arcmin} ",
-        "fixture.parts: found parts beside stiffness",
+        "fixture.parts: found both parts and stiffness",
     ),
     "parts of a blank test": (
         "  stiffness: 10000 N·m/arcmin ",
         f"  parts: {{output: 5000 N·m/arcmin, input: 0.5 N·m/arcmin}}\n{CURVE}#",
-        "fixture.parts: found parts beside curve",
+        "fixture.parts: found both parts and curve",
     ),
     "one part": (
         "stiffness: 10000 N·m/arcmin ",
@@ -60,7 +60,7 @@ BENCH_CASES = {
     "curve of another fixture": (
         "calibrations: []",
         CURVE + "calibrations: []",
-        "a curve of 960 N·m/arcmin beside a stiffness of 10000 N·m/arcmin; allowed: a curve of 5000 N·m/arcmin to",
+        "a curve of 960 N·m/arcmin and a stiffness of 10000 N·m/arcmin; allowed: a curve of 5000 N·m/arcmin to",
     ),
     "bitrate": ("bitrate: 1000000", "bitrate: 1000", "found 1000"),
     "host": ("host: 127.0.0.1\n  port: 1502", "host: 3\n  port: 1502", "amplifier.host: found 3; allowed: a text. Put"),

@@ -16,13 +16,13 @@ CASES = {
     "no such device": ("angle_in: {device: angles", "angle_in: {device: angels", "found 'angels'; allowed: torques or"),
     "counter that is not named": (", alive: counter, alive_field: cycle", ", alive: counter", "without alive_field"),
     "noise without a time": ("alive: time_stamp", "alive: noise", "'still' with alive: noise"),
-    "a time without noise": ("input_stamp}", "input_stamp, still: 5 ms}", "and with no other"),
+    "a time without noise": ("input_stamp}", "input_stamp, still: 5 ms}", "with alive: noise only"),
     "a proof that is not asked for": ("alive: time_stamp", "alive: arrival", "alive: arrival with alive_field"),
-    "nothing of the sensor": ("scale: -1, offset: 0.001", "scale: 0", "any other number, negative to turn the sign"),
+    "nothing of the sensor": ("scale: -1, offset: 0.001", "scale: 0", "any other number; a negative one reverses"),
     "a sensor without source": ("  angle_out: {device", "  # {device", "angle_out in sensors alone"),
     "two of one name": ("name: angles,", "name: torques,", "a name that no other device has"),
     "a name of the bench": ("name: angles,", "name: brake,", "a name that no other device has"),
-    "an amplifier besides": ("remote_io:", AMPLIFIER + "\nremote_io:", "an amplifier beside channels"),
+    "an amplifier besides": ("remote_io:", AMPLIFIER + "\nremote_io:", "both amplifier and channels"),
     "devices that measure nothing": ("channels:\n", "pace: {port: 1}\nx:\n", "unknown option .x."),
 }
 

@@ -46,7 +46,7 @@ CASES = {
          "allowed: a torque rate such as '60 N·m/s', above 0 and up to 1000 N·m/s",
          "Write it with a torque rate unit."],
     ),
-    "unknown unit": ("60 deg ", "60 dge ", "60 dge", ["'60 dge', whose unit is not known here", "Did you mean 'deg'?"]),
+    "unknown unit": ("60 deg ", "60 dge ", "60 dge", ["'60 dge', whose unit is not known", "Did you mean 'deg'?"]),
     "zero rate": (
         "torque_rate: 100 N·m/s", "torque_rate: 0 N·m/s", "0 N·m/s}\n  - rel",
         ["found '0 N·m/s'", "above 0", "too small"],
@@ -78,7 +78,7 @@ CASES = {
     "step without options": ("- unload: {torque_rate: 100 N·m/s}", "- unload", "unload\n", ["'- unload: {...}'"]),
     "step badly indented": (
         "- unload: {torque_rate: 100 N·m/s}", "- unload:\n    torque_rate: 100 N·m/s", "unload:\n",
-        ["torque_rate beside 'unload'", "Indent the options of unload further"],
+        ["torque_rate in the same step as 'unload'", "Indent the options of unload further"],
     ),
     "no unload": (
         "  - unload: {torque_rate: 100 N·m/s}\n", "", "sequence:",

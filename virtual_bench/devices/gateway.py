@@ -52,12 +52,12 @@ def check_scenario(scenario: Scenario) -> None:
         if not on_the_wire(fault.target, fault.verb):
             raise VirtualBenchError(
                 f"gateway: found {fault.target} {fault.verb}, allowed are faults on the wire: targets can.… and "
-                "modbus.…. Other faults need the virtual bench, or a person at the real one"
+                "modbus.…. Other faults need the virtual bench, or must be made by hand at the real bench"
             )
         if fault.when.torque_out_above_nm is not None:
             raise VirtualBenchError(
-                f"gateway: {fault.target} {fault.verb} needs a torque, which a gateway cannot read. "
-                "Give state, scan or time_s"
+                f"gateway: {fault.target} {fault.verb}: found 'when' with a torque, but a gateway does not measure the "
+                "torque. Start the fault by state, scan or time_s"
             )
 
 

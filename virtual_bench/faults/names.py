@@ -58,7 +58,7 @@ def verb_of(target: str, verb: str) -> str:
     if (target, verb) in FAULTS:
         return verb
     verbs = sorted(known for of, known in FAULTS if of == target)
-    raise refusal(f"{excerpt(verb)}, which is not a verb of {target}", one_of(verbs), did_you_mean(verb, verbs))
+    raise refusal(f"{excerpt(verb)}, which is not a fault of {target}", one_of(verbs), did_you_mean(verb, verbs))
 
 
 def _one_name(name: str, kind: str, names: tuple[str, ...]) -> str:

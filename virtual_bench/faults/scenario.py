@@ -76,7 +76,9 @@ class When(Strict):
     def _one_condition(self) -> Self:
         _one_kind(self, TRIGGERS)
         if self.after_scans and self.state is None:
-            raise refusal("no state", "after_scans beside the state from whose entry it counts", "Give the state too.")
+            raise refusal(
+                "no state", "after_scans together with a state", "Add the state: scans are counted from its entry."
+            )
         return self
 
     @property
@@ -116,7 +118,7 @@ class Fault(Strict):
         if self.value is not None and not row.low <= self.value <= row.high:
             raise refusal(f"{self.value:g}", f"a number from {row.low:g} to {row.high:g} ({row.value})", at="value")
         if key in BY_STATION and not self.when.needs_controller:
-            hint = f"{name} acts outside the bench, where torque and time are not known."
+            hint = f"{name} acts outside the bench, where its torque and time are not known."
             raise refusal(self.when.trigger, "state or scan", hint, at="when")
         if key in ONCE and self.for_ms is not None:
             allowed = f"{name} takes no for_ms: it happens once and is not undone"
@@ -147,7 +149,8 @@ class Operator(Strict):
     @model_validator(mode="after")
     def _seen(self) -> Self:
         if not self.when.needs_controller:
-            raise refusal(self.when.trigger, "state or scan, which the operator can see", at="when")
+            hint = "The operator sees neither torque nor time of the bench."
+            raise refusal(self.when.trigger, "state or scan", hint, at="when")
         return self
 
 
@@ -184,15 +187,15 @@ class Expect(Strict):
             raise refusal("no within_scans", f"{timed} needs within_scans: whole scans from 0", "Add it.")
         if timed is None and self.within_scans is not None:
             raise refusal(
-                f"{self.within_scans}", f"within_scans belongs to {', '.join(COUNTED_IN_SCANS)}", "Delete it.",
+                f"{self.within_scans}", f"within_scans only with {', '.join(COUNTED_IN_SCANS)}", "Delete it.",
                 at="within_scans",
             )  # fmt: skip
         if self.torque_below_nm is not None and self.within_s is None:
             raise refusal("no within_s", "torque_below_nm needs within_s: seconds above 0", "Add it.")
         if self.torque_below_nm is None and self.within_s is not None:
-            raise refusal(f"{self.within_s:g}", "within_s belongs to torque_below_nm", "Delete it.", at="within_s")
+            raise refusal(f"{self.within_s:g}", "within_s only with torque_below_nm", "Delete it.", at="within_s")
         if self.since is not None and self.torque_below_nm is None:
-            raise refusal(self.since, "since belongs to torque_below_nm", "Delete it.", at="since")
+            raise refusal(self.since, "since only with torque_below_nm", "Delete it.", at="since")
         return self
 
 

@@ -81,8 +81,8 @@ def check_together(found: Sequence[MeasuredRatio]) -> None:
         return
     if len(found) < LEAST_UNITS:
         raise StationError(
-            f"found runs of {len(found)} units; expected {LEAST_UNITS} or more, so that their spread is known; "
-            "or one unit, for which alone the lines are then valid"
+            f"found runs of {len(found)} units; expected {LEAST_UNITS} or more, so that the spread between units is "
+            "known; or one unit: then the torque ratio is valid for this unit only"
         )
     for first, second in combinations(found, 2):
         _refuse_one_unit(first, second)
@@ -98,8 +98,8 @@ def _refuse_unreliable(record: RunRecord) -> None:
     if result.verdict == Verdict.FAIL:
         why = next(iter(result.reasons), "its verdict is FAIL")
         raise StationError(
-            f"{record.id}: its unit failed: {why}; its friction may be its defect, so the run was not "
-            "used. Name a run of a unit that passed"
+            f"{record.id}: its unit failed: {why}. The defect may change the friction, so the run was not used. Name "
+            "a run of a unit that passed"
         )
     if result.verdict != Verdict.PASS:
         sys.stderr.write(
@@ -111,8 +111,8 @@ def _check_alike(found: Sequence[MeasuredRatio]) -> None:
     first = found[0]
     for one in found:
         for what, own, others, why in (
-            ("bench", one.stored.bench.name, first.stored.bench.name, "a torque ratio is of one bench"),
-            ("model", one.stored.model, first.stored.model, "a torque ratio is of one model"),
+            ("bench", one.stored.bench.name, first.stored.bench.name, "a torque ratio is valid for one bench"),
+            ("model", one.stored.model, first.stored.model, "a torque ratio is valid for one model"),
             ("recipe", one.recipe, first.recipe, ONE_RECIPE),
         ):
             if own != others:
@@ -125,8 +125,8 @@ def _check_serials(found: Sequence[MeasuredRatio]) -> None:
     if twice is not None:
         named = ", ".join(one.run for one in found if one.serial == twice)
         raise StationError(
-            f"unit {twice} stands {serials.count(twice)} times: {named}; expected one run of each unit, for the "
-            "spread is meant between units"
+            f"unit {twice} is named {serials.count(twice)} times: {named}; expected one run of each unit, because the "
+            "spread between units is calculated"
         )
 
 
@@ -134,13 +134,18 @@ def _refuse_one_unit(first: MeasuredRatio, second: MeasuredRatio) -> None:
     """Refuse one unit under two serial numbers: its lines differ by noise, and as units they would have no spread."""
     needed = "expected a run of another unit (on the virtual bench --unit P1:1, P1:2, ...)"
     if first.virtual is not None and first.virtual == second.virtual:
-        raise StationError(f"{second.run}: found the virtual unit {second.virtual}, as in {first.run}; {needed}")
+        raise StationError(
+            f"{second.run}: measured virtual unit {second.virtual}, the same unit as {first.run}; {needed}"
+        )
     if first.quadrants == second.quadrants:
-        raise StationError(f"{second.run}: found the lines of {first.run}, to the last digit; {needed}")
+        raise StationError(
+            f"{second.run}: the torque ratio is equal to that of {first.run} to the last digit, so both runs measured "
+            f"the same unit; {needed}"
+        )
     if apart(first, second) <= ONE_UNIT_WITHIN:
         raise StationError(
-            f"{second.run}: found the lines of {first.run}, within {ONE_UNIT_WITHIN:g} standard uncertainties in every "
-            f"quadrant, as one unit measured twice has them; {needed}"
+            f"{second.run}: the torque ratio is equal to that of {first.run} within {ONE_UNIT_WITHIN:g} standard "
+            f"uncertainties in every quadrant, so both runs seem to have measured the same unit; {needed}"
         )
 
 

@@ -78,7 +78,13 @@ def timing(
     ] = None,
     spin_us: Annotated[
         int | None,
-        typer.Option("--spin-us", metavar="N", min=0, max=1000, help="Busy-wait this long before each deadline [µs]."),
+        typer.Option(
+            "--spin-us",
+            metavar="N",
+            min=0,
+            max=1000,
+            help="Keep the processor busy instead of sleeping for the last N µs before each scan.",
+        ),
     ] = None,
     highest_rate: Annotated[
         bool, typer.Option("--highest-rate", help="Measure several scan rates, N seconds each.")
@@ -125,7 +131,12 @@ def blank(
     bench: Annotated[
         str | None, typer.Option("--bench", metavar="FILE", help="Bench on which the trace was recorded.")
     ] = None,
-    name: Annotated[str | None, typer.Option("--id", metavar="ID", help="Name of the blank test.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--id", metavar="ID", help="Name of the blank test (a loop on a rigid dummy), for the bench file."
+        ),
+    ] = None,
     due: DueOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,

@@ -24,13 +24,13 @@ PatienceOption = Annotated[
 ]
 TrialRecipeOption = Annotated[
     str,
-    typer.Option("--recipe", metavar="RECIPE", help="Recipe of the unit on the bench: its ratings and limits hold."),
+    typer.Option("--recipe", metavar="RECIPE", help="Recipe of the unit on the bench. Its ratings and limits apply."),
 ]
 
 
 @bench_app.command()
 def status(bench: BenchFileOption, as_json: JsonOption = False) -> None:
-    """Print how each step stands, and what has changed since it was done.
+    """Print the state of each step, and what has changed since it was done.
 
     Exit code: 0; 1 while a step is not passed; 2 bad input.
     """
@@ -43,12 +43,12 @@ def status(bench: BenchFileOption, as_json: JsonOption = False) -> None:
 def probe(
     bench: BenchFileOption,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="N", min=0.1, max=60, help="Duration of the look at the values.")
+        float, typer.Option("--seconds", metavar="N", min=0.1, max=60, help="How long the live values are read.")
     ] = 2.0,
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 1: identities, the drive's objects against its profile, and live values. Nothing is written or enabled.
+    """Step 1: check device identities and the drive's objects, and show live values. Nothing is written or enabled.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -62,16 +62,16 @@ def registers(
     bench: BenchFileOption,
     seconds: PatienceOption = 60.0,
     part: Annotated[
-        str | None, typer.Option("--device", metavar="NAME", help="Look at this device only: brake, remote_io ...")
+        str | None, typer.Option("--device", metavar="NAME", help="Check only this device: brake, remote_io, ...")
     ] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option("--without", metavar="CHANNEL", help="Torque that nobody can press on; may be repeated."),
+        typer.Option("--without", metavar="CHANNEL", help="Torque sensor that cannot be loaded by hand; repeatable."),
     ] = None,
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 2: registers of what measures, raw and in both word orders, while somebody presses on the torque sensors.
+    """Step 2: show the raw registers of the sensors in both word orders, while you load the torque sensors by hand.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -84,7 +84,7 @@ def registers(
 def io(
     bench: BenchFileOption, seconds: PatienceOption = 60.0, by: ByOption = None, as_json: JsonOption = False
 ) -> None:
-    """Step 3: press the emergency stop and open the guard when asked; tells which inputs changed.
+    """Step 3: press the emergency stop and open the guard when asked. It shows which inputs changed.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -101,7 +101,7 @@ def direction(
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 4: signs of motor, torques and angles, by a small run on the locked unit. The shaft turns a little.
+    """Step 4: find the signs of motor, torques and angles with small torques on a locked unit. The shaft moves.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -118,7 +118,7 @@ def latency(
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 5: age and lag of every channel, by small torque steps on the locked unit.
+    """Step 5: measure age and lag of every channel with small torque steps on the locked unit.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -129,7 +129,7 @@ def latency(
 
 @bench_app.command()
 def watchdogs(bench: BenchFileOption, by: ByOption = None, as_json: JsonOption = False) -> None:
-    """Step 6: what the drive does when SYNC, then the heartbeat, then everything stops. Enabled, without torque.
+    """Step 6: test the drive when SYNC, then the heartbeat, then everything stops. It is enabled, without torque.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -146,7 +146,7 @@ def tune(
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 7: the gain of the torque loop and its margin, by small torque steps; proposes one. Nothing is written.
+    """Step 7: measure the torque loop with small torque steps and propose its gain. Nothing is written.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -165,7 +165,7 @@ def timing(
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 8: does this computer keep the scan period with these devices? As `lostmotion timing`, with a protocol.
+    """Step 8: check that this computer keeps the scan period with these devices, as `lostmotion timing` does.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """

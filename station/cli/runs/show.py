@@ -43,7 +43,7 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
         soft_wrap=True,
     )
     if is_sealed(manifest) and not vouched_for(run):
-        console.print(f"no {CHAIN} beside this run: its run.json cannot be verified", style="yellow", highlight=False)
+        console.print(f"no {CHAIN} in the data folder: run.json cannot be verified", style="yellow", highlight=False)
     show_result(console, found)
     if found.altered:
         console.print(altered_banner(found.altered))

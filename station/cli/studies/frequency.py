@@ -189,8 +189,8 @@ class Swing:
         if self.followed:
             return found
         return (
-            f"{found}. The drive did not follow: the response is that of the amplitude reached. Lower to_frequency or "
-            "the amplitude, or tune the torque loop"
+            f"{found}. The drive did not reach the planned amplitude, so the response is valid for the smaller "
+            "amplitude only. Lower to_frequency or the amplitude, or tune the torque loop"
         )
 
 

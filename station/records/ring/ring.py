@@ -123,7 +123,9 @@ def create(folder: Path, capacity: int = DEFAULT_CAPACITY, run: Path | None = No
             return path
         finally:
             os.close(handle)
-    raise RingError(f"no room for the ring of {size // 1_000_000} MB: {'; '.join(reasons)}. Free some memory or disk")
+    raise RingError(
+        f"no room for the record buffer of {size // 1_000_000} MB: {'; '.join(reasons)}. Free some memory or disk"
+    )
 
 
 class MappedRing:

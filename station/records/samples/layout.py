@@ -162,10 +162,12 @@ def layout_in(said: Any, where: Path) -> Layout:
 
 def _channel(row: Any, place: str) -> Channel:
     if not isinstance(row, dict):
-        raise RecordError(f"{place}: found {row!r}; a channel is needed")
+        raise RecordError(f"{place}: found {row!r}; expected the description of a channel")
     texts = [row.get(key) for key in ("group", "name", "format", "unit", "meaning")]
     if not all(isinstance(text, str) for text in texts):
-        raise RecordError(f"{place}: found {texts}; group, name, format, unit and meaning are texts")
+        raise RecordError(
+            f"{place}: group, name, format, unit and meaning: found {texts}; expected a text for each of them"
+        )
     group, name, letter, unit, meaning = map(str, texts)
     offset = row.get("offset")
     if group not in GROUPS or letter not in NUMPY_TYPES or not name.isidentifier():
@@ -174,11 +176,11 @@ def _channel(row: Any, place: str) -> Channel:
             f"formats {' '.join(NUMPY_TYPES)}"
         )
     if not isinstance(offset, int) or isinstance(offset, bool) or offset < 0:
-        raise RecordError(f"{place}: offset: found {offset!r}; a count of bytes is needed")
+        raise RecordError(f"{place}: offset: found {offset!r}; expected a number of bytes, 0 or more")
     try:
         coded = Coded(*({int(n): str(text) for n, text in (row.get(key) or {}).items()} for key in ("values", "bits")))
     except (AttributeError, TypeError, ValueError) as error:
-        raise RecordError(f"{place}: names of its numbers: {error}") from error
+        raise RecordError(f"{place}: values and bits must be names by number, such as '1': 'ready': {error}") from error
     return Channel(group, offset, name, letter, unit, meaning, coded)
 
 
@@ -197,5 +199,5 @@ def _disorder(channels: tuple[Channel, ...], size: int) -> str:
     header = {one.name: one.format for one in channels if one.group == "record"}
     missing = [name for name, letter in NEEDED.items() if header.get(name) != letter]
     if missing or channels[-1].name != CHECK_FIELD.name or channels[-1].group != "record":
-        return f"every record has {', '.join(NEEDED)}, and ends with {CHECK_FIELD.name}"
+        return f"fields: every record must have {', '.join(NEEDED)}, and end with {CHECK_FIELD.name}"
     return ""

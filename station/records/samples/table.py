@@ -24,7 +24,7 @@ class AbsentChannelError(RecordError):
     def __init__(self, group: str, name: str) -> None:
         super().__init__(
             f"the record has no channel {group}.{name}: the version of lostmotion that made it did not record it. "
-            "Use that version (run.json, software) for what needs the channel"
+            "Evaluate the run with that version (see software in run.json)"
         )
 
 

@@ -146,7 +146,7 @@ def test_a_small_loop_does_not_tell_the_stiffness_at_high_torque() -> None:
     named = {frozenset((refusal.parameter, refusal.other)) for refusal in found.refused}
     assert frozenset(("soft_zone_arcmin", "stiffness_nm_per_arcmin")) in named
     assert all(abs(refusal.correlation) > 0.95 for refusal in found.refused)
-    assert "cannot be told from" in found.refused[0].reason
+    assert "cannot be separated from" in found.refused[0].reason
     # known from elsewhere, the rest can be told
     unit = ReferenceUnit()
     known = {"stiffness_nm_per_arcmin": unit.k_inf, "soft_zone_nm": unit.t0}
@@ -218,7 +218,7 @@ def test_maxwell_slip_merges_what_cannot_be_told_apart() -> None:
     ("angle", "torque", "said"),
     [
         (np.zeros(3), np.zeros(4), "3 angles and 4 torques"),
-        (np.zeros(100), np.full(100, np.nan), "row 1 is not finite"),
+        (np.zeros(100), np.full(100, np.nan), "row 1: found angle 0 and torque nan"),
         (np.zeros(5), np.zeros(5), "found 5 samples"),
         (np.linspace(0, 1, 100), np.linspace(0, 1, 100), "never reverses"),
         (np.zeros(100), np.concatenate([np.linspace(-1, 1, 50), np.linspace(1, -1, 50)]), "does not move"),

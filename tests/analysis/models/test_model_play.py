@@ -128,7 +128,7 @@ def test_exported_model_plays_the_measured_loop() -> None:
 
 
 def test_a_refused_parameter_is_not_exported() -> None:
-    with pytest.raises(AnalysisError, match="not exported: soft_zone_arcmin cannot be told from stiff"):
+    with pytest.raises(AnalysisError, match="not exported: soft_zone_arcmin cannot be separated from stiff"):
         model_to_json(small_loop_model())
 
 

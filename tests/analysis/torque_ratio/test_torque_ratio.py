@@ -78,7 +78,7 @@ def test_an_exact_line_is_found(offset: float, slope: float, count: int) -> None
     [
         ([1.0, 2.0], [1.0, 2.0], "3 pairs or more"),
         ([1.0, 1.0, 1.0], [1.0, 2.0, 3.0], "every input torque is 1 N·m"),
-        ([1.0, 2.0, np.nan], [1.0, 2.0, 3.0], "pair 3 is not finite"),
+        ([1.0, 2.0, np.nan], [1.0, 2.0, 3.0], "pair 3: found nan and 3"),
     ],
 )
 def test_what_cannot_be_fitted_is_said(torque_in: list[float], torque_out: list[float], said: str) -> None:

@@ -68,7 +68,7 @@ def test_a_zero_of_the_output_sensor_is_seen_where_the_torque_lines_meet(role: s
         assert found.passed is (abs(off_nm) < 1.0)
         assert result.verdict is (Verdict.PASS if found.passed else Verdict.NOT_DECIDABLE)
     assert "meet where the output torque reads +" in found.text
-    assert "0.2 N·m are declared of its zero" in found.text
+    assert "0.2 N·m are declared for its zero" in found.text
 
 
 def test_a_larger_zero_may_be_declared() -> None:

@@ -85,7 +85,10 @@ def test_a_record_is_not_written_over(golden_run, run: Path, tmp_path: Path, com
     for out in (other / place, run / place, run / ".." / run.name / place):
         refused = here(*words, "--out", str(out), "--json")
         assert refused.exit_code == 2
-        assert f"lies in the folder of run {run.name}, which stays as it is. Choose another" in refused.err
+        assert (
+            f"lies in the folder of run {run.name}, where no file may be added or changed. Choose another"
+            in refused.err
+        )
     assert content(tmp_path) == before
 
 

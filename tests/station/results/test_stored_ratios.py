@@ -129,7 +129,7 @@ def test_runs_that_have_no_mean_are_refused(data: Path) -> None:
     store_run(data, "U9", VALUES, day=12)
     again = sorted(path.parent.name for path in data.glob("*/run.json") if "U0" in path.parent.name)
     for runs, told in (
-        (again, "unit U0 stands 2 times"),
+        (again, "unit U0 is named 2 times"),
         (["U1", "U7"], "found bench other"),
         (["U1", "U8"], "found model RV-50"),
         (["U1", "U9"], "measured no torque ratio"),
@@ -142,7 +142,7 @@ def test_runs_that_have_no_mean_are_refused(data: Path) -> None:
 def test_one_unit_under_two_serial_numbers_is_no_second_unit(data: Path) -> None:
     """Its lines differ from its own by nothing: the spread between units would be zero, and U of another one small."""
     store_run(data, "V0", VALUES, calibration=ratio(OFFSETS[0]), day=9)
-    with pytest.raises(StationError, match=r"U0, to the last digit; expected a run of another unit"):
+    with pytest.raises(StationError, match=r"U0 to the last digit.*; expected a run of another unit"):
         command(data, "U0", "U1", "V0")
     block = command(data, "U0", "U1", "U2")
     twins = block[block.index("      - serial: U0") :].replace("serial: U", "serial: W")
@@ -173,7 +173,8 @@ def test_lines_as_a_repeat_has_them_are_those_of_one_unit(
         assert command(data, "U0", "U1", "V0")
         return
     with pytest.raises(
-        StationError, match=f"{run.id}: found the lines of .*U0, {told}.*expected a run of another unit"
+        StationError,
+        match=f"{run.id}: the torque ratio is equal to that of .*U0 {told}.*expected a run of another unit",
     ):
         command(data, "U0", "U1", "V0")
 
@@ -181,7 +182,9 @@ def test_lines_as_a_repeat_has_them_are_those_of_one_unit(
 def test_a_virtual_unit_is_one_whatever_its_serial_numbers_are(tmp_path: Path) -> None:
     for number, unit in enumerate(("P1:1", "P1:2", "P1:1", "P1:3")):
         store_run(tmp_path, f"U{number}", VALUES, calibration=ratio(-13.0 - number), day=number, virtual=unit)
-    with pytest.raises(StationError, match=r"U2: found the virtual unit P1:1, as in .*U0; expected .*another unit"):
+    with pytest.raises(
+        StationError, match=r"U2: measured virtual unit P1:1, the same unit as .*U0; expected .*another unit"
+    ):
         command(tmp_path, "U0", "U1", "U2")
     assert command(tmp_path, "U0", "U1", "U3")
 
@@ -201,7 +204,8 @@ def test_nothing_is_taken_from_a_unit_that_failed(data: Path, capsys: pytest.Cap
     why = "torque_ratio_offset, side +: -28 N·m is below the limit of -25 N·m"
     run = store_run(data, "U5", VALUES, calibration=ratio(-28.0), failed=why)
     for runs in (["U0", "U1", "U5"], ["U5"]):
-        with pytest.raises(StationError, match=re.escape(f"{run.id}: its unit failed: {why}; its friction may be")):
+        told = re.escape(f"{run.id}: its unit failed: {why}. The defect may change the friction")
+        with pytest.raises(StationError, match=told):
             command(data, *runs)
     assert not capsys.readouterr().err
 

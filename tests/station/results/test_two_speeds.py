@@ -139,7 +139,7 @@ STEPS = "step_cycles: {count: 1, peak_torque: 110 %, steps: 10, torque_rate: 20 
         ("two_speeds", (SLOW, NEAR), "but cycles at 0.5 and 0.59 arcmin/s of wind-up alone"),
         ("two_speeds", (STEPS,), "but no torque_cycles or speed_cycles"),
         ("two_speeds", (FAST, SLOW.replace("count: 2", "count: 1")), "found 'two_speeds' with 2 cycles; allowed: 3"),
-        ("two_speeds", (SLOW, LOWER), "torque_cycles.peak_torque: found 432.6 N·m beside 453.2 N·m with 'alignment"),
+        ("two_speeds", (SLOW, LOWER), "torque_cycles.peak_torque: found 432.6 N·m and 453.2 N·m with 'alignment"),
     ],
 )
 def test_the_sequence_must_have_two_speeds(alignment: str, blocks: tuple[str, ...], said: str) -> None:

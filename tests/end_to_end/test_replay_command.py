@@ -181,7 +181,7 @@ def test_what_if_decides_nothing_where_the_other_recipe_would_have_held_the_run(
     assert f"scan {hold['other_scan']} " in found["verdict"]["reasons"][0]
     assert "torque_out_alarm (hold) would have been raised" in found["verdict"]["reasons"][0]
     told = lostmotion("replay", run, "--recipe", other).out.splitlines()
-    marked = next(number for number, line in enumerate(told) if line.lstrip().startswith("not exact"))
+    marked = next(number for number, line in enumerate(told) if line.lstrip().startswith("estimated"))
     assert [number > marked for number, line in enumerate(told) if "interlock" in line] == [False, True]
     assert told[-1].startswith("  verdict: PASS as recorded, NOT DECIDABLE with the other recipe: ")
 

@@ -99,8 +99,12 @@ class WireRig:
         beat_scans = in_scans(config.drive.controller_heartbeat_s, period_ns)
         self.drive = self.bench._drive = CanDrive(link, config.drive, beat_scans)
         self.ends = {}
-        for name in ("amplifier", "brake", "remote_io"):
-            device = getattr(self.bench, name)
+        (amplifier,) = self.bench.amplifiers
+        for name, device in (
+            ("amplifier", amplifier),
+            ("brake", self.bench.brake),
+            ("remote_io", self.bench.remote_io),
+        ):
             end = self.ends[name] = DeviceEnd(device.config, lambda reply, _end: [reply])
             device.line.attach(end.ours)
         brake = self.ends["brake"]

@@ -121,6 +121,7 @@ def test_why_a_unit_failed_is_found_from_the_screen_alone(page: playwright.Page)
     page.on("dialog", lambda dialog: (scripts.append(dialog.message), dialog.dismiss()))
     page.click("nav >> text=Results")
     page.get_by_label("Serial number begins with").fill("W1")
+    page.wait_for_selector("text=1 to 2 of 2 runs")  # the rows are drawn anew then: a click before it may miss them
     page.click('a[aria-label="run of W1, attempt 2"]')
     page.wait_for_selector(".lm-tile.FAIL .lm-word:text-is('FAIL')")
     assert page.locator(".lm-tile svg rect").count() == 1, "told by its shape too"

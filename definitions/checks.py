@@ -322,7 +322,7 @@ _ROWS = (
     Check(
         "angle_waves", "Waves of the wind-up", FRACTION, 0.1,
         "amplitude of a wave over the angle in loading branches, beyond noise, rounding and the declared error of the "
-        "encoders, of the whole wind-up",
+        "encoders, relative to the whole wind-up",
         "an angle has an error that repeats as its encoder turns",
         "check mounting, coupling and electrical adjustment of the encoders, and measure again",
         settable=SHARES,

@@ -47,7 +47,7 @@ def test_grade_is_of_the_mean_and_judged_with_its_uncertainty(
     widths: tuple[float, float], grade: int, simple: str, guarded: str
 ) -> None:
     torque = np.linspace(-440.0, 440.0, 2001)
-    closing = np.clip((440.0 - np.abs(torque)) / 100, 0, 1) / 2  # no unit winds up while its torque falls
+    closing = (1.0 - (torque / 440.0) ** 4) / 2.0  # none winds up while its torque falls, or has a kink
     trace = trace_of(torque, [torque / 100 + sign * width * closing for width in widths for sign in (-1, 1)])
     wanted = [MetricWanted("grade", max=1.0)]
     result = analyse(trace, METHOD, wanted)

@@ -55,7 +55,7 @@ def _messages(file: File, named: Collection[str]) -> list[Message]:
     """Return the messages of a DBC file that have a named signal, in the file's order."""
     try:
         found = cantools.database.load_string(file.content.decode("utf-8", "replace"), "dbc")
-    except Exception as error:
+    except Exception as error:  # a bent file ends in whatever the parser stumbles over: KeyError, ValueError, its own
         text = " ".join(str(error).split())[:200]
         raise _refused(
             file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export it anew."

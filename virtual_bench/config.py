@@ -11,7 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from drivers.profile import CanFrame, DriveProfile, ModbusProfile
+from definitions.profiles.can import CanFrame
+from definitions.profiles.drive import DriveProfile
+from definitions.profiles.modbus import ModbusProfile
 
 Side = Literal["input", "output"]
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from definitions.number_formats import LETTERS, RANGES, SIZES
-from drivers.profile import ReceivePdo, TransmitPdo
+from definitions.profiles.drive import ReceivePdo, TransmitPdo
 from drivers.servo_drive.data_types import to_integer
 from drivers.servo_drive.emcy import EMCY_CLASSES, EMCY_TEXTS, explain_emcy
 from drivers.servo_drive.pdo import PdoCodec, rpdo_cob_id, tpdo_cob_id

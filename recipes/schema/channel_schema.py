@@ -6,10 +6,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from definitions.units import PERIOD
+from recipes.text.quantity import show
 from recipes.text.section import Age, Name, Section, refusal
 
 CHANNELS = ("torque_in", "torque_out", "angle_in", "angle_out")
 """Measured channels, by the names of their sensors."""
+
+
+SHORTEST_HEARTBEAT_S = 0.002
+"""0x1017 counts milliseconds; every millisecond would be a frame more than the sensor's values."""
 
 
 class ChannelSource(Section):
@@ -71,6 +77,10 @@ class CanSensor(Section):
         if self.heartbeat_s is not None and self.node_id is None:
             hint = "Add the node id of a CANopen sensor; a sensor of raw frames has no heartbeat."
             raise refusal("heartbeat without node_id", "both, or no heartbeat", hint, at="heartbeat")
+        if self.heartbeat_s is not None and self.heartbeat_s < SHORTEST_HEARTBEAT_S:
+            raise refusal(
+                show(self.heartbeat_s, PERIOD), f"at least {show(SHORTEST_HEARTBEAT_S, PERIOD)}", at="heartbeat"
+            )
         return self
 
 

@@ -1,6 +1,6 @@
 """The bench's hardware as plain data: what a caller fills in to get a `drivers.wire_bench.WireBench`.
 
-Nothing here reads files. SI units; the profiles are those of `drivers.profile`.
+Nothing here reads files. SI units; the profiles are those of `definitions.profiles`.
 """
 
 from __future__ import annotations
@@ -8,8 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from definitions.profiles.can import CanFrame
+from definitions.profiles.drive import DriveProfile
+from definitions.profiles.modbus import ModbusProfile
 from drivers.pace import PaceConfig
-from drivers.profile import CanFrame, DriveProfile, ModbusProfile
 
 ALL_CHANNELS = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
 """Measured channels of a bench with all four sensors."""

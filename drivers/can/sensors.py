@@ -15,10 +15,11 @@ from collections.abc import Iterable, Sequence
 import can
 
 from definitions.image import AGE_NEVER
+from definitions.profiles.can import CanFrame
+from definitions.profiles.drive import DriveProfile
 from drivers.can.bus import CanLink
 from drivers.config import CanSensorConfig
 from drivers.errors import Problem
-from drivers.profile import CanFrame, DriveProfile
 from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, rpdo_cob_id, tpdo_cob_id
 
 NO_FIELD = -1

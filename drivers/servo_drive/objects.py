@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 from definitions.number_formats import RANGES, IntegerType
+from definitions.profiles.drive import DriveProfile
 from definitions.protections import BY_NAME, DRIVE_PROTECTIONS, NONE
 from definitions.protections import Protection as DefinedProtection
 from drivers.config import DriveConfig
-from drivers.profile import DriveProfile
 from drivers.servo_drive.pdo import SYNC_COB_ID
 
 ALL_BITS = 0xFFFF_FFFF

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from definitions.number_formats import SIZES
+from definitions.profiles.drive import DriveProfile, MappedObject
 from drivers.config import CanSensorConfig
-from drivers.profile import DriveProfile, MappedObject
 from recipes import Bench, Recipe
 from recipes.checks.bus_load import BusFrame
 from recipes.schema.sequence_schema import SpeedCycles

@@ -13,9 +13,8 @@ import cantools
 from cantools.database.can import Database, Message, Signal
 
 from definitions.number_formats import SIZES
-from drivers.profile import CanField, CanFrame
+from definitions.profiles.can import CAN_BYTES, LAST_IDENTIFIER, CanField, CanFrame, CanFrameFile, CanProfile
 from recipes import Problem, RecipeError, parse_document
-from recipes.schema.can_profile_schema import CAN_BYTES, CanFrameFile, CanProfileFile
 from station.bench.files import File
 
 DBC = ".dbc"
@@ -31,7 +30,7 @@ def can_frames(file: File, node_id: int | None, named: Collection[str]) -> tuple
     """
     if file.path.suffix.lower() == DBC:
         return tuple(_of_message(file.path, one, named) for one in _messages(file, named))
-    profile = parse_document(file.content, str(file.path), CanProfileFile)
+    profile = parse_document(file.content, str(file.path), CanProfile)
     return tuple(_of_file(file.path, frame, node_id) for frame in profile.frames)
 
 
@@ -39,7 +38,7 @@ def _of_file(path: Path, frame: CanFrameFile, node_id: int | None) -> CanFrame:
     if frame.add_node_id and node_id is None:
         raise _refused(path, "add_node_id", "'node_id' at the sensor in the bench file", "Give it, or the identifier.")
     identifier = frame.identifier + (node_id or 0) * frame.add_node_id
-    if identifier > 0x7FF:
+    if identifier > LAST_IDENTIFIER:
         raise _refused(path, f"identifier 0x{identifier:X}", "up to 0x7FF", "Correct identifier or node_id.")
     fields = []
     for field in frame.fields:

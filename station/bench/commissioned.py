@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from definitions.commissioning import STEPS, Step, concerns
-from drivers.profile import DriveProfile, DriveProfileHeader
+from definitions.profiles.drive import DriveProfile, DriveProfileHeader
 from recipes import Bench
 from recipes.schema.bench_schema import PARTS
 from station.atomic_file import write_atomic

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from definitions.device_proofs import unproven_text
+from definitions.profiles.modbus import ModbusProfile
 from drivers.config import CanSensorConfig, ChannelConfig, ModbusConfig, NamedDevice
 from drivers.errors import Problem
 from drivers.modbus.part_fields import source_problems
-from drivers.profile import ModbusProfile
 from recipes import Bench
 from station.bench.can_profile import can_frames
 from station.bench.files import File

@@ -10,12 +10,12 @@ from functools import cached_property
 from pathlib import Path
 
 import drivers
+from definitions.profiles.drive import DriveProfile
 from definitions.program import Program
 from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
 from drivers.can.sensors import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
-from drivers.profile import DriveProfile
 from drivers.servo_drive.objects import missing_protections
 from recipes import (
     Bench,

@@ -14,9 +14,9 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from definitions.number_formats import BIT, SIZES, FieldType
+from definitions.profiles.modbus import COIL_TABLES, ModbusProfile, ReadField
 from drivers.modbus.device import COUNTERS
 from drivers.modbus.registers import reader_of
-from drivers.profile import COIL_TABLES, ModbusProfile, ReadField
 from recipes import Bench
 from recipes.schema.bench_schema import TorqueSensor
 from station.commissioning.on_wires import ByHand, OnWires, pause

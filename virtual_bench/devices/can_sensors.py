@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from drivers.profile import CanField, CanFrame
+from definitions.profiles.can import CanField, CanFrame
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import CanSensorPort
 

@@ -15,8 +15,8 @@ from durand.network import NetworkABC
 from durand.node import NodeCapabilities
 from durand.services.nmt import StateEnum
 
+from drivers.config import DriveConfig
 from virtual_bench.bench_time import BenchTime
-from virtual_bench.config import DriveConfig
 from virtual_bench.devices.drive_dictionary import DriveDictionary
 from virtual_bench.devices.pdo_parameters import SETPOINT_PDO
 from virtual_bench.devices.pdo_service import PdoService

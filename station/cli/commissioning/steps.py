@@ -16,7 +16,7 @@ from station.cli.say import Grid, say
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
 from station.documents.commissioning import StepDone
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.errors import StationError
 
 NOT_PASSED = 1

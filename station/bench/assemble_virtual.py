@@ -187,7 +187,15 @@ def server_config(
         devices={name: port(name, device) for name, device in bench.modbus_devices.items()},
         can=bus,
         can_sensors=tuple(
-            CanSensorPort(sensor.node_id, sensor.frames, one.update_every_s, shown_by(bench, one.name))
+            CanSensorPort(
+                name=one.name,
+                node_id=sensor.node_id,
+                frames=sensor.frames,
+                every_s=one.update_every_s,
+                shows=shown_by(bench, one.name),
+                identity=sensor.identity,
+                startup=sensor.startup,
+            )
             for one, sensor in zip(bench.can_devices, can_sensors(bench, files), strict=True)
         ),
         scenario=scenario,

@@ -78,6 +78,10 @@ def test_torques_and_angles_of_two_canopen_sensors(lostmotion, recipe, truth):
     assert min(wires["flange.frames"], wires["encoders.frames"] / 2) > 0.99 * scans
     assert wires["flange.malformed"] == wires["encoders.malformed"] == wires["can.frames_foreign"] == 0
     assert any("Channel angle_in of encoders: not proven" in note for note in result["notes"])
+    assert wires["flange.heartbeats"] > 0.99 * scans / 50
+    of_sensors = [note for note in result["notes"] if note.startswith("Sensor ")]
+    assert len(of_sensors) == 2, "identity and heartbeat of the flange are looked at"
+    assert all("encoders" in note for note in of_sensors)
 
 
 def test_raw_frames_that_a_dbc_file_describes(lostmotion, recipe, truth):

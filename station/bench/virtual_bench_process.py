@@ -8,12 +8,13 @@ JSON line each.
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import sys
 from pathlib import Path
 from typing import Any
+
+import uvloop
 
 from recipes import RecipeError, load_bench
 from station.bench.assemble_virtual import load_scenario, server_config
@@ -44,7 +45,7 @@ def serve(spec: dict[str, Any]) -> None:
     )
     faults = None if scenario is None else load_scenario(scenario)
     play_hardware(config)
-    asyncio.run(run(config, faults))
+    uvloop.run(run(config, faults))
 
 
 def play_hardware(config: ServerConfig) -> None:

@@ -17,7 +17,8 @@ from typing import Any
 import uvloop
 
 from recipes import RecipeError, load_bench
-from station.bench.assemble_virtual import load_scenario, server_config
+from station.bench.assemble_virtual import load_scenario, server_config, vocabulary_on
+from station.bench.files import FileAt
 from station.bench.virtual_unit import VirtualUnit
 from station.records.clocks import SCAN
 from virtual_bench.config import ServerConfig
@@ -34,8 +35,9 @@ def serve(spec: dict[str, Any]) -> None:
     """Run the virtual bench of a spec until it is told to end or its parents are gone."""
     profiles = {name: Path(path) for name, path in spec["profiles"].items()}
     scenario = None if spec["scenario"] is None else Path(spec["scenario"])
+    bench = load_bench(spec["bench"])
     config = server_config(
-        load_bench(spec["bench"]),
+        bench,
         profiles,
         VirtualUnit.from_plain(spec["unit"]),
         scenario=scenario,
@@ -43,7 +45,11 @@ def serve(spec: dict[str, Any]) -> None:
         truth=None if spec["truth"] is None else Path(spec["truth"]),
         waits=spec["clock"] == SCAN,
     )
-    faults = None if scenario is None else load_scenario(scenario)
+    faults = (
+        None
+        if scenario is None
+        else load_scenario(scenario, vocabulary_on(bench, {name: FileAt(path) for name, path in profiles.items()}))
+    )
     play_hardware(config)
     uvloop.run(run(config, faults))
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from functools import lru_cache
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, cast
 
 from pydantic import BaseModel
 
@@ -60,13 +60,14 @@ def wire_config(
 
 def device_profile(file: File, model: type[BaseModel], profile: type[ProfileT]) -> ProfileT:
     """Return the profile in a file as both ends of the wires want it; RecipeError with every problem and its place."""
-    return exact(profile, _parsed(file.content, str(file.path), model).model_dump(mode="json"))
+    found: ProfileT = _read(file.content, str(file.path), model, cast("Hashable", profile))
+    return found
 
 
 @lru_cache(maxsize=32)
-def _parsed(content: bytes, path: str, model: type[BaseModel]) -> BaseModel:
-    """Parse a profile once, for its check and for whoever takes it."""
-    return parse_document(content, path, model)
+def _read(content: bytes, path: str, model: type[BaseModel], profile: Any) -> Any:
+    """Read a profile once, for its check and for whoever takes it; profile: the class of what is returned."""
+    return exact(profile, parse_document(content, path, model).model_dump(mode="json"))
 
 
 def drive_profile(file: File) -> DriveProfile:

@@ -12,6 +12,8 @@ import asyncio
 import json
 import os
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -31,20 +33,23 @@ FIFO_PRIORITY = 60
 
 def serve(spec: dict[str, Any]) -> None:
     """Run the virtual bench of a spec until it is told to end or its parents are gone."""
+    config = _config(spec)
+    faults = None if config.scenario is None else load_scenario(config.scenario)
+    play_hardware(config)
+    asyncio.run(run(config, faults))
+
+
+def _config(spec: dict[str, Any]) -> ServerConfig:
     profiles = {name: Path(path) for name, path in spec["profiles"].items()}
-    scenario = None if spec["scenario"] is None else Path(spec["scenario"])
-    config = server_config(
+    return server_config(
         load_bench(spec["bench"]),
         profiles,
         VirtualUnit.from_plain(spec["unit"]),
-        scenario=scenario,
+        scenario=None if spec["scenario"] is None else Path(spec["scenario"]),
         embedded=spec["embedded"],
         truth=None if spec["truth"] is None else Path(spec["truth"]),
         waits=spec["clock"] == SCAN,
     )
-    faults = None if scenario is None else load_scenario(scenario)
-    play_hardware(config)
-    asyncio.run(run(config, faults))
 
 
 def play_hardware(config: ServerConfig) -> None:
@@ -54,6 +59,16 @@ def play_hardware(config: ServerConfig) -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except OSError as error:
         log_line("fifo_refused", str(error))
+
+
+def prepare(like: str) -> Callable[[], int]:
+    """Make the plant of a likely spec once, so that all is loaded; return what is to be done with the order.
+
+    like: that spec as JSON. What is wrong with it is told by the run that it is for.
+    """
+    with suppress(VirtualBenchError, RecipeError):
+        warm_up(_config(json.loads(like)).bench)
+    return main
 
 
 def main() -> int:

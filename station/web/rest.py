@@ -15,7 +15,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 from starlette.exceptions import HTTPException
 
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.errors import StationError
 from station.version import version
 from station.web.action_values import Refused, refusal

@@ -17,9 +17,9 @@ from station_support import released, write_models
 from recipes import RecipeError, shipped_recipes
 from recipes.schema.bench_schema import MasterPart
 from station.bench.request import Job
+from station.documents.entries import plain
 from station.documents.events import LeftState
 from station.documents.manifest import EarlierAttempt
-from station.documents.reading import plain
 from station.documents.result import Result
 from station.records.data_folder import Store
 from station.records.recipe_revisions import save_draft

@@ -22,6 +22,9 @@ from typing import TypeVar
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.records.run_record import MANIFEST, RunRecord
+from station.records.samples.layout import CURRENT
+from station.records.samples.samples import samples_bytes
+from station.records.samples.scan_record import RECORD_BYTES
 from station.reports.export_of_run import export_run
 from station.reports.loop_curves import LoopCurves, loop_curves
 from station.reports.report_of_run import loop_of, report_of
@@ -70,6 +73,10 @@ class Evaluations:
     def loop(self, run: RunRecord) -> LoopCurves:
         """Return what is drawn of a run, StationError as `loop_curves`."""
         return self._once(loop_curves, run)
+
+    def last_record(self, run: RunRecord) -> bytes:
+        """Return the last record of a run; see the function of that name."""
+        return self._once(last_record, run)
 
     def start(self, data: Path) -> None:
         """Start the process before anybody waits for it, and have it keep the store of a data folder up to its chain.
@@ -149,6 +156,18 @@ def _begin(server: int) -> None:
 
 def _on_run(make: Callable[[RunRecord], Made], folder: Path) -> Made:
     return make(RunRecord(folder))
+
+
+def last_record(run: RunRecord) -> bytes:
+    """Return the last record of a run as it was written, empty where it has none, or one of another layout.
+
+    Raises:
+        RecordError: its samples cannot be read.
+
+    """
+    if run.layout() != CURRENT:
+        return b""
+    return samples_bytes(run)[-RECORD_BYTES:]
 
 
 def _parquet_of(run: RunRecord) -> bytes:

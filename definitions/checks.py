@@ -11,6 +11,13 @@ from typing import NamedTuple
 from definitions.units import FRACTION, LOSS, NUMBER, SAMPLES, SCANS, TEMPERATURE, TEMPERATURE_CHANGE, Kind, Range
 
 
+class LeavesOpen(NamedTuple):
+    """Error that a check cannot see: its name for people, and the unit of its size."""
+
+    text: str
+    unit: str
+
+
 class Check(NamedTuple):
     """One validity check: its figure, the limit that holds unless the recipe has another, and what a failure means."""
 
@@ -32,6 +39,8 @@ class Check(NamedTuple):
     """Limits that a recipe may set; None where the limit is fixed, or is one of another section."""
     below: str = ""
     """Check whose limit must be above this one's."""
+    leaves_open: LeavesOpen | None = None
+    """Error that passes the check unseen, up to a size that depends on its limit and on the measurement."""
 
     @property
     def unit(self) -> str:
@@ -238,7 +247,7 @@ _ROWS = (
         "that of the recipe, or of its sides from each other; beyond the declared gains of both sensors, friction and "
         "the scatter of the lines",
         "the measured ratio differs from the ratio in the recipe",
-        CHECK_RATIO, settable=SHARES,
+        CHECK_RATIO, settable=SHARES, leaves_open=LeavesOpen("gain of the output torque, or ratio in the recipe", "%"),
     ),
     Check(
         "temperature_change", "Change of temperature", TEMPERATURE_CHANGE, 5.0,
@@ -325,7 +334,7 @@ _ROWS = (
         "encoders, relative to the whole wind-up",
         "an angle has an error that repeats as its encoder turns",
         "check mounting, coupling and electrical adjustment of the encoders, and measure again",
-        settable=SHARES,
+        settable=SHARES, leaves_open=LeavesOpen("fast wave of the loaded shaft's encoder, at that shaft", "arcmin"),
     ),
     Check(
         "calibrated_turn", "Turning points of the calibration", FRACTION, 0.4,
@@ -371,7 +380,7 @@ _ROWS = (
         "the scatter of the points",
         "a torque channel is not linear: its gain changes with the load",
         "calibrate both torque channels over their range, and check their mounting for side loads",
-        settable=SHARES,
+        settable=SHARES, leaves_open=LeavesOpen("hysteresis of the output torque sensor at mid-range", "N·m"),
     ),
     Check(
         "drive_torque_agreement", "Agreement of drive and torque sensor", FRACTION, 10.0,
@@ -386,6 +395,23 @@ _ROWS = (
         "to the torque between the turning points",
         "the torque sensor lags behind the drive, or friction lies between them",
         "set the filters of both torque channels as in the bench file, or load slower and see whether it stays",
+        settable=SHARES,
+    ),
+    Check(
+        "drive_angle_agreement", "Agreement of drive and angle encoder", FRACTION, 2.0,
+        "change of the difference between the drive's position and the angle of the loaded shaft within a branch, "
+        "beyond their constant delay, relative to the way of that shaft",
+        "the drive's position and the angle of the loaded shaft do not agree",
+        "check line count, scale and mounting of the encoder, then the drive's gear ratio and couplings",
+        settable=SHARES,
+        leaves_open=LeavesOpen("slower wave or scale of the loaded shaft's encoder, at that shaft", "arcmin"),
+    ),
+    Check(
+        "drive_angle_repeat", "Delay of the angle encoder, branch against branch", FRACTION, 0.15,
+        "change of the difference between the drive's position and the angle of the loaded shaft from one branch to "
+        "another of the same direction, at the same angle, relative to the way of that shaft",
+        "the angle of the loaded shaft does not follow the drive's position in all branches alike",
+        "check cable, supply and filter of the encoder, and measure again",
         settable=SHARES,
     ),
     Check(

@@ -134,6 +134,7 @@ class Station:
 
     def close(self) -> None:
         """Close what is open of it; a run that is on goes on."""
+        self.running.close()
         self.dry_runs.close()
         self.evaluations.close()
         self.database.close()
@@ -186,7 +187,7 @@ def _start_run(call: Call, given: Start) -> RunStarted:
     if "previous_step_passed" not in used and (unverified := unverified_note(now)) is not None:
         options += ["--note", unverified]
     options += ["--retest-reason", given.retest_reason] if given.retest_reason.strip() else []
-    station.running.start(options, serial)
+    station.running.start(options, serial, now.likely)
     return RunStarted(serial=serial, model=model.model, recipe=model.recipe)
 
 

@@ -69,9 +69,15 @@ class Situation:
         """Return recipe, bench and virtual unit as `lostmotion run` takes them: the recipe's file as it was judged."""
         if self.model is None or self.job is None:
             raise StationError("there is no recipe to run: the start conditions are not met")
-        model, recipe = self.model, str(self.job.recipe_source.path)
-        bench = ["--bench", model.bench] if model.bench else []
+        model, (recipe, named) = self.model, self.likely
+        bench = ["--bench", named] if named else []
         return [recipe, *bench, *(["--unit", model.unit] if model.unit else [])]
+
+    @property
+    def likely(self) -> tuple[str, str]:
+        """Recipe and bench of the unit, which are likely to be those of the next one; '' for none."""
+        recipe = "" if self.job is None else str(self.job.recipe_source.path)
+        return recipe, "" if self.model is None or self.model.bench is None else self.model.bench
 
 
 class Condition(NamedTuple):
@@ -101,6 +107,15 @@ def situation_of(
     newest = next(reversed(store.newest(1)), None)
     bad = unconfirmed(data, confirmed)
     return Situation(data, wanted, model, job, why, release, busy, before, newest, bad, previous_step)
+
+
+def likely_first(data: Path, models: Models) -> tuple[str, str]:
+    """Return recipe and bench of the first model of a table, '' for none: nobody knows which unit comes."""
+    first = models.models[0]
+    try:
+        return recipe_file(History(data), first.recipe), first.bench or ""
+    except StationError:
+        return "", ""
 
 
 def recipe_file(history: History, recipe: str) -> str:

@@ -10,15 +10,14 @@ import math
 import os
 import signal
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from threading import RLock
+from threading import Event, RLock, Thread
 
 from recipes import RecipeError
-from station.bench.request import stored_job
+from station.bench.request import load_job, stored_job
 from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
 from station.errors import StationError
@@ -26,6 +25,7 @@ from station.records.data_folder import Store
 from station.records.run_record import RECORDING, RESULT, RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import alterations, is_sealed
+from station.run.next_run import NextRun
 from station.run.screen.live import LiveReader, LiveView
 
 OUTPUT = "station-run.log"
@@ -40,6 +40,9 @@ LOOP_EVERY_RECORDS = 40
 
 LOOK_EVERY_S = 0.08
 """However many look, the records are read once in this time."""
+
+READY_EVERY_S = 0.5
+"""How often it is looked whether the process of the next run can be started."""
 
 READY, STARTING, RUNNING, ENDED = "ready", "starting", "running", "ended"
 
@@ -85,27 +88,57 @@ class Running:
         self._watched: _Watched | None = None
         self._ended: Now | None = None
         self._refused = ""
+        self._newest: subprocess.Popen[bytes] | None = None
+        self._next, self._likely, self._over = NextRun(), ("", ""), Event()
         self._one_at_a_time = RLock()
         self._told, self._looked = Now(), -math.inf
         self._folder_at_ns, self._look_until = 0, math.inf
 
-    def start(self, options: list[str], serial: str) -> None:
-        """Start the process of a run; it may still refuse, which `now` tells. StationError where it cannot start."""
+    def start(self, options: list[str], serial: str, likely: tuple[str, str] = ("", "")) -> None:
+        """Start the process of a run; it may still refuse, which `now` tells. StationError where it cannot start.
+
+        likely: recipe and bench of this unit, which are likely to be those of the next one.
+        """
         with self._one_at_a_time:
+            self._likely = likely
             self._start(options, serial)
 
     def _start(self, options: list[str], serial: str) -> None:
-        command = [sys.executable, "-m", "station", "run", *options, "--serial", serial, "--data", str(self._data)]
+        words = [*options, "--serial", serial, "--data", str(self._data)]
         try:
             self._data.mkdir(parents=True, exist_ok=True)
             with (self._data / OUTPUT).open("wb") as output:
-                self._process = subprocess.Popen(  # noqa: S603 - our own program
-                    command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
-                )
+                said = output.fileno()
+                self._process = self._newest = self._next.start(words, stdout=said, stderr=said)
         except OSError as error:
             raise StationError(f"the run cannot be started: {error.strerror}") from error
         self._serial, self._refused, self._watched, self._ended = serial, "", None, None
         self._looked = -math.inf
+
+    def stay_ready(self, likely: tuple[str, str]) -> None:
+        """Have the process of the next run started ahead whenever no run is on, from now until `close`.
+
+        likely: recipe and bench of the unit that comes first; later it is that of the newest unit.
+        """
+        self._likely = likely
+        Thread(target=self._stay_ready, daemon=True).start()
+
+    def _stay_ready(self) -> None:
+        recipe, bench = self._likely
+        with suppress(RecipeError, StationError):
+            load_job(recipe, bench or None)  # what the server looks at when the first unit is scanned
+        while not self._over.wait(READY_EVERY_S):
+            with suppress(StationError), self._one_at_a_time:
+                # The process of a run that has ended still puts it into the store.
+                ended = self._newest is None or self._newest.poll() is not None
+                if ended and not self._over.is_set() and not self.busy():
+                    self._next.get_ready(*self._likely)
+
+    def close(self) -> None:
+        """End the process that waits for the next run; a run that is on goes on."""
+        self._over.set()
+        with self._one_at_a_time:
+            self._next.close()
 
     def busy(self) -> bool:
         """Say whether a run is on, or starts."""

@@ -24,6 +24,7 @@ from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
 from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
+from station.web.permission import likely_first
 from station.web.rest import rest_of
 from station.web.running import Running
 
@@ -134,6 +135,7 @@ def serve(served: Served) -> None:
             )  # fmt: skip
             if sender is not None:
                 sender.start()
+            station.running.stay_ready(likely_first(station.data, station.models))
             uvicorn.Server(config).run(sockets=[listener])
     finally:
         if sender is not None:

@@ -49,6 +49,7 @@ def check(recipe: RecipeArgument, bench: BenchOption = None, as_json: JsonOption
 
 
 def run(
+    context: typer.Context,
     recipe: RecipeArgument,
     serial: Annotated[
         str | None,
@@ -105,7 +106,8 @@ def run(
         wall_clock=wall_clock,
         fast=pace is Pace.fast,
     )
-    raise typer.Exit(command_run.run(options))
+    ahead = context.find_object(dict)
+    raise typer.Exit(command_run.run(options, ahead))
 
 
 def line(

@@ -19,6 +19,7 @@ from station.web.mes.settings import load_mes
 from station.web.models import load_models
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
+from station.web.pages.quality import add_quality_page
 from station.web.pages.recipes import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
@@ -85,6 +86,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_maintenance(station)
     add_results(station)
     add_run_page(station)
+    add_quality_page(station)
     station.evaluations.start(station.data)
     nicegui.on_shutdown(station.evaluations.close)
     add_recipe_pages(station)

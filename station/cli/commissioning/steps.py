@@ -41,7 +41,7 @@ class FieldRow(NamedTuple):
     field: str
     type: str
     raw: str
-    word_order_big: str
+    order_big: str
     little: str
     changes: str
     shows: str

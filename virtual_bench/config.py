@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from definitions.profiles.can import CanFrame
+from definitions.profiles.can import CanFrame, CanIdentity
+from definitions.profiles.drive import StartupObject
 from definitions.profiles.modbus import ModbusProfile
 from drivers.config import DriveConfig
 
@@ -161,10 +162,14 @@ class ModbusPort:
 class CanSensorPort:
     """A sensor on the CAN bus: what it sends and how often, None for with every SYNC. `shows` as of a `ModbusPort`."""
 
+    name: str
     node_id: int | None  # of a CANopen node, which NMT has to start
     frames: tuple[CanFrame, ...]
     every_s: float | None
     shows: tuple[Shown, ...]
+    identity: CanIdentity | None = None
+    startup: tuple[StartupObject, ...] = ()
+    """Objects of a node that may be written; as delivered each holds 0."""
 
 
 @dataclass(frozen=True)

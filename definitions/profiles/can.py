@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from definitions.number_formats import SIZES, ByteType, Limits
+from definitions.profiles.drive import U32, StartupObject
 from definitions.profiles.modbus import Order
 
 CAN_BYTES = 8
@@ -84,11 +85,25 @@ class CanFrameFile:
 
 
 @dataclass(frozen=True)
+class CanIdentity:
+    """Identity object 0x1018 of a CANopen node."""
+
+    vendor_id: U32
+    product_code: U32
+
+
+@dataclass(frozen=True)
 class CanProfile:
-    """Profile of a sensor on CAN."""
+    """Profile of a sensor on CAN.
+
+    Of a CANopen node: identity, which is compared, and objects that it needs written before it is started. A node
+    without an identity is taken for what the bench file says that it is.
+    """
 
     profile: CanProfileHeader
     frames: Annotated[tuple[CanFrameFile, ...], Limits(min_length=1)]
+    identity: CanIdentity | None = None
+    startup: tuple[StartupObject, ...] = ()
 
     def __post_init__(self) -> None:
         names = [field.name for frame in self.frames for field in frame.fields]

@@ -13,7 +13,7 @@ import drivers
 from definitions.profiles.drive import DriveProfile
 from definitions.program import Program
 from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
-from drivers.can.sensors import identifier_problems
+from drivers.can.identifiers import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
 from drivers.servo_drive.objects import missing_protections
@@ -201,7 +201,7 @@ class Job:
             if modbus_profile(self.profile_sources[device.profile]).identity is None
         ]
         said += missing_of_brake(modbus_profile(self.profile_sources[self.bench.brake.profile]))
-        return (*said, *channels_not_proven(self.bench))
+        return (*said, *channels_not_proven(self.bench, can_sensors(self.bench, self.profile_sources)))
 
 
 def find_profile(name: str, bench_path: Path) -> Path:

@@ -17,6 +17,7 @@ import signal
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -183,6 +184,11 @@ def _watch_supervisor(supervisor: int, ring: RingWriter, stop: Stop) -> None:
     signal.signal(signal.SIGUSR1, desk_died)
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGUSR1), 0, 0, 0)
     desk_died()  # it may have died before it was watched
+
+
+def prepare() -> Callable[[], int]:
+    """Return what is to be done with an order: all that a scan needs is loaded with this module."""
+    return main
 
 
 def main() -> int:

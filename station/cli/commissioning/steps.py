@@ -41,7 +41,7 @@ class FieldRow(NamedTuple):
     field: str
     type: str
     raw: str
-    word_order_big: str
+    order_big: str
     little: str
     changes: str
     shows: str
@@ -150,16 +150,16 @@ def registers(
             tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
 
     def pressed(row: Row, value: float) -> None:
-        tell(f"  {row.field.name} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
+        tell(f"  {row.field} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
 
     with bench.alone():
         seen = browse(bench, part, seconds, begun, pressed, without)
     rows = [
         FieldRow(
             row.part,
-            str(row.address),
-            row.field.name,
-            row.field.type,
+            row.address,
+            row.field,
+            row.kind,
             row.raw,
             _number(row.big),
             _number(row.little),

@@ -7,12 +7,15 @@ lost until the bench is opened anew. There is no thread.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import can
 
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, Image, Orders
 from drivers.can.bus import CanLink, open_can
 from drivers.can.other_controller import refuse_other_controller
-from drivers.can.sensors import SensorFrame, identifier_problems, start_sensors
+from drivers.can.sensor_setup import identifier_problems, start_sensors
+from drivers.can.sensors import SensorFrame, SensorNode
 from drivers.config import ModbusConfig, WireBenchConfig
 from drivers.errors import DriverError, ModbusError, Problem, ProfileError
 from drivers.modbus.device import ModbusDevice
@@ -21,7 +24,8 @@ from drivers.modbus.line import ModbusLine
 from drivers.modbus.part_fields import check_parts, source_problems
 from drivers.pace import Pace
 from drivers.sample import ComposedSample
-from drivers.servo_drive.drive import CanDrive
+from drivers.servo_drive.drive import CanDrive, Listener
+from drivers.servo_drive.pdo import HEARTBEAT_BASE
 from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 from drivers.servo_drive.setup import set_up_drive
 from drivers.wire_image import WireImage
@@ -80,6 +84,8 @@ class WireBench:
         ):
             raise ProfileError(*problems)
         self._can_frames = [(sensor.name, SensorFrame(one)) for sensor in config.can_sensors for one in sensor.frames]
+        self._can_nodes: dict[int, tuple[str, SensorNode]] = {}
+        """Names and nodes of the sensors that have a heartbeat, by the identifier of that."""
         self._composed = self._compose(measuring) if config.sources else None
         self._image = WireImage(
             self._composed or self.amplifiers[0], self.brake, self.remote_io, config.brake_fixed_current_a
@@ -165,10 +171,22 @@ class WireBench:
         if problems := start_sensors(link, self.config.can_sensors, verified):
             raise DriverError(*problems)
         heartbeat_scans = in_scans(self.config.drive.controller_heartbeat_s, self.config.period_ns)
-        listeners = {frame.identifier: frame for _, frame in self._can_frames}
+        self._can_nodes = dict(self._nodes())
+        listeners: dict[int, Listener] = {frame.identifier: frame for _, frame in self._can_frames}
+        listeners |= {identifier: node for identifier, (_, node) in self._can_nodes.items()}
         self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners)
         self._image.opened()
         return [f"{self.config.can.where}: open", *verified]
+
+    def _nodes(self) -> Iterator[tuple[int, tuple[str, SensorNode]]]:
+        """Yield the sensors whose heartbeat is watched, from now."""
+        for sensor in self.config.can_sensors:
+            if sensor.node_id is not None and sensor.heartbeat_s:
+                frames = [frame for name, frame in self._can_frames if name == sensor.name]
+                for frame in frames:
+                    frame.lost = False
+                node = SensorNode(frames, in_scans(sensor.heartbeat_s, self.config.period_ns))
+                yield HEARTBEAT_BASE + sensor.node_id, (sensor.name, node)
 
     def begin(self) -> None:
         """Before the first scan (blocking): let a bench that waits do so, and count from here what goes both ways.
@@ -215,6 +233,8 @@ class WireBench:
         for device in self._devices:
             looks += device.poll(scan)
         self._requests_left = self._most_calls - looks
+        for _, node in self._can_nodes.values():
+            node.look(scan)
         if self._composed is not None:
             self._composed.take(scan)
         return self._image.take(drive, scan, missed_periods, command)
@@ -289,6 +309,8 @@ class WireBench:
             frames = [frame for other, frame in self._can_frames if other == name]
             counts[f"{name}.frames"] = sum(frame.frames for frame in frames)
             counts[f"{name}.malformed"] = sum(frame.malformed for frame in frames)
+        for name, node in self._can_nodes.values():
+            counts |= {f"{name}.heartbeats": node.heartbeats, f"{name}.nmt_state": node.state}
         return counts
 
 

@@ -176,7 +176,7 @@ class VirtualBench:
         for server in self.servers.values():
             server.requests = server.bytes_sent = 0
         self.time.lead()
-        self.drive.begin_heartbeats()
+        self.drive.heartbeat.begin()
         self.begin_sensors()
         self.can.flush()
 

@@ -7,9 +7,9 @@ from difflib import get_close_matches
 from types import MappingProxyType
 
 from definitions.image import REMOTE_IO_FIELDS
+from definitions.profiles.modbus import ModbusProfile
 from drivers.config import ChannelConfig, WireBenchConfig
 from drivers.errors import Problem, ProfileError
-from drivers.profile import ModbusProfile
 from drivers.sample import SAMPLE_FIELDS
 
 PART_FIELDS = MappingProxyType(

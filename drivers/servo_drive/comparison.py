@@ -5,6 +5,7 @@ No command is sent either: the drive stays in the state that it is in.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 from drivers.can.bus import CanLink
@@ -55,8 +56,13 @@ def rows_of(config: DriveConfig, period_ns: int) -> list[SetupRow]:
 def compare_drive(link: CanLink, config: DriveConfig, period_ns: int) -> list[Compared]:
     """Read every object of the set-up and compare it; ends early when the drive does not answer."""
     node = SdoNode(link, config.node_id, config.sdo_reply_timeout_s, config.sdo_tries)
+    return compare_objects(node, rows_of(config, period_ns))
+
+
+def compare_objects(node: SdoNode, rows: Iterable[SetupRow]) -> list[Compared]:
+    """Read objects of a node and compare them; ends early when it does not answer."""
     compared: list[Compared] = []
-    for row in rows_of(config, period_ns):
+    for row in rows:
         compared.append(_compared(node, row))
         if [one.outcome for one in compared[-SILENCES_IN_A_ROW:]] == ["no answer"] * SILENCES_IN_A_ROW:
             break

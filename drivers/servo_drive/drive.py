@@ -15,11 +15,11 @@ from typing import NamedTuple, Protocol
 
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, DriveState, NmtState, Orders
 from definitions.number_formats import IGNORED
+from definitions.profiles.drive import ReceivePdo
 from definitions.protections import NONE
 from drivers.can.bus import CanLink
 from drivers.can.wires import Frame
 from drivers.config import DriveConfig
-from drivers.profile import ReceivePdo
 from drivers.servo_drive.cia402 import control_word, decode_state
 from drivers.servo_drive.data_types import picker, to_integer
 from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, PdoCodec, rpdo_cob_id, tpdo_cob_id

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, Literal
 
-from pydantic import BaseModel
-
-from definitions.plain_data import exact
+from definitions.profiles.drive import DriveProfile
+from definitions.profiles.modbus import ModbusProfile
 from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
 from drivers.pace import PaceConfig
-from drivers.profile import DriveProfile, ModbusProfile
 from recipes import Bench, parse_document
 from recipes.schema.bench_schema import ModbusDevice
-from recipes.schema.modbus_profile_schema import ModbusProfileFile
-from recipes.schema.profile_schema import DriveProfileFile
 from station.bench.files import File
 from station.bench.measuring import blocks, can_sensors, channels, sources
-
-ProfileT = TypeVar("ProfileT")
-
 
 Ports = Mapping[str, Any]
 """Ready line of the virtual bench: host and port of `can` and of each Modbus device, by its name."""
@@ -58,26 +51,25 @@ def wire_config(
     )
 
 
-def device_profile(file: File, model: type[BaseModel], profile: type[ProfileT]) -> ProfileT:
-    """Return the profile in a file as both ends of the wires want it; RecipeError with every problem and its place."""
-    found: ProfileT = _read(file.content, str(file.path), model, cast("Hashable", profile))
-    return found
-
-
-@lru_cache(maxsize=32)
-def _read(content: bytes, path: str, model: type[BaseModel], profile: Any) -> Any:
-    """Read a profile once, for its check and for whoever takes it; profile: the class of what is returned."""
-    return exact(profile, parse_document(content, path, model).model_dump(mode="json"))
-
-
 def drive_profile(file: File) -> DriveProfile:
-    """Return the profile of a drive; as `device_profile`."""
-    return device_profile(file, DriveProfileFile, DriveProfile)
+    """Return the profile of a drive; RecipeError with every problem and its place."""
+    return _drive_profile(file.content, str(file.path))
 
 
 def modbus_profile(file: File) -> ModbusProfile:
-    """Return the profile of a Modbus device; as `device_profile`."""
-    return device_profile(file, ModbusProfileFile, ModbusProfile)
+    """Return the profile of a Modbus device; RecipeError with every problem and its place."""
+    return _modbus_profile(file.content, str(file.path))
+
+
+@lru_cache(maxsize=32)
+def _drive_profile(content: bytes, path: str) -> DriveProfile:
+    """Parse a profile once, for its check and for whoever takes it."""
+    return parse_document(content, path, DriveProfile)
+
+
+@lru_cache(maxsize=32)
+def _modbus_profile(content: bytes, path: str) -> ModbusProfile:
+    return parse_document(content, path, ModbusProfile)
 
 
 def _pace(bench: Bench, ports: Ports | None) -> PaceConfig | None:

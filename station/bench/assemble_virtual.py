@@ -10,7 +10,7 @@ from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
 from recipes.text.yaml_source import read_source
-from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.assemble import drive_config, drive_profile, modbus_profile
 from station.bench.files import FileAt
 from station.bench.measuring import can_sensors, sources
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
@@ -22,14 +22,11 @@ from virtual_bench.config import (
     CanBus,
     CanSensorPort,
     Catalogue,
-    DriveConfig,
     ModbusPort,
     PaceServer,
-    Protections,
     ServerConfig,
     Shown,
     SlcanPort,
-    SlowPoll,
     Socketcand,
     TorqueSensor,
 )
@@ -102,7 +99,7 @@ def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> Bench
     return BenchConfig(
         unit=unit.name,
         loading=bench.bench.loading,
-        drive=_drive(bench, profiles),
+        drive=drive_config(bench, drive_profile(FileAt(profiles[bench.drive.profile]))),
         brake=BrakeConfig(brake.torque_constant_nm_per_a, brake.max_current_a, brake.time_constant_s),
         torque_in=_torque(sensors.torque_in),
         torque_out=_torque(sensors.torque_out),
@@ -111,9 +108,9 @@ def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> Bench
         fixture_stiffness_nm_per_arcmin=_lock_nm_per_arcmin(bench),
         noise_seed=unit.seed,
         catalogue=unit.catalogue,
-        amplifier_poll=SlowPoll(bench.sample_every_s),
-        brake_poll=SlowPoll(brake.poll_every_s),
-        remote_io_poll=SlowPoll(bench.remote_io.poll_every_s),
+        amplifier_every_s=bench.sample_every_s,
+        brake_every_s=brake.poll_every_s,
+        remote_io_every_s=bench.remote_io.poll_every_s,
     )
 
 
@@ -133,30 +130,6 @@ def _torque(sensor: TorqueSensorFile | None) -> TorqueSensor | None:
 
 def _angle(sensor: AngleSensorFile) -> AngleSensor:
     return AngleSensor(round(sensor.resolution_bits), sensor.noise_rad, sensor.lag_s)
-
-
-def _drive(bench: Bench, profiles: Profiles) -> DriveConfig:
-    drive = bench.drive
-    return DriveConfig(
-        node_id=drive.node_id,
-        controller_node_id=drive.controller_node_id,
-        gear_ratio=drive.gear_ratio,
-        rated_torque_nm=drive.rated_torque_nm,
-        profile=drive_profile(FileAt(profiles[drive.profile])),
-        protections=Protections(
-            max_torque_nm=drive.max_torque_nm,
-            max_speed_rad_s=drive.max_speed_rad_s,
-            torque_slope_nm_s=drive.torque_slope_nm_s,
-            controller_heartbeat_timeout_s=drive.controller_heartbeat_timeout_s,
-            setpoint_timeout_s=drive.setpoint_timeout_s,
-            drive_heartbeat_s=drive.drive_heartbeat_s,
-            abort_connection_option=drive.abort_connection_option,
-            quick_stop_option=drive.quick_stop_option,
-            fault_reaction_option=drive.fault_reaction_option,
-        ),
-        controller_heartbeat_s=drive.controller_heartbeat_s,
-        reversed=drive.reversed,
-    )
 
 
 PROOF_SHOWS = {"counter": "sample_counter", "time_stamp": "sample_time_us"}
@@ -214,7 +187,15 @@ def server_config(
         devices={name: port(name, device) for name, device in bench.modbus_devices.items()},
         can=bus,
         can_sensors=tuple(
-            CanSensorPort(sensor.node_id, sensor.frames, one.update_every_s, shown_by(bench, one.name))
+            CanSensorPort(
+                name=one.name,
+                node_id=sensor.node_id,
+                frames=sensor.frames,
+                every_s=one.update_every_s,
+                shows=shown_by(bench, one.name),
+                identity=sensor.identity,
+                startup=sensor.startup,
+            )
             for one, sensor in zip(bench.can_devices, can_sensors(bench, files), strict=True)
         ),
         scenario=scenario,

@@ -19,10 +19,10 @@ from canopen import objectdictionary
 from canopen.objectdictionary import datatypes
 
 from definitions.number_formats import IGNORED, SIZES
+from definitions.profiles.drive import OPTIONAL_OBJECTS, PDO_BYTES, RECEIVE_OBJECTS, TRANSMIT_OBJECTS
 from definitions.protections import DRIVE_PROTECTIONS, MISSING, NONE, NOT_TRIED, missing_text
 from drivers.servo_drive.objects import PROTECTIONS
 from recipes import Problem, RecipeError
-from recipes.schema.profile_schema import OPTIONAL_OBJECTS, PDO_BYTES, RECEIVE_OBJECTS, TRANSMIT_OBJECTS
 
 ENDINGS = (".eds", ".dcf")
 OBJECTS = {

@@ -10,12 +10,12 @@ from functools import cached_property
 from pathlib import Path
 
 import drivers
+from definitions.profiles.drive import DriveProfile
 from definitions.program import Program
 from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
-from drivers.can.sensors import identifier_problems
+from drivers.can.sensor_setup import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
-from drivers.profile import DriveProfile
 from drivers.servo_drive.objects import missing_protections
 from recipes import (
     Bench,
@@ -201,7 +201,7 @@ class Job:
             if modbus_profile(self.profile_sources[device.profile]).identity is None
         ]
         said += missing_of_brake(modbus_profile(self.profile_sources[self.bench.brake.profile]))
-        return (*said, *channels_not_proven(self.bench))
+        return (*said, *channels_not_proven(self.bench, can_sensors(self.bench, self.profile_sources)))
 
 
 def find_profile(name: str, bench_path: Path) -> Path:

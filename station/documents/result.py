@@ -8,9 +8,9 @@ from typing import Annotated
 
 from pydantic import AliasChoices, Field
 
+from station.documents.entries import Count, Number, left_out
 from station.documents.events import Alarm, LeftState
-from station.documents.manifest import BenchSource, Count, EarlierAttempt, RecipeHead, Unit, VerdictName
-from station.documents.reading import Number, left_out
+from station.documents.manifest import BenchSource, EarlierAttempt, RecipeHead, Unit, VerdictName
 from station.documents.timing import Timing
 
 

@@ -13,7 +13,8 @@ from definitions.image import SampleStatus, State
 from definitions.states import LOADED
 from recipes.schema.recipe_schema import Sampling
 from station.documents.exported import Counts
-from station.documents.timing import Pace, Percentiles, Realtime, Timing
+from station.documents.scan_report import Pace, Percentiles, Realtime
+from station.documents.timing import Timing
 from station.records.clocks import SCAN, clock_of
 from station.records.samples.table import Table
 from station.records.samples.zeroes import from_zero, read_again

@@ -12,11 +12,12 @@ from typing import Annotated, Any
 from fastapi import Depends, FastAPI, Header, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
 from starlette.exceptions import HTTPException
 
 from station.errors import StationError
 from station.version import version
+from station.web.action_values import Refused, refusal
 from station.web.actions import (
     ACTIONS,
     BAD_INPUT,
@@ -27,7 +28,6 @@ from station.web.actions import (
     Action,
     Station,
     perform,
-    said,
 )
 from station.web.bypasses import bypasses_now
 from station.web.mes.outbox import waiting
@@ -43,7 +43,7 @@ from station.web.people.accounts import (
     session_of,
 )
 from station.web.rest_recipes import add_recipes
-from station.web.rest_runs import CookieToken, add_runs
+from station.web.rest_runs import CookieToken, add_runs, refused_with
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
 MOST_LINES = 500
@@ -60,19 +60,6 @@ class Entry(BaseModel):
 
     name: str = Field(max_length=LONGEST_NAME)
     password: str = Field(max_length=LONGEST_PASSWORD)
-
-
-class Reason(BaseModel):
-    """One reason of a refusal."""
-
-    id: str
-    text: str
-
-
-class Refused(BaseModel):
-    """Why a request was refused."""
-
-    refused: list[Reason]
 
 
 class Me(BaseModel):
@@ -107,7 +94,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         if found is None:
             return _not_entered()
         if found.person.must_change:
-            return JSONResponse(said("must_change", "Choose a password of your own first."), NOT_ALLOWED)
+            return refused_with(NOT_ALLOWED, "must_change", "Choose a password of your own first.")
         return None
 
     add_runs(app, station, refuse, _answers)
@@ -118,7 +105,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         schema = {"required": needed, "content": {"application/json": {"schema": row.needs.model_json_schema()}}}
         app.post(
             f"/api/actions/{row.id}", summary=row.text, tags=["actions"], name=row.id,
-            openapi_extra={"requestBody": schema}, **_answers(200, 401, 403, 409, 422, 503),
+            openapi_extra={"requestBody": schema}, **_answers(200, 401, 403, 409, 422, 503, ok=row.gives),
         )(doing)  # fmt: skip
     return app
 
@@ -132,8 +119,8 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
         with station.database.writing() as connection:
             audit.write(connection, given.name if is_name(given.name) else "?", "enter", outcome, {})
         if isinstance(found, EntryRefusedError):
-            return JSONResponse(said("entry", str(found)), NOT_ENTERED)
-        answer = JSONResponse(_me(found))
+            return refused_with(NOT_ENTERED, "entry", str(found))
+        answer = _me(found)
         answer.set_cookie(COOKIE, found.token, httponly=True, samesite="strict", secure=secure, path="/")
         return answer
 
@@ -143,7 +130,7 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
     )  # fmt: skip
     def me(token: CookieToken = None) -> Response:
         found = _session(station, token)
-        return _not_entered() if found is None else JSONResponse(_me(found))
+        return _not_entered() if found is None else _me(found)
 
 
 def _add_readings(app: FastAPI, station: Station) -> None:
@@ -178,11 +165,13 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             return _not_entered()
         if found.person.role not in AUDIT_ROLES or found.person.must_change:
             text = f"allowed: {', '.join(sorted(AUDIT_ROLES))}, with a password of their own"
-            return JSONResponse(said("role", text), NOT_ALLOWED)
+            return refused_with(NOT_ALLOWED, "role", text)
         with station.database.reading() as connection:
             head = audit.head_of(connection)
             lines = audit.lines_of(connection, newest)
-        return JSONResponse({"lines": head.lines, "head_sha256": head.sha256, "newest": lines})
+        return JSONResponse(
+            {"lines": head.lines, "head_sha256": head.sha256, "newest": [one._asdict() for one in lines]}
+        )
 
 
 def _endpoint(station: Station, row: Action) -> Callable[..., Response]:
@@ -193,7 +182,7 @@ def _endpoint(station: Station, row: Action) -> Callable[..., Response]:
         key: RequestKey = None,
     ) -> Response:
         answer = perform(station, row.id, token, csrf, key, _values_in(body))
-        return JSONResponse(answer.body, answer.status)
+        return JSONResponse(answer.said.model_dump(mode="json"), answer.status)
 
     do.__doc__ = f"{row.text}. Roles: {', '.join(sorted(row.roles))}. Values: {row.needs.__doc__}"
     return do
@@ -209,21 +198,23 @@ async def _body_of(request: Request) -> bytes:
     return body
 
 
-def _values_in(body: bytes) -> Any:
+def _values_in(body: bytes) -> JsonValue:
     """Return what a body says; one that is no JSON is passed on as its text, which no action takes."""
     try:
-        return json.loads(body) if body.strip() else None
+        found: JsonValue = json.loads(body) if body.strip() else None
     except (ValueError, RecursionError):
         return "no JSON: " + body[:40].decode(errors="replace")
+    return found
 
 
-def _me(found: Session) -> dict[str, Any]:
+def _me(found: Session) -> Response:
     person = found.person
-    return {"name": person.name, "role": person.role, "must_change": person.must_change, "csrf": found.csrf}
+    told = Me(name=person.name, role=person.role, must_change=person.must_change, csrf=found.csrf)
+    return JSONResponse(told.model_dump())
 
 
 def _not_entered() -> Response:
-    return JSONResponse(said("not_entered", "Log in first."), NOT_ENTERED)
+    return refused_with(NOT_ENTERED, "not_entered", "Log in first.")
 
 
 def _answers(*statuses: int, ok: type[BaseModel] | None = None) -> dict[str, Any]:
@@ -236,15 +227,15 @@ def _answers(*statuses: int, ok: type[BaseModel] | None = None) -> dict[str, Any
 def _refuse_input(_request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - it is registered for that
     places = [(".".join(str(part) for part in one["loc"][1:]) or "body", one["msg"]) for one in error.errors()]
-    return JSONResponse({"refused": [{"id": name, "text": words} for name, words in places]}, BAD_INPUT)
+    return JSONResponse(Refused.because(places).model_dump(), BAD_INPUT)
 
 
 def _refuse_request(_request: Request, error: Exception) -> Response:
     """Refuse what is no request of this interface; a body that cannot be read is bad input as any other."""
     assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for that
     status = BAD_INPUT if error.status_code == UNREADABLE else error.status_code
-    return JSONResponse(said("request", str(error.detail)), status, error.headers)
+    return JSONResponse(refusal("request", str(error.detail)).model_dump(), status, error.headers)
 
 
 def _not_ready(_request: Request, error: Exception) -> Response:
-    return JSONResponse(said("station", str(error)), NOT_READY)
+    return refused_with(NOT_READY, "station", str(error))

@@ -10,8 +10,8 @@ from typing import Any
 
 from station_samples import SETUP
 
+from station.documents.entries import plain
 from station.documents.manifest import RecipeSource, Unit
-from station.documents.reading import plain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import fingerprint, seal

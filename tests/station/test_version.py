@@ -16,7 +16,7 @@ from lostmotion_command import ROOT
 from setuptools_scm import get_version
 
 from controller.decisions import DECISIONS, DECISIONS_VERSION, changes_since
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.version import DECIDING, PACKAGES, checkout, files_sha256, program_seen, software, version
 
 

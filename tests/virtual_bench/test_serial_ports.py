@@ -13,7 +13,7 @@ import pytest
 from pymodbus.client import AsyncModbusSerialClient
 from pymodbus.exceptions import ModbusIOException
 
-from drivers.profile import IdentityRegister, ModbusProfile, ModbusProfileHeader, ReadBlock, ReadField
+from definitions.profiles.modbus import IdentityRegister, ModbusProfile, ModbusProfileHeader, ReadBlock, ReadField
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import CanBus, ModbusPort
 from virtual_bench.devices.modbus_rtu import RtuLine

@@ -13,7 +13,7 @@ from durand import Node
 from durand.object_dictionary import Array, Record, Variable
 from durand.services.sdo.server import SDODomainAbort
 
-from virtual_bench.config import DriveConfig
+from drivers.config import DriveConfig
 from virtual_bench.devices.object_table import SETTINGS, STRUCT_LETTERS, U8, U32, VALUES, Setting, Value
 from virtual_bench.devices.pdo_parameters import ABORT_VALUE, Mappable
 from virtual_bench.drive.axis import DriveAxis

@@ -33,7 +33,7 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterResponse,
 )
 
-from drivers.profile import COIL_TABLES, ModbusProfile, ReadBlock
+from definitions.profiles.modbus import COIL_TABLES, ModbusProfile, ReadBlock
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import ModbusPort
 from virtual_bench.faults.modbus_faults import ModbusFaults

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from drivers.profile import ModbusProfile, ReadField
+from definitions.profiles.modbus import ModbusProfile, ReadField
 from virtual_bench.faults.schedule import FaultSchedule
 
 HEADER_BYTES = 7  # up to and with the unit

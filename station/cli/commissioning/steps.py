@@ -16,7 +16,7 @@ from station.cli.say import Grid, say
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
 from station.documents.commissioning import StepDone
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.errors import StationError
 
 NOT_PASSED = 1
@@ -118,16 +118,16 @@ def registers(
             tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
 
     def pressed(row: Row, value: float) -> None:
-        tell(f"  {row.field.name} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
+        tell(f"  {row.field} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
 
     with bench.alone():
         seen = browse(bench, part, seconds, begun, pressed, without)
     rows = [
         (
             row.part,
-            str(row.address),
-            row.field.name,
-            row.field.type,
+            row.address,
+            row.field,
+            row.kind,
             row.raw,
             _number(row.big),
             _number(row.little),
@@ -136,7 +136,7 @@ def registers(
         )
         for row in seen.rows
     ]
-    heads = ("device", "register", "field", "type", "raw", "word order big", "little", "changes", "shows")
+    heads = ("device", "register", "field", "type", "raw", "order big", "little", "changes", "shows")
     blocks: list[Block] = [Grid(heads, rows, right=(1, 5, 6, 7))]
     more = {"fields": [dict(zip(heads, row, strict=True)) for row in rows], "moved": list(seen.moved)}
     if part is not None:

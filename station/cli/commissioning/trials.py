@@ -16,7 +16,8 @@ from station.commissioning.steps_done import may_begin, write_down
 from station.commissioning.trial_run import FOLDER, Plan, Tried, try_out
 from station.documents.commissioning import Figure, Finding
 from station.timing.rates import MISSED_ALLOWED
-from station.timing.run import Asked, measure
+from station.timing.report import Asked
+from station.timing.run import measure
 
 
 def direction(bench_name: str, recipe: str, data: Path, by: str | None, *, as_json: bool) -> int:
@@ -110,17 +111,17 @@ def timing(bench_name: str, recipe: str, seconds: float, by: str | None, *, as_j
     bench = on_wires(bench_name)
     may_begin(bench, "timing")
     report = measure(load_job(recipe, str(bench.path)), Asked(seconds, None, None))
-    share = report["missed"] / report["periods"]
+    share = report.missed / report.periods
     findings = []
     if share > MISSED_ALLOWED:
-        what = f"{report['missed']} of {report['periods']} periods missed, {share:.2%}; {MISSED_ALLOWED:.1%} allowed."
+        what = f"{report.missed} of {report.periods} periods missed, {share:.2%}; {MISSED_ALLOWED:.1%} allowed."
         findings.append(Finding(what=what, cure="Run: lostmotion doctor, then do this step again."))
-    late, work = report["lateness_us"], report["work_us"]
+    late, work = report.lateness_us, report.work_us
     figures = (
-        Figure(name="periods", value=report["periods"]),
-        Figure(name="missed", value=report["missed"]),
-        Figure(name="wake-up latency, 99 %", value=round(late["p99"], 1), unit="µs"),
-        Figure(name="work of a scan, 99 %", value=round(work["p99"], 1), unit="µs"),
+        Figure(name="periods", value=report.periods),
+        Figure(name="missed", value=report.missed),
+        Figure(name="wake-up latency, 99 %", value=round(late.p99, 1), unit="µs"),
+        Figure(name="work of a scan, 99 %", value=round(work.p99, 1), unit="µs"),
     )
     done = write_down(bench, "timing", by, findings, figures)
     rows = [(one.name, str(one.value), one.unit) for one in figures]

@@ -18,9 +18,9 @@ from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from recipes import find_bench, load_bench
 from station.bench.request import Job, load_job, stored_job
 from station.cli.measure.run import EXIT_BENCH
+from station.documents.entries import left_out, plain
 from station.documents.events import Alarm, LeftState
 from station.documents.manifest import LeftBy, Setup
-from station.documents.reading import left_out, plain
 from station.errors import BenchFaultError, RecordError, StationError
 from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
 from station.records.data_folder import Store

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from recipes import Recipe
 from station.bench.request import Job, Source, load_job
 from station.bench.virtual_unit import VirtualUnit
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from station.cli.out_file import refuse_records, writing
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.seal import EXIT_ALTERED, alteration_lines

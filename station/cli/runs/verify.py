@@ -10,7 +10,7 @@ from pathlib import Path
 
 from recipes import find_bench, load_bench
 from station.cli.measure.recover import FOLDER as RECOVERIES
-from station.documents.reading import left_out, plain
+from station.documents.entries import left_out, plain
 from station.errors import StationError
 from station.own_place import own_place
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import httpx
 from sqlalchemy import Connection, func, insert, select, update
 
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.chain_file import CHAIN

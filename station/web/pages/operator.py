@@ -11,6 +11,7 @@ from typing import Any
 from fastapi import Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from nicegui import ui
+from pydantic import JsonValue
 
 from station.documents.result import MetricValue, Result
 from station.reports.headline import remaining_reasons
@@ -149,19 +150,19 @@ class _Page:
             )  # what was refused may be allowed now: scanned again it is asked again
         self._say(answer, scanned)
 
-    async def _perform(self, action: str, values: dict[str, Any], key: str) -> Answer:
+    async def _perform(self, action: str, values: dict[str, JsonValue], key: str) -> Answer:
         session = self._session
         return await asyncio.to_thread(perform, self._station, action, session.token, session.csrf, key, values)
 
     def _say(self, answer: Answer, scanned: str) -> None:
         """Show why a scan was refused, with what can be done about it here; nothing where it was not."""
         self._refused.clear()
-        refused = answer.body.get("refused", [])
+        refused = answer.refused
         self._refused.set_visibility(bool(refused))
-        names = {one["id"] for one in refused}
+        names = {one.id for one in refused}
         with self._refused:
             for one in refused:
-                ui.label(one["text"])
+                ui.label(one.text)
             if "bad_unit_put_away" in names:
                 ui.button(PUT_AWAY, on_click=lambda: self._put_away(scanned)).classes("lm-button")
             elif "retest_reason" in names:

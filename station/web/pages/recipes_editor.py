@@ -13,6 +13,7 @@ from urllib.parse import quote
 from fastapi import Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from nicegui import ui
+from pydantic import JsonValue
 
 from recipes import RecipeError
 from recipes.editing import Group, changed, limits_of, load_of
@@ -23,7 +24,8 @@ from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_
 from station.records.recipe_revisions import History, Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
-from station.web.actions import ACTIONS, OK, Answer, Station, perform
+from station.web.action_values import RecipeChanged
+from station.web.actions import ACTIONS, Answer, Station, perform
 from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.recipes_diff import diff_html
@@ -280,10 +282,10 @@ class _Editor:
             return
         self._changes.set_content(diff_html(before, self._text))
 
-    async def _perform(self, action: str, values: dict[str, Any]) -> Answer:
+    async def _perform(self, action: str, values: dict[str, JsonValue]) -> Answer:
         session, key = self._session, secrets.token_hex(16)
         answer = await asyncio.to_thread(perform, self._station, action, session.token, session.csrf, key, values)
-        self._say([one["text"] for one in answer.body.get("refused", [])])
+        self._say([one.text for one in answer.refused])
         return answer
 
     def _say(self, refused: list[str]) -> None:
@@ -294,21 +296,21 @@ class _Editor:
         found = self._found
         replaces = "" if found is None else found.sha256
         answer = await self._perform("save_recipe", {"text": self._text, "replaces": replaces})
-        if answer.status == OK:
-            self._leave_to(answer)
+        self._leave_to(answer)
 
     async def _release(self, action: str) -> None:
         assert self._found is not None  # noqa: S101 - the button is there for a revision only
         found = self._found
-        values = {"name": found.name, "revision": found.revision, "sha256": found.sha256}
+        values: dict[str, JsonValue] = {"name": found.name, "revision": found.revision, "sha256": found.sha256}
         answer = await self._perform(action, values)
-        if answer.status == OK:
-            self._leave_to(answer)
+        self._leave_to(answer)
 
     @staticmethod
     def _leave_to(answer: Answer) -> None:
-        ui.run_javascript("window.onbeforeunload = null")
-        ui.navigate.to(address_of(answer.body["name"], answer.body["revision"]))
+        """Go to the revision that was changed; stay where it was refused."""
+        if isinstance(answer.said, RecipeChanged):
+            ui.run_javascript("window.onbeforeunload = null")
+            ui.navigate.to(address_of(answer.said.name, answer.said.revision))
 
     async def _start_dry_run(self) -> None:
         await self._perform("try_recipe", {"text": self._text})

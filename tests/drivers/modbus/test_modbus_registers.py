@@ -11,10 +11,8 @@ from drivers_support import modbus_profile, raw_profile
 from hypothesis import given
 from hypothesis import strategies as st
 
-from definitions.plain_data import exact
+from definitions.profiles.modbus import IdentityRegister, ModbusProfile
 from drivers.modbus.registers import RegisterReader, RegisterWriter, identity_registers
-from drivers.profile import IdentityRegister, ModbusProfile
-from recipes.schema.modbus_profile_schema import IdentityRegister as IdentityFile
 from virtual_bench.devices.modbus_servers import encode
 
 
@@ -131,7 +129,7 @@ def test_an_identity_of_any_type(identity: dict[str, Any], byte_order: str, word
     fields = [{"name": "torque_out_nm", "offset": 2, "type": "f32"}]
     model = profile(fields, 4, byte_order=byte_order, word_order=word_order)
     raw = {"table": "input", "address": 0, **identity}
-    model = replace(model, identity=exact(IdentityRegister, IdentityFile.model_validate(raw).model_dump()))
+    model = replace(model, identity=IdentityRegister(**raw))
     assert model.identity is not None
     sent_identity = identity_registers(model.identity, byte_order, word_order)
     assert sent_identity.hex() == registers

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from drivers.can.sensors import SensorFrame
 from recipes import RecipeError, load_bench, load_recipe
 from recipes.checks.bus_load import BusFrame
+from recipes.schema.channel_schema import CanSensor
 from station.bench.assemble import drive_profile
 from station.bench.bus_traffic import bus_frames
-from station.bench.can_profile import can_frames
+from station.bench.can_profile import can_sensor
 from station.bench.files import FileAt
 from station.bench.measuring import can_sensors
 from station.bench.request import load_job
@@ -38,7 +39,8 @@ def test_a_frame_of_a_dbc_file_means_what_cantools_says(torque: int, small: int,
     database = cantools.database.load_file(DBC)
     torques = {"OutputTorque": torque * 0.0005, "InputTorque": small * 0.00002 + 0.5, "Cycle": cycle}
     angles = {"InputAngle": angle, "OutputAngle": -angle}
-    for frame, values in zip(can_frames(FileAt(DBC), None, NAMED), (torques, angles), strict=True):
+    sensor = can_sensor(FileAt(DBC), CanSensor(name="box", profile="sensor-box"), NAMED)
+    for frame, values in zip(sensor.frames, (torques, angles), strict=True):
         message = database.get_message_by_frame_id(frame.identifier)
         data = message.encode(values)
         seen = SensorFrame(frame)
@@ -76,7 +78,18 @@ REFUSED = {
     "two sensors of one identifier": (
         "can-sensors", "can-sensors.yaml", "node_id: 12", "node_id: 11", "flange on CAN, node 11; allowed: a free one",
     ),
-    "a node id that is not given": ("can-sensors", "can-sensors.yaml", "node_id: 11, ", "", "'node_id' at the sensor"),
+    "a node id that is not given": (
+        "can-sensors", "can-sensors.yaml", "profile: can-encoders, node_id: 12", "profile: can-encoders",
+        "'node_id' at the sensor",
+    ),
+    "set up without a node id": (
+        "can-sensors", "can-sensors.yaml", "node_id: 11, update_every: 1 ms, heartbeat: 50 ms", "update_every: 1 ms",
+        "identity; allowed: 'node_id' at the sensor",
+    ),
+    "a heartbeat without a node id": ("can-sensors", "can-sensors.yaml", "node_id: 11, ", "", "heartbeat without node"),
+    "the controller's node id": (
+        "can-sensors", "can-sensors.yaml", "can-encoders, node_id: 12", "can-encoders, node_id: 126", "the controller",
+    ),
     "field outside its frame": (
         "can-sensors", "profiles/can-torque.yaml", "offset: 6", "offset: 7", "outside the 8 bytes of the frame",
     ),

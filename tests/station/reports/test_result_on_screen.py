@@ -15,7 +15,7 @@ from made_documents import checks, metric, result
 from rich.console import Console
 
 from definitions.checks import CHECKS
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.reports.content import checks_line
 from station.reports.headline import remaining_reasons
 from station.reports.html_page import rule_text

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
-from station_support import PASSWORD
 
-playwright = pytest.importorskip("playwright.sync_api")
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = [
-    pytest.mark.wires,
-    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: the pages are not tried in a browser"),
-]
-LONGEST_MS = 60_000
+pytestmark = [pytest.mark.wires, needs_browser]
 
 
 @pytest.fixture(scope="module")
@@ -29,19 +21,8 @@ def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 @pytest.fixture(scope="module")
-def page(station: Served) -> Iterator[playwright.Page]:
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1920, "height": 1080})
-        page.set_default_timeout(LONGEST_MS)
-        page.goto(f"{station.url}/")
-        assert page.url.endswith("/enter"), "nobody sees the bench without an account"
-        page.fill("#name", "the operator")
-        page.fill("#password", PASSWORD)
-        page.keyboard.press("Enter")
-        page.wait_for_selector(".lm-word")
-        yield page
-        browser.close()
+def page(enter: Enter) -> playwright.Page:
+    return enter("operator")
 
 
 def scan(page: playwright.Page, serial: str, end: str = "Enter") -> None:

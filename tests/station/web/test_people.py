@@ -214,6 +214,6 @@ def test_refused_starts_stand_in_the_trail(tmp_path: Path) -> None:
     client_of(station, "operator").post("start_run", {"scanned": "of no model"})
     with station.database.writing() as connection:
         (line,) = audit.lines_of(connection, 1)
-    assert (line["outcome"], line["name"]) == ("refused", "the operator")
-    assert "model_known" in line["detail"]
-    assert "of no model" in line["detail"]
+    assert (line.outcome, line.name) == ("refused", "the operator")
+    assert "model_known" in line.detail
+    assert "of no model" in line.detail

@@ -40,7 +40,7 @@ VALUES = {
 """What each action is asked with: allowed, it does nothing that another cell would see."""
 
 
-def newest_line(station: Station) -> dict[str, str]:
+def newest_line(station: Station) -> audit.Line:
     with station.database.writing() as connection:
         return audit.lines_of(connection, 1)[0]
 
@@ -52,6 +52,7 @@ def test_every_action_is_asked() -> None:
         assert row.roles <= set(ROLES)
         assert row.text
         assert set(row.audited) <= set(row.needs.model_fields)
+        assert set(row.tells) <= set(row.gives.model_fields)
 
 
 @pytest.mark.parametrize("role", ROLES)
@@ -62,8 +63,8 @@ def test_an_action_is_open_to_its_roles_alone(shared_station: Station, action: s
     assert ("role" not in refused) == (role in ACTIONS[action].roles)
     assert (answer.status_code == 403) == (role not in ACTIONS[action].roles)
     line = newest_line(shared_station)
-    assert (line["name"], line["action"]) == (f"the {role}", action)
-    assert line["outcome"] == ("done" if answer.status_code == 200 else "refused")
+    assert (line.name, line.action) == (f"the {role}", action)
+    assert line.outcome == ("done" if answer.status_code == 200 else "refused")
 
 
 @pytest.mark.parametrize("action", list(ACTIONS))
@@ -82,12 +83,15 @@ def test_a_request_needs_a_key_and_the_same_key_is_answered_the_same_once(shared
         answer = found.post("confirm_nok", {"run": "K"}, **{"Idempotency-Key": key})
         assert (answer.status_code, answer.json()["refused"][0]["id"]) == (422, "idempotency_key")
     first = found.post("add_person", {"name": "Ada", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
-    lines = newest_line(shared_station)["number"]
+    lines = newest_line(shared_station).number
     again = found.post("add_person", {"name": "Ada", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
     assert (first.status_code, first.json()) == (again.status_code, again.json()) == (200, again.json())
-    assert newest_line(shared_station)["number"] == lines, "it was not done twice"
+    assert newest_line(shared_station).number == lines, "it was not done twice"
     other = found.post("add_person", {"name": "Bea", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
     assert (other.status_code, other.json()["refused"][0]["id"]) == (409, "key_used")
+    refused = [found.post("confirm_nok", {"run": "K"}, **{"Idempotency-Key": "B"}) for _ in range(2)]
+    assert [one.status_code for one in refused] == [409, 409]
+    assert refused[0].json() == refused[1].json()
 
 
 @pytest.mark.parametrize(
@@ -120,7 +124,7 @@ def test_what_is_sent_must_be_what_the_action_needs(shared_station: Station) -> 
             "/api/actions/start_run", content=body, headers=headers | {"Idempotency-Key": f"o{number}"}
         )
         assert odd.status_code == 422, body[:20]
-        assert newest_line(shared_station)["outcome"] == "refused"
+        assert newest_line(shared_station).outcome == "refused"
     for name, password in (("\ud800", "x"), ("the admin", "\ud800"), ("x" * 65, "x")):
         body = json.dumps({"name": name, "password": password})
         odd = found.http.post("/api/enter", content=body, headers={"Content-Type": "application/json"})

@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from faultlab.record import create_record
-from station.bench.assemble_virtual import load_scenario
+from station.bench.assemble_virtual import load_scenario, vocabulary_on
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.timing import Timing
@@ -85,7 +85,7 @@ def run_here(
     """
     if unit is None and job.no_automatic_run:
         raise StationError(job.no_automatic_run)
-    scenario = load_scenario(scenario_path)
+    scenario = load_scenario(scenario_path, vocabulary_on(job.bench, job.profile_sources))
     pacing = BY_WALL_CLOCK if unit is None else pacing
     record = create_record(job, unit, scenario_path, scenario, data, clock=pacing.clock)
     if begun is not None:

@@ -32,8 +32,10 @@ from virtual_bench.drive.cia402_tables import HEARTBEAT_LOST
 from virtual_bench.errors import VirtualBenchError
 from virtual_bench.faults.frame_faults import FrameFaults
 from virtual_bench.faults.modbus_faults import ModbusFaults
+from virtual_bench.faults.names import Vocabulary
 from virtual_bench.faults.scenario import Scenario
-from virtual_bench.faults.schedule import Acted
+from virtual_bench.faults.schedule import LOST, Acted
+from virtual_bench.faults.vocabulary import vocabulary_of
 from virtual_bench.pace_port import PacePort
 from virtual_bench.physics.plant import Plant, warm_up
 from virtual_bench.slow_devices import remote_io_shows
@@ -88,8 +90,11 @@ class VirtualBench:
         self._brake_max_a = bench.brake.max_current_a
         self.servers = {name: self._serve(name, self._device(name, port)) for name, port in config.devices.items()}
         self.sensors = [
-            CanSensor(port, partial(self._read_sensor, port), self._send, self.time) for port in config.can_sensors
+            CanSensor(port, partial(self._read_sensor, port), self._send_of_sensor, self.time)
+            for port in config.can_sensors
         ]
+        for port in config.can_sensors:
+            self._frames.add_sensor(port.name, [frame.identifier for frame in port.frames], port.node_id)
         self.serial_lines: dict[str, RtuLine] = {}
 
     def advance(self) -> None:
@@ -130,6 +135,9 @@ class VirtualBench:
             if name in self.drive.faults.wires.cut - before or self.modbus_faults.takes_reset(name):
                 server.cut()
                 self.drive.faults.seen(f"modbus.{name}")
+        for sensor in self.sensors:
+            if self.drive.faults.frames.takes_reset(sensor.name):
+                sensor.reset()
         self._disturb_bus()
         for event in self.drive.axis.machine.events:
             self.log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
@@ -242,6 +250,14 @@ class VirtualBench:
                 self.can.send_error()
         self.can.send(cob_id, data)
 
+    def _send_of_sensor(self, cob_id: int, data: bytes) -> None:
+        """Send a frame of a sensor as the faults on its way leave it."""
+        for frame in self.drive.faults.frames.pass_on(cob_id, data):
+            if frame.delay_ns:
+                self.time.after(frame.delay_ns * 1e-9, partial(self._send, frame.cob_id, frame.data))
+            else:
+                self._send(frame.cob_id, frame.data)
+
     def _frame(self, cob_id: int, data: bytes) -> None:
         self._frames_come += 1
         if self.time.led and self.pace is not None:
@@ -253,8 +269,9 @@ class VirtualBench:
 
     def _take_frame(self, cob_id: int, data: bytes) -> None:
         self.drive.receive(cob_id, data)
-        for sensor in self.sensors:
-            sensor.receive(cob_id, data)
+        if self.drive.faults.frames.fate("") != LOST:
+            for sensor in self.sensors:
+                sensor.receive(cob_id, data)
 
     def begin_sensors(self) -> None:
         """Let the sensors on CAN send from now on."""
@@ -315,6 +332,12 @@ class VirtualBench:
         path.write_text("clock_ns,reducer_torque_nm\n" + "".join(lines), encoding="ascii")
 
 
+def _vocabulary(config: ServerConfig) -> Vocabulary:
+    """Return what hands may do at the devices of this bench."""
+    sensors = {port.name: port.node_id is not None for port in config.can_sensors}
+    return vocabulary_of({name: port.registers for name, port in config.devices.items()}, sensors)
+
+
 async def run(
     config: ServerConfig,
     scenario: Scenario | None = None,
@@ -340,7 +363,7 @@ async def run(
         if config.end_with_parent:
             loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.tell, log).read)
         elif config.hands:
-            loop.add_reader(sys.stdin.fileno(), Hands(loop, bench.drive.faults, log).read)
+            loop.add_reader(sys.stdin.fileno(), Hands(loop, bench.drive.faults, log, _vocabulary(config)).read)
         gc.collect()
         gc.freeze()
         bench.advance()

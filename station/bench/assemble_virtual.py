@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
 
 from recipes import Bench, Recipe, RecipeError, load_document, parse_document
 from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
@@ -11,7 +13,7 @@ from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
 from recipes.text.yaml_source import read_source
 from station.bench.assemble import drive_config, drive_profile, modbus_profile
-from station.bench.files import FileAt
+from station.bench.files import File, FileAt
 from station.bench.measuring import can_sensors, sources
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
 from station.records.clocks import SCAN, VIRTUAL, WALL
@@ -30,8 +32,9 @@ from virtual_bench.config import (
     Socketcand,
     TorqueSensor,
 )
-from virtual_bench.faults.scenario import Scenario
-from virtual_bench.faults.vocabulary import NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES
+from virtual_bench.faults.names import VOCABULARY, Vocabulary
+from virtual_bench.faults.scenario import Scenario, Start
+from virtual_bench.faults.vocabulary import FAULTS, NOT_BY_WALL_CLOCK, only_over_wires, vocabulary_of
 from virtual_bench.physics.find_unit import default_unit, find_unit
 
 Profiles = Mapping[str, Path]
@@ -63,28 +66,50 @@ def catalogue_of(recipe: Recipe) -> Catalogue:
     )
 
 
-def load_scenario(path: Path) -> Scenario:
-    """Load a scenario file; RecipeError with every problem and its place."""
-    return load_document(path, Scenario)
+class StartOnly(BaseModel):
+    """The section of a scenario that says which recipe, and with it which bench, the rest is for."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+    start: Start = Start()
 
 
-def parse_scenario(raw: bytes, path: str) -> Scenario:
-    """Load a scenario from the bytes of its file; RecipeError with every problem and its place."""
-    return parse_document(raw, path, Scenario)
+def load_start(path: Path) -> Start:
+    """Load what a scenario begins with; RecipeError with every problem of it and its place."""
+    return load_document(path, StartOnly).start
 
 
-LACKING: dict[str, tuple[frozenset[tuple[str, str]], str, str]] = {
-    WALL: (NOT_BY_WALL_CLOCK, "a fault that is possible by the wall clock", "leave --wall-clock out, or --wires"),
-    SCAN: (frozenset(), "", ""),
-    VIRTUAL: (ONLY_OVER_WIRES, "a fault that is not for wires only", "run it over wires"),
+def vocabulary_on(bench: Bench, profiles: Mapping[str, File]) -> Vocabulary:
+    """Return the faults that a scenario may name on a bench: its devices that measure have them by their names."""
+    devices = {name: modbus_profile(profiles[one.profile]) for name, one in bench.modbus_devices.items()}
+    return vocabulary_of(devices, {one.name: one.node_id is not None for one in bench.can_devices})
+
+
+def load_scenario(path: Path, vocabulary: Vocabulary = FAULTS) -> Scenario:
+    """Load a scenario file for a bench with this vocabulary; RecipeError with every problem and its place."""
+    return load_document(path, Scenario, {VOCABULARY: vocabulary})
+
+
+def parse_scenario(raw: bytes, path: str, vocabulary: Vocabulary = FAULTS) -> Scenario:
+    """Load a scenario from the bytes of its file; as `load_scenario`."""
+    return parse_document(raw, path, Scenario, {VOCABULARY: vocabulary})
+
+
+LACKING: dict[str, tuple[Callable[[str, str], bool], str, str]] = {
+    WALL: (
+        lambda target, verb: (target, verb) in NOT_BY_WALL_CLOCK,
+        "a fault that is possible by the wall clock",
+        "leave --wall-clock out, or --wires",
+    ),
+    SCAN: (lambda _target, _verb: False, "", ""),
+    VIRTUAL: (only_over_wires, "a fault that is not for wires only", "run it over wires"),
 }
-"""Faults that a clock cannot have, what is allowed, and what to do."""
+"""Whether a clock cannot have a fault, what is allowed, and what to do."""
 
 
 def check_clock(path: Path, scenario: Scenario, clock: str) -> None:
     """Refuse faults that the clock of the run cannot have; RecipeError with every one of them."""
     lacking, allowed, hint = LACKING[clock]
-    wrong = [place for place, fault in enumerate(scenario.faults) if (fault.target, fault.verb) in lacking]
+    wrong = [place for place, fault in enumerate(scenario.faults) if lacking(fault.target, fault.verb)]
     if wrong:
         source, faults = read_source(path), scenario.faults
         raise RecipeError(

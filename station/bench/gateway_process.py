@@ -5,20 +5,22 @@ The spec names bench file, profiles and scenario, as that of `station.bench.virt
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+import uvloop
+
 from drivers.errors import DriverError
 from recipes import Bench, RecipeError, load_bench
 from recipes.schema.bench_schema import ModbusDevice
 from station.bench.assemble import can_config, modbus_profile
-from station.bench.assemble_virtual import load_scenario
+from station.bench.assemble_virtual import load_scenario, vocabulary_on
 from station.bench.bench_lock import alone_on
 from station.bench.files import FileAt
+from station.bench.measuring import can_sensors
 from station.bench.virtual_bench_process import FIFO_PRIORITY
 from station.errors import StationError
 from virtual_bench.devices.gateway import GatewayConfig, run_gateway
@@ -38,7 +40,8 @@ def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_paren
 
     devices = {name: device(name, there) for name, there in bench.modbus_devices.items()}
     drive = bench.drive
-    return GatewayConfig(can_config(bench), drive.node_id, drive.controller_node_id, devices, end_with_parent)
+    sensors = can_sensors(bench, {name: FileAt(path) for name, path in profiles.items()})
+    return GatewayConfig(can_config(bench), drive.node_id, drive.controller_node_id, devices, sensors, end_with_parent)
 
 
 def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_with_parent: bool) -> None:
@@ -49,9 +52,9 @@ def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_wit
 
     """
     config = gateway_config(bench, profiles, end_with_parent=end_with_parent)
-    faults = load_scenario(scenario)
+    faults = load_scenario(scenario, vocabulary_on(bench, {name: FileAt(path) for name, path in profiles.items()}))
     with alone_on(bench.bench.name, can_config(bench)):
-        asyncio.run(run_gateway(config, faults))
+        uvloop.run(run_gateway(config, faults))
 
 
 def main() -> int:

@@ -8,7 +8,6 @@ JSON line each.
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import sys
@@ -17,8 +16,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from recipes import RecipeError, load_bench
-from station.bench.assemble_virtual import load_scenario, server_config
+import uvloop
+
+from recipes import Bench, RecipeError, load_bench
+from station.bench.assemble_virtual import load_scenario, server_config, vocabulary_on
+from station.bench.files import FileAt
 from station.bench.virtual_unit import VirtualUnit
 from station.records.clocks import SCAN
 from virtual_bench.config import ServerConfig
@@ -33,17 +35,20 @@ FIFO_PRIORITY = 60
 
 def serve(spec: dict[str, Any]) -> None:
     """Run the virtual bench of a spec until it is told to end or its parents are gone."""
-    config = _config(spec)
-    faults = None if config.scenario is None else load_scenario(config.scenario)
+    bench = load_bench(spec["bench"])
+    config = _config(spec, bench)
+    faults = None
+    if config.scenario is not None:
+        named = {name: FileAt(Path(path)) for name, path in spec["profiles"].items()}
+        faults = load_scenario(config.scenario, vocabulary_on(bench, named))
     play_hardware(config)
-    asyncio.run(run(config, faults))
+    uvloop.run(run(config, faults))
 
 
-def _config(spec: dict[str, Any]) -> ServerConfig:
-    profiles = {name: Path(path) for name, path in spec["profiles"].items()}
+def _config(spec: dict[str, Any], bench: Bench) -> ServerConfig:
     return server_config(
-        load_bench(spec["bench"]),
-        profiles,
+        bench,
+        {name: Path(path) for name, path in spec["profiles"].items()},
         VirtualUnit.from_plain(spec["unit"]),
         scenario=None if spec["scenario"] is None else Path(spec["scenario"]),
         embedded=spec["embedded"],
@@ -67,7 +72,8 @@ def prepare(like: str) -> Callable[[], int]:
     like: that spec as JSON. What is wrong with it is told by the run that it is for.
     """
     with suppress(VirtualBenchError, RecipeError):
-        warm_up(_config(json.loads(like)).bench)
+        spec = json.loads(like)
+        warm_up(_config(spec, load_bench(spec["bench"])).bench)
     return main
 
 

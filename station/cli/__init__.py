@@ -23,6 +23,7 @@ from station.cli.faults.commands import faults_app
 from station.cli.help import GroupedHelp
 from station.cli.line import commands as cli_line
 from station.cli.measure import commands as cli_measure
+from station.cli.quality.commands import quality_app
 from station.cli.runs import commands as cli_runs
 from station.cli.store import commands as cli_store
 from station.cli.store.commands import store_app
@@ -81,6 +82,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "gage": cli_line.gage,
         "master-part": cli_line.master_part,
         "decision": cli_line.decision,
+        "quality": quality_app,
         "study": study_app,
     },
     "Bench": {

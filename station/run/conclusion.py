@@ -125,6 +125,7 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
         decision=DecisionRule(rule=job.recipe.decision.rule, guard_factor=job.recipe.decision.guard_factor),
         metrics=judged.metrics,
         gates=judged.gates,
+        not_excluded=judged.not_excluded,
         notes=(
             *run.notes,
             *_master_notes(run, state, judged.verdict),

@@ -43,6 +43,12 @@ class Announced(Values):
     previous_step: Literal["passed", "failed"]
 
 
+class Recovery(Values):
+    """The recovery that is on, by its id."""
+
+    recovery: str = Field(max_length=200)
+
+
 class NewBypass(Values):
     """A start condition to set aside, why, and for how many hours."""
 
@@ -168,6 +174,19 @@ class RunConfirmed(Outcome):
     """The run whose bad unit was put away."""
 
     run: str
+
+
+class RecoveryBegun(Outcome):
+    """The run that left the bench in a fault, and in which one."""
+
+    run: str
+    cause: str
+
+
+class RecoveryTold(Outcome):
+    """The recovery that was told."""
+
+    recovery: str
 
 
 class BypassAdded(Outcome):

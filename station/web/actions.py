@@ -45,6 +45,9 @@ from station.web.action_values import (
     RecipeRevision,
     RecipeText,
     RecipeTried,
+    Recovery,
+    RecoveryBegun,
+    RecoveryTold,
     Refused,
     RunConfirmed,
     RunStarted,
@@ -53,6 +56,7 @@ from station.web.action_values import (
     Values,
     refusal,
 )
+from station.web.bench.watch import BenchWatch
 from station.web.bypasses import BypassError, add_bypass, bypasses_now, end_bypass
 from station.web.evaluations import Evaluations
 from station.web.mes.previous_step import announce, heard, previous_step
@@ -131,6 +135,12 @@ class Station:
     dry_runs: DryRuns = field(default_factory=DryRuns)
     evaluations: Evaluations = field(default_factory=Evaluations)
     """The process that makes reports and loops of stored runs."""
+    bench: BenchWatch = field(init=False)
+    """What the bench shows, and the way back from a fault."""
+
+    def __post_init__(self) -> None:
+        """Look at the bench of the same data folder."""
+        object.__setattr__(self, "bench", BenchWatch(self.data, self.running, self.evaluations))
 
     def close(self) -> None:
         """Close what is open of it; a run that is on goes on."""
@@ -245,6 +255,34 @@ def _confirm(call: Call, given: Confirm) -> RunConfirmed:
     return RunConfirmed(run=given.run)
 
 
+def _begin_recovery(call: Call, _given: Nothing) -> RecoveryBegun:
+    way_back, standing = call.station.bench.way_back, call.station.bench.standing()
+    if standing.recovery or way_back.starting():
+        raise NotNowError([("recovery_on", "The way back is under way already.")])
+    if standing.fault is None or standing.released:
+        why = standing.why_none or "The bench was recovered: the lock is open, and the unit can be taken out."
+        raise NotNowError([("no_fault", why)])
+    way_back.start(call.person.name)
+    return RecoveryBegun(run=standing.fault.run, cause=standing.fault.cause)
+
+
+def _acknowledge_fault(call: Call, given: Recovery) -> RecoveryTold:
+    seen = call.station.bench.look()
+    if seen.sight is None or not (seen.live and seen.recovery and seen.sight.settled):
+        raise NotNowError([("not_asked", "Nothing waits to be acknowledged now. See the steps.")])
+    return _tell_recovery(call, given, go_on=True)
+
+
+def _leave_recovery(call: Call, given: Recovery) -> RecoveryTold:
+    return _tell_recovery(call, given, go_on=False)
+
+
+def _tell_recovery(call: Call, given: Recovery, *, go_on: bool) -> RecoveryTold:
+    if not call.station.bench.way_back.tell(given.recovery, go_on=go_on):
+        raise NotNowError([("no_recovery", f"No recovery {given.recovery[:80]!r} is on.")])
+    return RecoveryTold(recovery=given.recovery)
+
+
 def _add_bypass(call: Call, given: NewBypass) -> BypassAdded:
     found = add_bypass(call.connection, given.condition, call.person.name, given.reason, given.hours)
     return BypassAdded(condition=found.condition, text=str(found))
@@ -334,6 +372,12 @@ ACTIONS: dict[str, Action] = {
         Action("stop_run", "bring the torque to zero and stop the run", EVERYBODY, Nothing, _stop_run, Outcome),
         Action("confirm_nok", "confirm that a bad unit is in the NOK box", AT_THE_BENCH, Confirm, _confirm,
                RunConfirmed, ("run",)),
+        Action("begin_recovery", "begin the way back after a fault: read the devices, enable nothing", IN_CHARGE,
+               Nothing, _begin_recovery, RecoveryBegun, tells=("run", "cause")),
+        Action("acknowledge_fault", "acknowledge the fault: bring the torque to zero and open the lock", IN_CHARGE,
+               Recovery, _acknowledge_fault, RecoveryTold, ("recovery",)),
+        Action("leave_recovery", "end the way back and leave the bench as it is", IN_CHARGE, Recovery,
+               _leave_recovery, RecoveryTold, ("recovery",)),
         Action("add_bypass", "set a start condition aside for some hours", IN_CHARGE, NewBypass, _add_bypass,
                BypassAdded, ("condition", "reason", "hours")),
         Action("end_bypass", "let a start condition count again", IN_CHARGE, EndedBypass, _end_bypass,

@@ -21,6 +21,7 @@ from station.records.master_parts import master_parts
 from station.records.recipe_revisions import History, Revision, RevisionError
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
 from station.run.disk_space import refuse_full_disk
+from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
 from station.wall_clock import WALL_CLOCK
 from station.web.mes.previous_step import FAILED, PASSED, PreviousStep
 from station.web.models import Model, Models
@@ -234,11 +235,17 @@ def _bench_recovered(one: Situation) -> str | None:
         if one.newest is None or one.job is None or one.job.bench.bench.embedded:
             return None
         state, name = one.newest.state(), one.newest.id
+        way_back = newest_recovery(one.data, one.newest)
+        if way_back is not None and is_under_way(way_back):
+            return "The way back from a fault is under way. Wait until the unit is unloaded and the lock is open."
+        if state not in ("fault", INTERRUPTED, NOT_CONCLUDED) or was_recovered(one.data, one.newest):
+            return None
     except StationError as error:
-        return f"The newest run cannot be read: {error}"
-    if state in ("fault", INTERRUPTED, NOT_CONCLUDED):
-        return f"Run {name} ended with '{state}'. A technician recovers the bench with 'lostmotion recover'."
-    return None
+        return f"The newest run, or the recovery after it, cannot be read: {error}"
+    return (
+        f"Run {name} ended with '{state}'. A technician recovers the bench on the page Maintenance, "
+        "or with 'lostmotion recover'."
+    )
 
 
 def _master_parts(one: Situation) -> str | None:

@@ -15,6 +15,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 from starlette.exceptions import HTTPException
 
+from station.documents.entries import plain
 from station.errors import StationError
 from station.version import version
 from station.web.action_values import Refused, refusal
@@ -154,6 +155,16 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "bypasses": bypasses,
             "webhooks": None if left is None else {"waiting": left.messages, "last_error": left.last_error},
         })  # fmt: skip
+
+    @app.get(
+        "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the way back after a fault",
+        tags=["bench"], **_answers(200, 401, 503),
+    )  # fmt: skip
+    def bench(token: CookieToken = None) -> Response:
+        if _session(station, token) is None:
+            return _not_entered()
+        seen, standing = station.bench.look(), station.bench.standing()
+        return JSONResponse({"seen": plain(seen), "way_back": plain(standing)})
 
     @app.get(
         "/api/audit", summary="the newest lines of the audit trail, and the hash of the last one", tags=["audit"],

@@ -18,7 +18,9 @@ from station.web.guard import Guard
 from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
+from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
+from station.web.pages.quality import add_quality_page
 from station.web.pages.recipes import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
@@ -82,8 +84,10 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     """Return the whole application: pages and REST, behind the guard."""
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
+    add_maintenance(station)
     add_results(station)
     add_run_page(station)
+    add_quality_page(station)
     station.evaluations.start(station.data)
     nicegui.on_shutdown(station.evaluations.close)
     nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))

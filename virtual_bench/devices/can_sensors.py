@@ -46,6 +46,7 @@ class CanSensor:
         time: BenchTime,
     ) -> None:
         self._config, self._read, self._send, self._time = config, read, send, time
+        self.name = config.name
         self._begun = 0
         self._node: Node | None = None
         self._heartbeat: Heartbeat | None = None

@@ -294,10 +294,10 @@ def _faults_and_clock(options: Options, job: Job) -> tuple[Source | None, Pacing
     """Return the scenario, if any, and the clock of the run; RecipeError for faults that this clock cannot have."""
     if options.scenario is None:
         return None, _pacing(options, job)
-    from station.bench.assemble_virtual import check_clock, parse_scenario  # noqa: PLC0415 - brings the virtual bench
+    from station.bench.assemble_virtual import check_clock, parse_scenario, vocabulary_on  # noqa: PLC0415 - brings the virtual bench
 
     source = Source.read(options.scenario)
-    scenario = parse_scenario(source.content, str(source.path))
+    scenario = parse_scenario(source.content, str(source.path), vocabulary_on(job.bench, job.profile_sources))
     pacing = _pacing(options, job, scenario)
     check_clock(source.path, scenario, pacing.clock)
     return source, pacing
@@ -331,7 +331,7 @@ def _conclude(  # noqa: PLR0917 - a run with everything that belongs to it
     else:
         from station.run.supervisor import Supervisor  # noqa: PLC0415 - not needed in virtual time
 
-        companion = None if scenario is None else _companion(scenario)
+        companion = None if scenario is None else _companion(scenario, job)
         try:
             outcome = Supervisor(
                 job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead, ahead=ahead
@@ -344,8 +344,8 @@ def _conclude(  # noqa: PLR0917 - a run with everything that belongs to it
     return conclude(record, job, outcome)
 
 
-def _companion(scenario: Path) -> Companion:
-    from station.bench.assemble_virtual import load_scenario  # noqa: PLC0415 - brings the virtual bench
+def _companion(scenario: Path, job: Job) -> Companion:
+    from station.bench.assemble_virtual import load_scenario, vocabulary_on  # noqa: PLC0415 - brings the virtual bench
     from station.run.faults.companion import Companion  # noqa: PLC0415 - for runs with faults only
 
-    return Companion(load_scenario(scenario), judged=False)
+    return Companion(load_scenario(scenario, vocabulary_on(job.bench, job.profile_sources)), judged=False)

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from recipes import find_bench, load_bench
-from station.cli.measure.recover import FOLDER as RECOVERIES
 from station.documents.entries import left_out, plain
 from station.errors import StationError
 from station.own_place import own_place
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
 from station.records.chain.problems import PROBLEMS
 from station.records.verify import Verified, verify_folder
+from station.run.way_back.recoveries import FOLDER as RECOVERIES
 
 EXIT_PROBLEMS = 1
 MOST_OF_A_KIND = 20

@@ -127,6 +127,8 @@ def _top(result: Result, run: Manifest, content: Content) -> list[Any]:
     parts += [Spacer(1, 5), *(paragraph(f"• {reason}", "text") for reason in reasons)]
     if content.checks_line:
         parts += [Spacer(1, 3), paragraph(content.checks_line, "text", bold=content.checks[0][-1] == FAILED)]
+    if content.open_line:
+        parts.append(paragraph(content.open_line, "soft"))
     parts.append(Spacer(1, 6))
     return parts
 

@@ -17,9 +17,14 @@ from station_support import released, write_models
 from recipes import RecipeError, shipped_recipes
 from recipes.schema.bench_schema import MasterPart
 from station.bench.request import Job
+from station.documents.entries import plain
+from station.documents.events import LeftState
 from station.documents.manifest import EarlierAttempt
+from station.documents.result import Result
 from station.records.data_folder import Store
 from station.records.recipe_revisions import save_draft
+from station.records.run_record import RESULT
+from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
 from station.web import permission
 from station.web.mes.previous_step import PreviousStep
@@ -42,7 +47,7 @@ def run(attempt: int, verdict: str | None = "PASS", state: str = "complete") -> 
 
 
 def newest(state: str, started: str = "2026-01-01T00:00:00+00:00") -> SimpleNamespace:
-    manifest = SimpleNamespace(started=started, verdict=None)
+    manifest = SimpleNamespace(started=started, verdict=None, bench=SimpleNamespace(name="bench"))
     return SimpleNamespace(id="R1", state=lambda: state, manifest=lambda: manifest)
 
 
@@ -109,6 +114,28 @@ def test_master_parts_may_always_be_measured_and_a_bad_one_that_failed_is_no_bad
     one = dataclasses.replace(good, job=with_master_parts(good.job), before=often)
     assert [name for name, _ in refusals(one)] == ["attempts_left", "master_parts"]
     assert refusals(dataclasses.replace(one, wanted=Wanted("MASTER-BAD"))) == []
+
+
+@pytest.mark.parametrize(
+    ("state", "lock", "allowed"),
+    [("stopped", "open", True), ("stopped", "closed", False), ("fault", "open", False), ("recording", "", False)],
+)
+def test_a_bench_is_free_again_when_a_recovery_has_opened_the_lock(
+    good: Situation, tmp_path: Path, state: str, lock: str, *, allowed: bool
+) -> None:
+    fault = Store(tmp_path).create("SN-1", SETUP, {})
+    fault.update(state="fault", files={})
+    one = dataclasses.replace(good, data=tmp_path, job=on_a_cable(good.job), newest=fault)
+    assert [name for name, _ in refusals(one)] == ["bench_recovered"]
+    recovery = recoveries(tmp_path).create("SN-1", dataclasses.replace(SETUP, recovery_of=fault.id), {})
+    if state != "recording":
+        left = LeftState(torque_nm=0.0, torque_known=True, lock=lock, lock_known=True, drive="off", drive_known=True,
+                         release_torque_nm=1.0)  # fmt: skip
+        told = Result(run=recovery.id, serial="SN-1", recipe=SETUP.recipe.head, state=state, verdict="NOT DECIDABLE",
+                      reasons=(), metrics=(), left=left)  # fmt: skip
+        recovery.write_json(RESULT, plain(told))
+        recovery.update(state=state, files={})
+    assert [name for name, _ in refusals(one)] == ([] if allowed else ["bench_recovered"])
 
 
 def test_a_recipe_that_cannot_be_had_is_said(tmp_path: Path) -> None:

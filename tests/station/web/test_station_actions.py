@@ -25,6 +25,9 @@ VALUES = {
     "announce_unit": {"serial": "ä", "previous_step": "passed"},
     "stop_run": {},
     "confirm_nok": {"run": "R"},
+    "begin_recovery": {},
+    "acknowledge_fault": {"recovery": "R"},
+    "leave_recovery": {"recovery": "R"},
     "add_bypass": {"condition": "bench_free", "reason": "r", "hours": 1.0},
     "end_bypass": {"condition": "bench_free"},
     "save_recipe": {"text": "no recipe"},
@@ -149,7 +152,7 @@ def test_the_trail_is_for_those_who_look_after_it(shared_station: Station) -> No
 
 def test_reading_needs_a_session(shared_station: Station) -> None:
     nobody = client_of(shared_station).http
-    for path in ("/api/me", "/api/now", "/api/audit", "/api/runs/x"):
+    for path in ("/api/me", "/api/now", "/api/bench", "/api/audit", "/api/runs/x"):
         assert nobody.get(path).status_code == 401
     nobody.cookies.set(COOKIE, "of nobody")
     assert nobody.get("/api/me").status_code == 401

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,6 +90,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_quality_page(station)
     station.evaluations.start(station.data)
     nicegui.on_shutdown(station.evaluations.close)
+    nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))
     add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
     return Guard(app, hosts_of(served, port))
@@ -137,7 +139,9 @@ def serve(served: Served) -> None:
             )  # fmt: skip
             if sender is not None:
                 sender.start()
-            station.running.stay_ready(likely_first(station.data, station.models))
+            # When it starts, NiceGUI asks every object that the collector knows for its class, which one of canopen
+            # refuses. What is loaded by now stays for good.
+            gc.freeze()
             uvicorn.Server(config).run(sockets=[listener])
     finally:
         if sender is not None:

@@ -81,7 +81,7 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     if file.exists():
         raise StationError(f"{file}: is there already. Choose another name: a backup is never written over")
     if file.resolve().is_relative_to(data.resolve()):
-        raise StationError(f"{file}: lies in the folder that it is to hold. Choose a place on another disk")
+        raise StationError(f"{file}: is inside the data folder. Choose a place on another disk")
     on = [run.id for run in Store(data).newest(5) if _is_on(run)]
     if on:
         raise StationError(
@@ -215,14 +215,18 @@ def _read(file: Path, into: Path) -> Kept:
     wanted = {row.path: (row.bytes, row.sha256) for row in listed.files}
     wrong = sorted(name for name in {*wanted, *found} if wanted.get(name) != found.get(name))
     if wrong:
-        raise RecordError(f"{file}: {wrong[0]} is not as it was backed up ({len(wrong)} files). Take another backup")
+        raise RecordError(
+            f"{file}: {wrong[0]} differs from what was backed up ({len(wrong)} files). Take another backup"
+        )
     return Kept(len(found), sum(size for size, _ in found.values()), listed.made)
 
 
 def _extracted(file: Path, name: str, content: Any, into: Path) -> tuple[int, str]:
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
-        raise RecordError(f"{file}: {name!r} would lie outside the folder; it is not a backup of this program")
+        raise RecordError(
+            f"{file}: {name!r} would be written outside the data folder; it is not a backup of this program"
+        )
     path = into.joinpath(*pure.parts)
     path.parent.mkdir(parents=True, exist_ok=True)
     size, digest = 0, hashlib.sha256()

@@ -44,7 +44,7 @@ from station.web.people.accounts import (
     session_of,
 )
 from station.web.rest_recipes import add_recipes
-from station.web.rest_runs import CookieToken, add_runs, refused_with
+from station.web.rest_runs import CookieToken, add_certificates, add_runs, refused_with
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
 MOST_LINES = 500
@@ -99,6 +99,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         return None
 
     add_runs(app, station, refuse, _answers)
+    add_certificates(app, station, refuse, _answers)
     add_recipes(app, station, refuse, _answers)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)

@@ -11,7 +11,7 @@ from analysis.line.run_rules import RULES, RunLength, rules_of
 from analysis.line.type_one import CAPABLE, USUAL
 from station.cli.line.line_statistics import figure
 from station.cli.say import Grid, say
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Limits
 from station.quality.bench_ability import Part, type_one_of
 from station.quality.figures import (

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 
 from sqlalchemy import func, select
 
+from analysis.line.master_part import MasterPart, master_part_trend
 from analysis.line.type_one import TypeOne, type_one
-from recipes import RecipeError, parse_recipe
+from analysis.trace.errors import AnalysisError
+from recipes import Bench, RecipeError, parse_recipe
 from recipes.text.yaml_source import read_bytes
 from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.master_parts import master_parts
 from station.records.run_record import RunRecord
 from station.store.quality.lot import Production
 from station.store.quality.values import Characteristic, metrics_of_run, one_of, part_runs, values_of_part
+from station.store.tables import RUNS
+
+SECONDS_PER_DAY = 86400.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,3 +132,57 @@ def stated_tolerance(run: RunRecord, metric: str) -> float | None:
     except (RecipeError, OSError):
         return None  # of a run from before, or of another program: its limits are in its result all the same
     return next((one.tolerance for one in recipe.metrics if one.id == metric and one.tolerance is not None), None)
+
+
+@dataclass(frozen=True, slots=True)
+class PartFigure:
+    """A master part over time: its values, and the trend where there are enough of them; why says why there is none."""
+
+    series: PartSeries
+    trend: MasterPart | None
+    why: str = ""
+
+
+def parts_of(production: Production, *, virtual: bool) -> tuple[tuple[str, int], ...]:
+    """Return the master parts of a folder, with their valid runs, the most measured first."""
+    asked = select(RUNS.c.serial, func.count()).where(RUNS.c.chain == production.chain.id, RUNS.c.master != "")
+    asked = asked.where(RUNS.c.valid, RUNS.c.scenario.is_(None), RUNS.c.virtual.is_(virtual), production.trusted())
+    rows = production.connection.execute(asked.group_by(RUNS.c.serial).order_by(func.count().desc(), RUNS.c.serial))
+    return tuple((str(serial), int(number)) for serial, number in rows)
+
+
+def part_trend(production: Production, part: Part, baseline: int = 10) -> PartFigure:
+    """Return a master part over time, on the side with more signals; StationError as `series_of`."""
+    found = []
+    for series in series_of(production, part):
+        days = [datetime.fromisoformat(moment).timestamp() / SECONDS_PER_DAY for moment in series.started]
+        try:
+            trend = master_part_trend(days, series.values, baseline)
+            found.append(PartFigure(series, trend))
+        except AnalysisError as error:
+            found.append(PartFigure(series, None, str(error)))
+    return max(found, key=lambda one: -1 if one.trend is None else len(one.trend.signals))
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """Something that a bench needs from time to time: whether it is in order, and in words."""
+
+    bench: str
+    what: str
+    in_order: bool
+    text: str
+
+
+def due_on(store: Store, bench: Bench, now: datetime) -> tuple[Due, ...]:
+    """Return what is due on a bench: master parts, stored torque ratios, the blank test of its fixture."""
+    name = bench.bench.name
+    found = [Due(name, "master part", one.in_order, one.text) for one in master_parts(store, bench, now)]
+    dated = [("torque ratio", f"{one.id} for {one.model}", one.due) for one in bench.calibrations]
+    curve = bench.fixture.curve
+    dated += [] if curve is None else [("blank test of the fixture", curve.id, curve.due)]
+    for what, which, due in dated:
+        left = (due - now.date()).days
+        text = f"{which}: due {due}, in {left} days" if left >= 0 else f"{which}: was due {due}, {-left} days ago"
+        found.append(Due(name, what, left >= 0, text))
+    return tuple(found)

@@ -79,6 +79,10 @@ class Evaluations:
         """Return the last record of a run; see the function of that name."""
         return self._once(last_record, run)
 
+    def figure(self, make: Callable[..., Made], *asked: object) -> Made:
+        """Return a figure of many runs; make is a function of a module, StationError as it and where others wait."""
+        return self._waited(make, *asked)
+
     def start(self, data: Path) -> None:
         """Start the process before anybody waits for it, and have it keep the store of a data folder up to its chain.
 
@@ -126,22 +130,26 @@ class Evaluations:
         return found
 
     def _made(self, make: Callable[[RunRecord], Made], folder: Path) -> Made:
+        return self._waited(_on_run, make, folder)
+
+    def _waited(self, call: Callable[..., Made], *asked: object) -> Made:
         try:
-            return self._submit(_on_run, make, folder).result(LONGEST_S)
+            found: Future[Made] = self._submit(call, *asked)
+            return found.result(LONGEST_S)
         except TimeoutError as error:
             raise StationError("Others wait for reports already. Try again in a minute.") from error
         except BrokenProcessPool as error:
             self._end()
-            raise StationError(f"{folder.name}: the process that evaluates runs was ended. Try again.") from error
+            raise StationError("The process that evaluates runs was ended. Try again.") from error
 
-    def _submit(self, *call: object) -> Future[Made]:
+    def _submit(self, call: Callable[..., Made], *asked: object) -> Future[Made]:
         with self._one_at_a_time:
             if self._over.is_set():
                 raise StationError("The server is ending. Try again when it is back.")
             if self._pool is None:
                 # Spawned, not forked: the server has threads, and what they hold a fork would hold for ever.
                 self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (os.getpid(),))
-            return self._pool.submit(*call)  # type: ignore[arg-type]
+            return self._pool.submit(call, *asked)
 
 
 def _begin(server: int) -> None:

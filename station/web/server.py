@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from station.web.models import load_models
 from station.web.pages.certificates import add_certificates
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
+from station.web.pages.quality import add_quality_page
 from station.web.pages.recipes import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
@@ -87,8 +89,10 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_maintenance(station)
     add_results(station)
     add_run_page(station)
+    add_quality_page(station)
     station.evaluations.start(station.data)
     nicegui.on_shutdown(station.evaluations.close)
+    nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))
     add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
     return Guard(app, hosts_of(served, port))
@@ -137,7 +141,9 @@ def serve(served: Served) -> None:
             )  # fmt: skip
             if sender is not None:
                 sender.start()
-            station.running.stay_ready(likely_first(station.data, station.models))
+            # When it starts, NiceGUI asks every object that the collector knows for its class, which one of canopen
+            # refuses. What is loaded by now stays for good.
+            gc.freeze()
             uvicorn.Server(config).run(sockets=[listener])
     finally:
         if sender is not None:

@@ -84,11 +84,14 @@ def test_torques_and_angles_of_two_canopen_sensors(lostmotion, recipe, truth):
     assert all("encoders" in note for note in of_sensors)
 
 
-def test_raw_frames_that_a_dbc_file_describes(lostmotion, recipe, truth):
+def test_raw_frames_that_a_dbc_file_describes_and_a_brake_at_an_output_of_the_drive(lostmotion, recipe, truth):
     result = run_on(lostmotion, recipe, "can-dbc")
     assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
     assert result["timing"]["wires"]["box.frames"] > 1.98 * result["timing"]["scans"]
     assert not any("torque_out of box: not proven" in note for note in result["notes"]), "its noise proves it new"
+    (said,) = [note for note in result["notes"] if "its outputs may fall then" in note]
+    assert said.startswith("Brake: not proven that the lock stays closed")
+    assert not any("brake is on: what was ordered" in note for note in result["notes"]), "a contact says so"
 
 
 def test_encoders_that_send_every_20_ms_cost_uncertainty_and_no_stop(lostmotion, recipe, truth, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, func, literal, select
@@ -41,7 +41,7 @@ def _month(hour: str) -> str:
 
 
 def _local(hour: str) -> datetime:
-    return datetime.strptime(hour, "%Y-%m-%dT%H").replace(tzinfo=UTC).astimezone()
+    return datetime.fromisoformat(f"{hour}:00:00+00:00").astimezone()
 
 
 class Grouping(NamedTuple):
@@ -126,9 +126,12 @@ def yields(production: Production, lot: Lot, by: str | None = None) -> dict[str,
     group = None if by is None else grouping(by)
     key = (literal("") if group is None else group.column(RUNS)).label("key")
     found: dict[str, LotYield] = {}
+    names: dict[Any, str] = {}  # of a year there are 8760 hours, and few months
 
     def add(value: Any, state: str, verdict: str | None, *numbers: int) -> None:
-        name = "" if group is None else group.name(value)
+        name = names.get(value)
+        if name is None:
+            name = names[value] = "" if group is None else group.name(value)
         before = found.get(name, LotYield.nothing())
         parts = (one.plus(state, verdict, number) for one, number in zip(before, numbers, strict=True))
         found[name] = LotYield(*parts)

@@ -16,6 +16,7 @@ HERE = Path(__file__).parent
 PAGES = {
     "bench": "/",
     "results": "/results",
+    "quality": "/quality",
     "recipes": "/recipes",
     "maintenance": "/maintenance",
     "certificates": "/certificates",

@@ -13,8 +13,9 @@ import can
 
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, Image, Orders
 from drivers.can.bus import CanLink, open_can
+from drivers.can.identifiers import identifier_problems
 from drivers.can.other_controller import refuse_other_controller
-from drivers.can.sensor_setup import identifier_problems, start_sensors
+from drivers.can.sensor_setup import start_sensors
 from drivers.can.sensors import SensorFrame, SensorNode
 from drivers.config import ModbusConfig, WireBenchConfig
 from drivers.errors import DriverError, ModbusError, Problem, ProfileError

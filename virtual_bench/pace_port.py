@@ -11,7 +11,7 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, cast
 
 from drivers.pace import BEGUN, TO_BENCH, UNIT_BYTES, FromBench, Kind, ToBench, from_bench, from_bytes_to_bench
 
@@ -149,8 +149,7 @@ class _Connection(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the connection; asyncio has switched Nagle's algorithm off already."""
-        assert isinstance(transport, asyncio.Transport)  # noqa: S101 - a TCP server makes no other
-        self._transport = transport
+        self._transport = cast("asyncio.Transport", transport)  # a TCP server makes no other
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Let the bench go on."""

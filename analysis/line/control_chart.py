@@ -54,8 +54,8 @@ class ControlChart:
 
     subgroup: int
     kind: SpreadKind
-    means: FloatArray
-    spreads: FloatArray
+    means: tuple[float, ...]
+    spreads: tuple[float, ...]
     mean_limits: Limits
     spread_limits: Limits
     sd_within: float
@@ -144,8 +144,8 @@ def control_chart(
     return ControlChart(
         subgroup=subgroup,
         kind=chosen,
-        means=means,
-        spreads=spreads,
+        means=tuple(means.tolist()),
+        spreads=tuple(spreads.tolist()),
         mean_limits=of_means,
         spread_limits=of_spreads,
         sd_within=sd,

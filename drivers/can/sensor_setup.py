@@ -7,19 +7,18 @@ its frames are named by and hold is set in it once, with its maker's tool, and p
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import can
 
 from definitions.image import NmtState
-from definitions.profiles.drive import DriveProfile
 from drivers.can.bus import CanLink
 from drivers.config import CanSensorConfig
 from drivers.errors import DriveSetupError, Problem
 from drivers.servo_drive.comparison import Compared, compare_objects
 from drivers.servo_drive.object_setup import NODE_NEXT, ObjectSetup
 from drivers.servo_drive.objects import SetupRow, Treatment, milliseconds, rows_to_start
-from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, rpdo_cob_id, tpdo_cob_id
+from drivers.servo_drive.pdo import SYNC_COB_ID
 from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_START, SdoFailure, SdoNode
 
 SYNC_EVERY_S = 0.01
@@ -124,34 +123,3 @@ def start_sensors(link: CanLink, sensors: Sequence[CanSensorConfig], log: list[s
         for sensor, frame in missing.values()
     ]
     return [*wrong.values(), *silent]
-
-
-def identifier_problems(
-    sensors: Iterable[CanSensorConfig], profile: DriveProfile, node_id: int, controller_node_id: int
-) -> list[Problem]:
-    """Return the identifiers of sensors that somebody else on the bus has: two senders of one destroy each other."""
-    taken = {
-        0x000: "NMT",
-        SYNC_COB_ID: "SYNC",
-        EMCY_BASE + node_id: "emergencies of the drive",
-        HEARTBEAT_BASE + node_id: "heartbeat of the drive",
-        HEARTBEAT_BASE + controller_node_id: "heartbeat of the controller",
-        0x580 + node_id: "SDO of the drive",
-        0x600 + node_id: "SDO of the drive",
-    }
-    taken |= {tpdo_cob_id(pdo, node_id): f"TPDO {pdo.number} of the drive" for pdo in profile.transmit_pdos}
-    taken |= {rpdo_cob_id(pdo, node_id): f"RPDO {pdo.number} of the drive" for pdo in profile.receive_pdos}
-    problems = []
-    for sensor in sensors:
-        if sensor.node_id in (node_id, controller_node_id):
-            owner = "the drive" if sensor.node_id == node_id else "the controller"
-            hint = "give each node on the bus another id"
-            problems.append(Problem("uses a node id that is taken", sensor.where, owner, "a free one", hint))
-        for frame in sensor.frames:
-            if frame.identifier in taken:
-                where = f"{sensor.where}, identifier 0x{frame.identifier:03X}"
-                hint = "give the sensor another identifier, or another node id"
-                owner = taken[frame.identifier]
-                problems.append(Problem("uses an identifier that is taken", where, owner, "a free one", hint))
-            taken.setdefault(frame.identifier, sensor.where)
-    return problems

@@ -22,7 +22,8 @@ from station.atomic_file import write_atomic
 from station.bench.assemble import drive_profile, modbus_profile
 from station.bench.files import File, FileAt
 from station.documents.commissioning import Protocol, StepDone
-from station.documents.reading import plain, read_document
+from station.documents.entries import plain
+from station.documents.reading import read_document
 from station.errors import StationError
 
 ENDING = ".commissioning.json"

@@ -5,12 +5,13 @@ The spec names bench file, profiles and scenario, as that of `station.bench.virt
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+
+import uvloop
 
 from drivers.errors import DriverError
 from recipes import Bench, RecipeError, load_bench
@@ -53,7 +54,7 @@ def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_wit
     config = gateway_config(bench, profiles, end_with_parent=end_with_parent)
     faults = load_scenario(scenario, vocabulary_on(bench, {name: FileAt(path) for name, path in profiles.items()}))
     with alone_on(bench.bench.name, can_config(bench)):
-        asyncio.run(run_gateway(config, faults))
+        uvloop.run(run_gateway(config, faults))
 
 
 def main() -> int:

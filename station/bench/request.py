@@ -13,7 +13,7 @@ import drivers
 from definitions.profiles.drive import DriveProfile
 from definitions.program import Program
 from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
-from drivers.can.sensor_setup import identifier_problems
+from drivers.can.identifiers import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
 from drivers.servo_drive.objects import missing_protections

@@ -8,14 +8,17 @@ JSON line each.
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from recipes import RecipeError, load_bench
+import uvloop
+
+from recipes import Bench, RecipeError, load_bench
 from station.bench.assemble_virtual import load_scenario, server_config, vocabulary_on
 from station.bench.files import FileAt
 from station.bench.virtual_unit import VirtualUnit
@@ -32,25 +35,26 @@ FIFO_PRIORITY = 60
 
 def serve(spec: dict[str, Any]) -> None:
     """Run the virtual bench of a spec until it is told to end or its parents are gone."""
-    profiles = {name: Path(path) for name, path in spec["profiles"].items()}
-    scenario = None if spec["scenario"] is None else Path(spec["scenario"])
     bench = load_bench(spec["bench"])
-    config = server_config(
+    config = _config(spec, bench)
+    faults = None
+    if config.scenario is not None:
+        named = {name: FileAt(Path(path)) for name, path in spec["profiles"].items()}
+        faults = load_scenario(config.scenario, vocabulary_on(bench, named))
+    play_hardware(config)
+    uvloop.run(run(config, faults))
+
+
+def _config(spec: dict[str, Any], bench: Bench) -> ServerConfig:
+    return server_config(
         bench,
-        profiles,
+        {name: Path(path) for name, path in spec["profiles"].items()},
         VirtualUnit.from_plain(spec["unit"]),
-        scenario=scenario,
+        scenario=None if spec["scenario"] is None else Path(spec["scenario"]),
         embedded=spec["embedded"],
         truth=None if spec["truth"] is None else Path(spec["truth"]),
         waits=spec["clock"] == SCAN,
     )
-    faults = (
-        None
-        if scenario is None
-        else load_scenario(scenario, vocabulary_on(bench, {name: FileAt(path) for name, path in profiles.items()}))
-    )
-    play_hardware(config)
-    asyncio.run(run(config, faults))
 
 
 def play_hardware(config: ServerConfig) -> None:
@@ -60,6 +64,17 @@ def play_hardware(config: ServerConfig) -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except OSError as error:
         log_line("fifo_refused", str(error))
+
+
+def prepare(like: str) -> Callable[[], int]:
+    """Make the plant of a likely spec once, so that all is loaded; return what is to be done with the order.
+
+    like: that spec as JSON. What is wrong with it is told by the run that it is for.
+    """
+    with suppress(VirtualBenchError, RecipeError):
+        spec = json.loads(like)
+        warm_up(_config(spec, load_bench(spec["bench"])).bench)
+    return main
 
 
 def main() -> int:

@@ -39,16 +39,34 @@ beside an embedded bench on a single processor there is none to spare."""
 def write_bench_spec(job: Job, record: RunRecord, unit: VirtualUnit | None, scenario: Path | None, clock: str) -> Path:
     """Write what the embedded virtual bench, or the gateway before a real one, is told; return its path."""
     folder = record.folder
-    spec = {
-        "bench": str(folder / "bench.yaml"),
-        "profiles": _profiles(job, record),
+    truth = None if scenario is None else folder / TRUTH
+    spec = _bench_spec(folder / "bench.yaml", _profiles(job, record), unit, scenario, truth, clock)
+    return _written(folder / "virtual-bench-spec.json", spec)
+
+
+def likely_bench_spec(job: Job, unit: VirtualUnit) -> str:
+    """Return as JSON what the embedded virtual bench of a run of this job would be told, from the files as they are."""
+    profiles = {name: str(path) for name, path in job.profile_paths.items()}
+    return json.dumps(_bench_spec(job.bench_source.path, profiles, unit, None, None, SCAN))
+
+
+def _bench_spec(  # noqa: PLR0917 - one for each entry
+    bench: Path,
+    profiles: dict[str, str],
+    unit: VirtualUnit | None,
+    scenario: Path | None,
+    truth: Path | None,
+    clock: str,
+) -> dict[str, Any]:
+    return {
+        "bench": str(bench),
+        "profiles": profiles,
         "unit": None if unit is None else unit.plain(),
         "scenario": None if scenario is None else str(scenario),
-        "truth": None if scenario is None else str(folder / TRUTH),
+        "truth": None if truth is None else str(truth),
         "embedded": True,
         "clock": clock,
     }
-    return _written(folder / "virtual-bench-spec.json", spec)
 
 
 def write_scan_spec(

@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict
 
 from recipes.text.section import Name
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.errors import StationError
 from station.records.recipe_revisions import History, State
 from station.web.actions import NOT_NOW, Station

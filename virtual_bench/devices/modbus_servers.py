@@ -11,6 +11,7 @@ import asyncio
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import cast
 
 from pymodbus import ExceptionResponse
 from pymodbus.constants import ExcCodes
@@ -236,8 +237,7 @@ class Connection(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the connection, or drop it while the line is cut."""
-        assert isinstance(transport, asyncio.Transport)  # noqa: S101 - a TCP server makes no other
-        self._transport = transport
+        self._transport = cast("asyncio.Transport", transport)  # a TCP server makes no other
         self._owner.connections.add(self)
         if self._owner.faults.is_cut(self._owner.name):
             self.drop()

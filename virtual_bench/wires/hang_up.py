@@ -7,11 +7,10 @@ import socket
 from contextlib import suppress
 
 
-def hang_up(transport: asyncio.BaseTransport) -> None:
+def hang_up(transport: asyncio.WriteTransport) -> None:
     """End a connection at once; what was not yet sent is lost, as when a plug is pulled."""
     connection = transport.get_extra_info("socket")
     if connection is not None:
         with suppress(OSError):  # the other side was faster
             connection.shutdown(socket.SHUT_RDWR)
-    if isinstance(transport, asyncio.WriteTransport):
-        transport.abort()
+    transport.abort()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
+from typing import cast
 
 from virtual_bench.wires.hang_up import hang_up
 
@@ -113,10 +114,9 @@ class SocketcandClient(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Greet; asyncio has switched Nagle's algorithm off already."""
-        assert isinstance(transport, asyncio.Transport)  # noqa: S101 - a TCP server makes no other
-        self._transport = transport
+        self._transport = cast("asyncio.Transport", transport)  # a TCP server makes no other
         self.peer = "{}:{}".format(*transport.get_extra_info("peername")[:2])
-        transport.write(b"< hi >")
+        self._transport.write(b"< hi >")
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Leave the bus."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import dataclasses
 from pathlib import Path
+
+import uvloop
 
 from recipes import Bench, find_bench, load_bench
 from station.bench.assemble_virtual import load_scenario, server_config, vocabulary_on
@@ -88,7 +89,7 @@ def virtual_bench(
         config = dataclasses.replace(config, pace=PaceServer(*address("--pace", pace)))
     config = dataclasses.replace(config, hands=hands)
     play_hardware(config)
-    asyncio.run(run(config, faults))
+    uvloop.run(run(config, faults))
     return 0
 
 

@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from recipes import Recipe
 from station.bench.request import Job, Source, load_job
 from station.bench.virtual_unit import VirtualUnit
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
@@ -24,6 +24,7 @@ from station.records.data_folder import Store, check_note, check_operator, check
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
 from station.reports.stored_result import stored_result
+from station.run.ahead import Ahead
 from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude, load_ahead
 from station.run.disk_space import refuse_full_disk
 from station.run.new_record import Wanted, new_record
@@ -80,8 +81,8 @@ def exit_code(result: Result) -> int:
     return EXIT_CODES[result.verdict]
 
 
-def run(options: Options) -> int:
-    """Run a recipe; return the exit code.
+def run(options: Options, ahead: Mapping[str, Ahead] | None = None) -> int:
+    """Run a recipe; return the exit code. ahead: processes that were started before and wait, by their modules.
 
     Raises:
         StationError, RecipeError, VirtualBenchError: bad input, before anything has moved.
@@ -119,7 +120,7 @@ def run(options: Options) -> int:
                 progress.say(f"{progress.title}: {record.id}")
                 if options.virtual_time and not job.bench.bench.embedded:
                     progress.say(f"virtual time: bench {job.bench.bench.name} is simulated, its devices are not used")
-                conclusion = _conclude(pacing, job, record, unit, progress)
+                conclusion = _conclude(pacing, job, record, unit, progress, ahead)
         except BaseException as error:
             with contextlib.suppress(OSError, RecordError):
                 log.exception("run failed", kind=type(error).__name__)
@@ -314,12 +315,13 @@ def _pacing(options: Options, job: Job, scenario: Scenario | None = None) -> Pac
     return pacing
 
 
-def _conclude(
+def _conclude(  # noqa: PLR0917 - a run with everything that belongs to it
     pacing: Pacing,
     job: Job,
     record: RunRecord,
     unit: VirtualUnit | None,
     progress: Progress,
+    ahead: Mapping[str, Ahead] | None,
 ) -> Conclusion:
     scenario = record.folder / "scenario.yaml" if record.has("scenario.yaml") else None
     if pacing.clock == VIRTUAL and unit is not None:
@@ -332,7 +334,7 @@ def _conclude(
         companion = None if scenario is None else _companion(scenario, job)
         try:
             outcome = Supervisor(
-                job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead
+                job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead, ahead=ahead
             ).run(unit, scenario)
         except BenchFaultError as error:
             record.samples.touch()

@@ -11,7 +11,7 @@ from station.bench.request import trace_file
 from station.cli.measure.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
 from station.cli.runs.monte_carlo_table import check_draws, show_monte_carlo
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Evaluation, Result
 from station.errors import StationError
 from station.records.data_folder import Store

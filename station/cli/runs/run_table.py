@@ -7,7 +7,6 @@ import io
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from station.cli.out_file import refuse_records, writing
 from station.cli.say import Grid, say
@@ -55,7 +54,12 @@ def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: b
     if as_csv and out is None:
         sys.stdout.write(csv_of(rows, LOCALES[locale]))
         return 0
-    return 0 if as_csv else say(_document(rows), _blocks(rows), as_json=as_json)
+    runs = [
+        {name: getattr(row.run, name) for name in RUN_COLUMNS}
+        | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
+        for row in rows
+    ]
+    return 0 if as_csv else say({"runs": runs}, _blocks(rows), as_json=as_json)
 
 
 def moment_of(text: str, option: str = "--since") -> str:
@@ -96,16 +100,6 @@ def _text(value: object) -> str:
 
 def _figure(value: float | None, style: CsvStyle) -> str:
     return "" if value is None else f"{value:.9g}".replace(".", style.decimal)
-
-
-def _document(rows: list[RunTableRow]) -> dict[str, Any]:
-    return {
-        "runs": [
-            {name: getattr(row.run, name) for name in RUN_COLUMNS}
-            | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
-            for row in rows
-        ]
-    }
 
 
 def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:

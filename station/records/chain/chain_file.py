@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from station.atomic_file import open_file, refused, seen_text, sync_folder
+from station.documents.entries import plain
 from station.documents.manifest import ChainPlace
-from station.documents.reading import plain
 from station.errors import RecordError
 from station.records.chain.entries import CREATED, LOST, START, Entry, entry_of, signed_entry, text_in_line
 from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head

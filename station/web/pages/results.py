@@ -63,6 +63,7 @@ class _Results:
     def __init__(self, station: Station, session: Session) -> None:
         self._station, self._session = station, session
         self._first = 0
+        self._searches = self._runs_behind = 0
 
     async def build(self) -> None:
         """Lay the page out, and show the newest runs."""
@@ -102,8 +103,15 @@ class _Results:
             links = [place for place, one in enumerate(COLUMNS) if one["field"] in LINKS]
             self._grid = ui.aggrid(options, html_columns=links).classes("lm-grid")
             self._behind = ui.label().classes("lm-bypasses").props('role="status"')
-        ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
+        ui.timer(SESSION_EVERY_S, self._look_again)
         await self._look()
+
+    async def _look_again(self) -> None:
+        """Look whether the session is open, and anew for runs that were not in the search yet."""
+        if self._runs_behind:
+            await self._look()
+        else:
+            await still_open(self._station, self._session)
 
     async def _again(self) -> None:
         self._first = 0
@@ -125,24 +133,31 @@ class _Results:
             since=begin_of(_day(self._since.value)),
             until=begin_of(_day(self._until.value), after=True),
         )
+        self._searches += 1
+        number = self._searches
         try:
             page = await asyncio.to_thread(search, self._station.data, wanted, first=self._first, count=ROWS)
         except StationError as error:
             self._said.set_text(str(error))
             return
-        self._show(page)
+        if number == self._searches:  # else something else is looked for by now
+            self._show(page)
 
     def _show(self, page: Page) -> None:
         self._recipe.set_options({"": "any"} | {name: name for name in page.recipes})
         self._model.set_options({"": "any"} | {name: name for name in page.models})
-        self._behind.set_text(f"{page.behind} runs are not in the search yet. They are being added: look again soon.")
+        self._behind.set_text(f"{page.behind} runs are not in the search yet. They are being added.")
         self._behind.set_visibility(page.behind > 0)
+        self._runs_behind = page.behind
         last = self._first + len(page.rows)
         self._said.set_text(f"{self._first + 1} to {last} of {page.total} runs" if page.rows else "No run fits.")
         self._newer.set_enabled(self._first > 0)
         self._older.set_enabled(last < page.total)
-        self._grid.options["rowData"] = [row_of(one) for one in page.rows]
-        self._grid.update()
+        rows = [row_of(one) for one in page.rows]
+        if self._searches == 1:
+            self._grid.options["rowData"] = rows
+        else:  # by their ids: a row that stays keeps its elements, so that a click on it is not lost
+            self._grid.run_grid_method("setGridOption", "rowData", rows)
 
 
 def row_of(one: StoredRun) -> dict[str, Any]:

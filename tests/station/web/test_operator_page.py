@@ -101,10 +101,11 @@ def test_what_was_measured_is_found_with_its_report(station: Served, page: playw
     try:
         page.click("nav >> text=Results")
         page.wait_for_selector(f"{rows}:has-text('SN-4')")
+        page.evaluate(f"""document.querySelectorAll("{rows}").forEach(row => row.dataset.seen = row.innerText)""")
         page.get_by_label("Serial number begins with").fill("BAD")
         page.wait_for_selector(f"{rows}:has-text('SN-4')", state="detached")
-        # Waited for as a whole: rows are drawn anew while the answer comes. Colour only for what is abnormal.
-        page.wait_for_selector(f"{rows}:has-text('BAD-1') .lm-bad:has-text('FAIL')")
+        # A row that stays is the same element: a click on it is not lost while an answer comes.
+        page.wait_for_selector(f"{rows}[data-seen*='BAD-1'] .lm-bad:has-text('FAIL')")
         address = page.wait_for_selector('a[aria-label^="report of BAD-1"]').get_attribute("href")
         page.goto(f"{station.url}{address}")
         assert "BAD-1" in page.inner_text("main")

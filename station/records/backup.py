@@ -81,7 +81,7 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     if file.exists():
         raise StationError(f"{file}: is there already. Choose another name: a backup is never written over")
     if file.resolve().is_relative_to(data.resolve()):
-        raise StationError(f"{file}: lies in the folder that it is to hold. Choose a place on another disk")
+        raise StationError(f"{file}: is inside the data folder. Choose a place on another disk")
     on = [run.id for run in Store(data).newest(5) if _is_on(run)]
     if on:
         raise StationError(
@@ -231,14 +231,18 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
     wanted = {row.path: (row.bytes, row.sha256) for row in listed.files}
     wrong = sorted(name for name in {*wanted, *found} if wanted.get(name) != found.get(name))
     if wrong:
-        raise RecordError(f"{file}: {wrong[0]} is not as it was backed up ({len(wrong)} files). Take another backup")
+        raise RecordError(
+            f"{file}: {wrong[0]} differs from what was backed up ({len(wrong)} files). Take another backup"
+        )
     return found, listed.made
 
 
 def _extracted(file: Path, name: str, content: Any, into: Path | None) -> tuple[int, str]:
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
-        raise RecordError(f"{file}: {name!r} would lie outside the folder; it is not a backup of this program")
+        raise RecordError(
+            f"{file}: {name!r} would be written outside the data folder; it is not a backup of this program"
+        )
     size, digest = 0, hashlib.sha256()
     with ExitStack() as opened:
         out = None if into is None else opened.enter_context(_made(into.joinpath(*pure.parts)))

@@ -130,7 +130,8 @@ class Evaluations:
         return found
 
     def _made(self, make: Callable[[RunRecord], Made], folder: Path) -> Made:
-        return self._waited(_on_run, make, folder)
+        found: Made = self._waited(_on_run, make, folder)
+        return found
 
     def _waited(self, call: Callable[..., Made], *asked: object) -> Made:
         try:

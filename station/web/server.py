@@ -30,6 +30,7 @@ from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
 from station.web.rest import rest_of
 from station.web.running import Running
+from station.web.settings import load_settings
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -59,6 +60,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     if (served.certificate is None) != (served.key is None):
         raise StationError("--certificate and --key belong together. Name both, or none")
     models, mes = load_models(served.data, served.models), load_mes(served.data)
+    settings = load_settings(served.data)
     database = StationDatabase(served.data, serving=True)
     try:
         with database.writing() as connection:
@@ -68,7 +70,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     except StationError:
         database.close()
         raise
-    station = Station(served.data, database, models, Running(served.data), served.run_options, mes)
+    station = Station(served.data, database, models, Running(served.data), served.run_options, mes, settings)
     return station, password
 
 

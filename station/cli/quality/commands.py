@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -220,3 +221,28 @@ def type1(
 
     part = Part(serial, metric, side, branch, bench, virtual)
     raise typer.Exit(quality.print_type_one(data, part, reference, tolerance, share, level, as_json=as_json))
+
+
+@quality_app.command("dfq")
+def dfq(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write, such as lot.dfq.")],
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the values of a lot as AQDEF, first attempts and retests; 'export --format dfq' does that for one run."""
+    from station.cli.out_file import refuse_records
+    from station.cli.runs.export import program_name, write_dfq
+    from station.quality.dfq.write import dfq_of_lot
+    from station.store.quality.lot import production
+
+    refuse_records(out)
+    with production(data) as look:
+        found = dfq_of_lot(look, _lot(recipe, model, bench, since, until, virtual, newest), program_name())
+    raise typer.Exit(write_dfq(out, found, as_json=as_json))

@@ -137,7 +137,7 @@ def export(
     name: RunArgument,
     file_format: Annotated[
         str,
-        typer.Option("--format", metavar="FORMAT", help="File format: parquet, csv, mat or tdms."),
+        typer.Option("--format", metavar="FORMAT", help="File format: parquet, csv, mat, tdms; dfq: values."),
     ] = "parquet",
     out: Annotated[
         Path | None,

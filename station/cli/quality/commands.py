@@ -281,3 +281,30 @@ def dfq(
     with production(data) as look:
         found = dfq_of_lot(look, _lot(recipe, model, bench, since, until, virtual, newest), program_name())
     raise typer.Exit(write_dfq(out, found, as_json=as_json))
+
+
+@quality_app.command("report")
+def report(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write to.")],
+    loops: Annotated[
+        int, typer.Option("--loops", metavar="N", min=0, max=1000, help="Newest loops to draw; each is evaluated anew.")
+    ] = 30,
+    locale: Annotated[
+        str,
+        typer.Option("--locale", metavar="L", help="Spreadsheet for the CSV: en or de (semicolons, decimal commas)."),
+    ] = "en",
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the report of a batch: page, PDF, and every table and the loops as CSV."""
+    from station.cli.quality import batch
+
+    lot = _lot(recipe, model, bench, since, until, virtual, newest)
+    raise typer.Exit(batch.write_report(data, lot, out, loops, locale, as_json=as_json))

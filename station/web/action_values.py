@@ -30,6 +30,12 @@ class Start(Values):
     retest_reason: str = Field(default="", max_length=200)
 
 
+class Scanned(Values):
+    """What was scanned."""
+
+    scanned: str = Field(max_length=512)
+
+
 class Confirm(Values):
     """The run whose bad unit is in the NOK box."""
 
@@ -89,6 +95,27 @@ class NewPassword(Values):
 
     old_password: str
     new_password: str
+
+
+class NewBadge(Values):
+    """An account, the number of its badge, and a PIN of 4 to 12 digits."""
+
+    name: str
+    badge: str = Field(max_length=512)
+    pin: str = Field(max_length=64)
+
+
+class NewPin(Values):
+    """One's own password, and a new PIN for the badge."""
+
+    password: str
+    pin: str = Field(max_length=64)
+
+
+class ChosenLanguage(Values):
+    """A language of the pages."""
+
+    language: Literal["en", "de", "zh"]
 
 
 class RecipeText(Values):

@@ -29,14 +29,17 @@ from station.web.action_values import (
     Announced,
     BypassAdded,
     BypassEnded,
+    ChosenLanguage,
     Confirm,
     DryRunStarted,
     EndedBypass,
     FreshPassword,
     Named,
+    NewBadge,
     NewBypass,
     NewPassword,
     NewPerson,
+    NewPin,
     Nothing,
     Outcome,
     Permission,
@@ -51,6 +54,7 @@ from station.web.action_values import (
     Refused,
     RunConfirmed,
     RunStarted,
+    Scanned,
     Start,
     UnitAnnounced,
     Values,
@@ -73,18 +77,22 @@ from station.web.people.accounts import (
     add_person,
     brings_token,
     change_password,
+    choose_language,
     count_wrong,
     disable_person,
     leave,
     reset_person,
     session_of,
 )
+from station.web.people.badges import assign_badge, change_pin, withdraw_badge
 from station.web.people.database import ANSWERS, CONFIRMED, StationDatabase
 from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
 from station.web.recipe_text.check import BadRecipeError, bench_of, encoded, refuse_unfit
 from station.web.recipe_text.dry_run import DryRuns
 from station.web.running import Running
 from station.web.scanner import ScanError, serial_of
+from station.web.scanner_test import is_tested, keep_test, misread
+from station.web.settings import Settings
 
 EVERYBODY = frozenset(ROLES)
 AT_THE_BENCH = frozenset({"operator", "technician", "engineer", "admin"})
@@ -132,6 +140,7 @@ class Station:
     """Further options of `lostmotion run`, as the server was started with them."""
     mes: MesSettings | None = None
     """The MES of the plant; None: none is asked or told."""
+    settings: Settings = field(default_factory=Settings)
     dry_runs: DryRuns = field(default_factory=DryRuns)
     evaluations: Evaluations = field(default_factory=Evaluations)
     """The process that makes reports and loops of stored runs."""
@@ -207,6 +216,7 @@ def _situation(call: Call, given: Start) -> Situation:
     return situation_of(
         station.data, station.models, Wanted(serial, given.retest_reason), busy=station.running.busy(),
         confirmed=_confirmed(call.connection), previous_step=step,
+        scanner_tested=is_tested(call.connection, station.settings.scanner_test),
     )  # fmt: skip
 
 
@@ -355,6 +365,36 @@ def _change_password(call: Call, given: NewPassword) -> Outcome:
     return Outcome()
 
 
+def _assign_badge(call: Call, given: NewBadge) -> AccountChanged:
+    assign_badge(call.connection, given.name, given.badge, given.pin)
+    return AccountChanged(name=given.name)
+
+
+def _withdraw_badge(call: Call, given: Named) -> AccountChanged:
+    withdraw_badge(call.connection, given.name)
+    return AccountChanged(name=given.name)
+
+
+def _change_pin(call: Call, given: NewPin) -> Outcome:
+    change_pin(call.connection, call.person.name, given.password, given.pin)
+    return Outcome()
+
+
+def _test_scanner(call: Call, given: Scanned) -> Outcome:
+    test = call.station.settings.scanner_test
+    if test is None:
+        raise NotNowError([("scanner_test", "This station has no test code. It is set in station.yaml.")])
+    if (why := misread(test.code, given.scanned)) is not None:
+        raise NotNowError([("scanner_test", why)])
+    keep_test(call.connection, call.person.name)
+    return Outcome()
+
+
+def _choose_language(call: Call, given: ChosenLanguage) -> Outcome:
+    choose_language(call.connection, call.person.name, given.language)
+    return Outcome()
+
+
 def _leave(call: Call, _given: Nothing) -> Outcome:
     leave(call.connection, call.session.token)
     return Outcome()
@@ -394,8 +434,17 @@ ACTIONS: dict[str, Action] = {
         Action("disable_person", "close an account", ADMIN, Named, _disable_person, AccountChanged, ("name",)),
         Action("reset_person", "open an account again with a first password", ADMIN, FreshPassword,
                _reset_person, AccountChanged, ("name",)),
+        Action("assign_badge", "give a person a badge with a PIN", ADMIN, NewBadge, _assign_badge, AccountChanged,
+               ("name",)),
+        Action("withdraw_badge", "take a person's badge away", ADMIN, Named, _withdraw_badge, AccountChanged,
+               ("name",)),
+        Action("change_pin", "change the PIN of your own badge", EVERYBODY, NewPin, _change_pin, Outcome),
+        Action("test_scanner", "show by the test code that the scanner is read as it was printed", AT_THE_BENCH,
+               Scanned, _test_scanner, Outcome),
         Action("change_password", "change your own password", EVERYBODY, NewPassword, _change_password, Outcome,
                with_first_password=True),
+        Action("choose_language", "choose the language of your pages", EVERYBODY, ChosenLanguage, _choose_language,
+               Outcome, ("language",)),
         Action("leave", "end the session", EVERYBODY, Nothing, _leave, Outcome, with_first_password=True),
     )
 }  # fmt: skip

@@ -60,6 +60,7 @@ class Situation:
     newest: RunRecord | None
     unconfirmed: str
     previous_step: PreviousStep | None = None
+    scanner_tested: bool = True
 
     @property
     def is_master_part(self) -> bool:
@@ -92,9 +93,12 @@ class Condition(NamedTuple):
 
 def situation_of(
     data: Path, models: Models, wanted: Wanted, *, busy: bool, confirmed: frozenset[str],
-    previous_step: PreviousStep | None = None,
+    previous_step: PreviousStep | None = None, scanner_tested: bool = True,
 ) -> Situation:  # fmt: skip
-    """Look at what is there; confirmed: runs whose bad unit is in its box; previous_step: what the MES says."""
+    """Look at what is there; confirmed: runs whose bad unit is in its box; previous_step: what the MES says.
+
+    scanner_tested: whether the test code was read rightly this shift, or need not be.
+    """
     model, job, why, release = models.of(wanted.serial), None, "", None
     if model is not None:
         try:
@@ -107,7 +111,7 @@ def situation_of(
     before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
     bad = unconfirmed(data, confirmed)
-    return Situation(data, wanted, model, job, why, release, busy, before, newest, bad, previous_step)
+    return Situation(data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested)
 
 
 def likely_first(data: Path, models: Models) -> tuple[str, str]:
@@ -160,10 +164,19 @@ def _bench_free(one: Situation) -> str | None:
 
 def _model_known(one: Situation) -> str | None:
     if one.model is not None:
-        return None
+        half, rest = one.wanted.serial[: len(one.wanted.serial) // 2], one.wanted.serial[len(one.wanted.serial) // 2 :]
+        if half != rest or not one.model.fits(half):
+            return None
+        return f"The code was read twice in one: '{half}' and '{rest}'. Scan the unit again."
     return (
         f"No model has serial numbers like '{one.wanted.serial}'. Scan the label of the unit, or call the technician."
     )
+
+
+def _scanner_tested(one: Situation) -> str | None:
+    if one.scanner_tested:
+        return None
+    return "The scanner was not tested this shift. Scan the test code on the card at the bench, then the unit."
 
 
 def _previous_step_passed(one: Situation) -> str | None:
@@ -282,6 +295,12 @@ def _clock_plausible(one: Situation) -> str | None:
 CONDITIONS: tuple[Condition, ...] = (
     Condition("bench_free", "no run is in progress", _bench_free),
     Condition("model_known", "the serial number is one of a known model", _model_known),
+    Condition(
+        "scanner_tested",
+        "the test code was read as it is printed, once a shift",
+        _scanner_tested,
+        may_be_bypassed=True,
+    ),
     Condition(
         "previous_step_passed",
         "the MES says that the unit passed its previous process step",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import os
 import socket
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from station.web.guard import Guard
 from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
+from station.web.pages.certificates import add_certificates
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
 from station.web.pages.quality import add_quality_page
@@ -29,6 +32,7 @@ from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
 from station.web.rest import rest_of
 from station.web.running import Running
+from station.web.settings import load_settings
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -58,6 +62,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     if (served.certificate is None) != (served.key is None):
         raise StationError("--certificate and --key belong together. Name both, or none")
     models, mes = load_models(served.data, served.models), load_mes(served.data)
+    settings = load_settings(served.data)
     database = StationDatabase(served.data, serving=True)
     try:
         with database.writing() as connection:
@@ -67,7 +72,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     except StationError:
         database.close()
         raise
-    station = Station(served.data, database, models, Running(served.data), served.run_options, mes)
+    station = Station(served.data, database, models, Running(served.data), served.run_options, mes, settings)
     return station, password
 
 
@@ -84,6 +89,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     """Return the whole application: pages and REST, behind the guard."""
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
+    add_certificates(station)
     add_maintenance(station)
     add_results(station)
     add_run_page(station)
@@ -116,6 +122,9 @@ def serve(served: Served) -> None:
 
     """
     station, password = open_station(served)
+    if station.settings.time_zone is not None:
+        os.environ["TZ"] = station.settings.time_zone
+        time.tzset()  # from here on local time is the plant's, on every page and in every search
     sender = None
     try:
         sender = None if station.mes is None else Sender(station.database, station.data, station.mes)

@@ -70,6 +70,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
     return {
         "bench_free": dataclasses.replace(good, busy=True),
         "model_known": dataclasses.replace(good, model=None, job=None),
+        "scanner_tested": dataclasses.replace(good, scanner_tested=False),
         "previous_step_passed": dataclasses.replace(good, previous_step=FAILED_BEFORE),
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
         "recipe_released": dataclasses.replace(good, release=None),
@@ -91,6 +92,14 @@ def test_each_condition_fails_alone_with_its_reason(good: Situation, monkeypatch
         ((refused, why),) = refusals(situation)
         assert refused == name
         assert why
+
+
+def test_a_code_that_was_read_twice_in_one_is_no_unit(good: Situation) -> None:
+    loose = good.model.model_copy(update={"serial": "[A-Z0-9-]{4,32}"})
+    for serial, allowed in (("SN-1", True), ("SN-1SN-1", False), ("SN-1SN-2", True)):
+        found = refusals(dataclasses.replace(good, model=loose, wanted=Wanted(serial)))
+        assert [name for name, _ in found] == ([] if allowed else ["model_known"])
+    assert refusals(dataclasses.replace(good, wanted=Wanted("1111"))) == [], "half of it would be none of this model"
 
 
 def test_all_reasons_are_told_at_once(good: Situation) -> None:

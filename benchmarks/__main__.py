@@ -14,13 +14,13 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from benchmarks import analysis_speed, monte_carlo_speed, virtual_time
 from benchmarks.wakeups import HEAD, ROOT, WakeUpLatency, cyclictest, full_scan, in_child, of_report
 from station.bench.request import load_job
 from station.timing.rates import HEAD as RATES_HEAD
 from station.timing.rates import limit, measured
+from station.timing.report import TimingReport
 
 BITRATE = 1_000_000
 
@@ -36,7 +36,7 @@ def stress() -> Iterator[None]:
             process.terminate()
 
 
-def wakeups(seconds: float, title: str) -> dict[str, Any]:
+def wakeups(seconds: float, title: str) -> TimingReport:
     """Print wake-up latency of cyclictest, of plain Python, and of the scan with and without a spin tail."""
     print(f"\n{title}")
     print(HEAD)
@@ -47,29 +47,26 @@ def wakeups(seconds: float, title: str) -> dict[str, Any]:
         print(base.row(None))
     for kind in ("plain", "schedule"):
         print(in_child(kind, seconds).row(base), flush=True)
-    report: dict[str, Any] = {}
-    for spin_us in (100, 0):
-        report = full_scan(seconds, spin_us=spin_us)
+    reports = {spin_us: full_scan(seconds, spin_us=spin_us) for spin_us in (100, 0)}
+    for spin_us, report in reports.items():
         late = of_report(f"whole scan, spin tail {spin_us} µs", report)
-        missed = f"  missed {report['missed']} of {report['periods']}"
+        missed = f"  missed {report.missed} of {report.periods}"
         print(late.row(base) + missed, flush=True)
     after = cyclictest(seconds)
     if base is not None and after is not None:
         print(WakeUpLatency("cyclictest again", after.p50, after.p99, after.p999, after.largest).row(base))
-    return report
+    return reports[0]
 
 
-def work(report: dict[str, Any]) -> None:
+def work(report: TimingReport) -> None:
     """Print what a scan's time goes into."""
     print("\nwork per scan in µs (controller idle)")
     print(f"  {'':34}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9}")
-    for name, row in {"work": report["work_us"], **report["parts_us"]}.items():
-        print(f"  {name:34}{row['p50']:9.1f}{row['p99']:9.1f}{row['p999']:9.1f}{row['max']:9.1f}")
-    memory = report["resident_kb"]
-    resident = (
-        f"{memory['before'] / 1024:.1f} MiB at the start of the scan, {memory['after'] / 1024:.1f} MiB at its end"
-    )
-    print(f"  memory of the scan process: {resident} (grown by {memory['after'] - memory['before']} KiB)")
+    for name, row in {"work": report.work_us, **report.parts_us}.items():
+        print(f"  {name:34}{row.p50:9.1f}{row.p99:9.1f}{row.p999:9.1f}{row.max:9.1f}")
+    memory = report.resident_kb
+    resident = f"{memory.before / 1024:.1f} MiB at the start of the scan, {memory.after / 1024:.1f} MiB at its end"
+    print(f"  memory of the scan process: {resident} (grown by {memory.after - memory.before} KiB)")
 
 
 def highest_rate(seconds: float) -> None:

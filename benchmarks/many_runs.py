@@ -13,7 +13,7 @@ from typing import Any
 from unittest import mock
 
 from station.atomic_file import as_json
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.records.chain.chain_file import writing_to
 from station.records.chain.entries import CREATED, SEALED
 from station.records.run_record import RunRecord

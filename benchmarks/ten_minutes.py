@@ -12,12 +12,12 @@ import os
 import shutil
 import subprocess
 import sys
-from typing import Any
 
 from benchmarks.wakeups import HEAD, LARGEST_US, Histogram, cyclictest_command, full_scan, of_report
 from station.cli.bench.timing import GAPS_SHOWN, footing, lost_records
 from station.records.scan_times import CAUSES
 from station.timing.rates import MISSED_ALLOWED
+from station.timing.report import TimingReport
 
 PERIOD_US = 1000
 GROWTH_ALLOWED_KB = 4 * 1024
@@ -48,14 +48,14 @@ def machine(process: subprocess.Popen[str] | None) -> Histogram | None:
     return histogram
 
 
-def failures(report: dict[str, Any]) -> list[str]:
+def failures(report: TimingReport) -> list[str]:
     """Return what must not be; empty when the run was as it should be."""
     found = []
-    if report["missed"] > MISSED_ALLOWED * report["periods"]:
-        found.append(f"{report['missed']} of {report['periods']} periods were missed, allowed are 0.1 %")
+    if report.missed > MISSED_ALLOWED * report.periods:
+        found.append(f"{report.missed} of {report.periods} periods were missed, allowed are 0.1 %")
     if lost_records(report):
         found.append(lost_records(report))
-    grown_kb = report["resident_kb"]["after"] - report["resident_kb"]["before"]
+    grown_kb = report.resident_kb.after - report.resident_kb.before
     if grown_kb > GROWTH_ALLOWED_KB:
         found.append(f"the scan process grew by {grown_kb} KiB, allowed {GROWTH_ALLOWED_KB} KiB")
     return found
@@ -76,11 +76,11 @@ def main() -> int:
     if base is not None:
         print(base.row(None))
     print(of_report("whole scan", report).row(base))
-    print(f"\nours: {report['missed']} of {report['periods']} periods missed, in {report['gaps_in_all']} gaps")
-    for gap in report["gaps"][:GAPS_SHOWN]:
-        before = gap["before"]
-        late = f"{before['lateness_us']:.0f} µs late: {CAUSES[before['cause']]}"
-        print(f"  {gap['missed']} before scan {gap['scan']}, {late}")
+    print(f"\nours: {report.missed} of {report.periods} periods missed, in {report.gaps_in_all} gaps")
+    for gap in report.gaps[:GAPS_SHOWN]:
+        before = gap.before
+        late = f"{before.lateness_us:.0f} µs late: {CAUSES[before.cause]}"
+        print(f"  {gap.missed} before scan {gap.scan}, {late}")
     if seen is None:
         why = "refused" if shutil.which("cyclictest") else "not installed (Debian: apt-get install rt-tests)"
         print(f"the machine: not measured, cyclictest is {why}")

@@ -10,11 +10,12 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from station.documents.reading import document_in
 from station.records.scan_times import Counts
 from station.scan import realtime
 from station.scan.schedule import RealTimeSchedule
+from station.timing.report import TimingReport
 
 ROOT = Path(__file__).parents[1]
 PERIOD_NS = 1_000_000
@@ -118,7 +119,7 @@ def in_child(kind: str, seconds: float) -> WakeUpLatency:
     return WakeUpLatency(**json.loads(done.stdout))
 
 
-def full_scan(seconds: float, *, period_us: int = 1000, spin_us: int | None = None) -> dict[str, Any]:
+def full_scan(seconds: float, *, period_us: int = 1000, spin_us: int | None = None) -> TimingReport:
     """Return the report of `lostmotion timing`: CAN, Modbus, controller and record against the virtual bench."""
     command = [sys.executable, "-m", "station", "timing", "--json", "--seconds", str(seconds)]
     command += ["--period-us", str(period_us)]
@@ -126,14 +127,13 @@ def full_scan(seconds: float, *, period_us: int = 1000, spin_us: int | None = No
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)  # noqa: S603
     if not done.stdout:
         raise SystemExit(f"lostmotion timing failed: {done.stderr}")
-    report: dict[str, Any] = json.loads(done.stdout)
-    return report
+    return document_in(TimingReport, done.stdout.encode(), Path("lostmotion timing --json"))
 
 
-def of_report(name: str, report: dict[str, Any]) -> WakeUpLatency:
+def of_report(name: str, report: TimingReport) -> WakeUpLatency:
     """Return the wake-up latency in a report of `lostmotion timing`."""
-    late = report["lateness_us"]
-    return WakeUpLatency(name, late["p50"], late["p99"], late["p999"], late["max"])
+    late = report.lateness_us
+    return WakeUpLatency(name, late.p50, late.p99, late.p999, late.max)
 
 
 def _plain(seconds: float) -> Counts:

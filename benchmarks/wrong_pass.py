@@ -42,7 +42,7 @@ from benchmarks.simulated.loop_generator import (
 
 UNIT = KINDS["RV-40E"]
 BENCHES = {"whole run": Bench(), "bare trace": Bench(dwell_s=0.0)}
-"""A run with its segments and dwells, and what somebody exports: no dwell, and no column that names the segments."""
+"""A run with its segments, dwells and the drive's position, and what somebody exports without any of these."""
 
 PEAK_NM = BENCHES["whole run"].peak * UNIT.rated_nm
 BEYOND = 0.15
@@ -136,6 +136,14 @@ CASES: dict[str, Case] = {
     "ripple, cosine": Case(
         "input encoder, 8 per turn, a quarter on", "arcmin", 200.0,
         lambda size: Defect(ripple_arcmin=size, ripple_phase_rad=np.pi / 2.0),
+    ),
+    "ripple, middle": Case(
+        "input encoder, 36 per turn", "arcmin", 200.0,
+        lambda size: Defect(ripple_arcmin=size, ripple_per_turn=36.0),
+    ),
+    "ripple, fast": Case(
+        "input encoder, 60 per turn", "arcmin", 200.0,
+        lambda size: Defect(ripple_arcmin=size, ripple_per_turn=60.0),
     ),
     "angle gain": Case(
         "gain of the input angle", "%", 50.0,

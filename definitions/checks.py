@@ -11,6 +11,13 @@ from typing import NamedTuple
 from definitions.units import FRACTION, LOSS, NUMBER, SAMPLES, SCANS, TEMPERATURE, TEMPERATURE_CHANGE, Kind, Range
 
 
+class LeavesOpen(NamedTuple):
+    """Error that a check cannot see: its name for people, and the unit of its size."""
+
+    text: str
+    unit: str
+
+
 class Check(NamedTuple):
     """One validity check: its figure, the limit that holds unless the recipe has another, and what a failure means."""
 
@@ -32,6 +39,10 @@ class Check(NamedTuple):
     """Limits that a recipe may set; None where the limit is fixed, or is one of another section."""
     below: str = ""
     """Check whose limit must be above this one's."""
+    explained_by: str = ""
+    """Check whose failure explains one of this: then it is no reason of its own."""
+    leaves_open: LeavesOpen | None = None
+    """Error that passes the check unseen, up to a size that depends on its limit and on the measurement."""
 
     @property
     def unit(self) -> str:
@@ -111,7 +122,7 @@ _ROWS = (
         "to the reference torque",
         "torque and wind-up do not stop, or turn, at the same time",
         "set the filters of torque and angles as in the bench file, or give their lags there",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "clipping", "Clipping", FRACTION, 1.0,
@@ -119,7 +130,7 @@ _ROWS = (
         "change of the torque while the angle of the loaded shaft stays, relative to the whole torque",
         "the torque stays at its largest value while the unit still turns: the channel is saturated",
         "use a sensor or a range that covers the peak torque of the cycles",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "wrong_way", "Energy of the loop", LOSS, 0.0,
@@ -186,7 +197,7 @@ _ROWS = (
         "check cables, earthing and the resolution of the channel",
     ),
     Check(
-        "time_scale", "Time scale", NUMBER, 20.0,
+        "time_scale", "Time scale", NUMBER, 5.0,
         "torque rate of a branch over that of the recipe, or that of the recipe over it, the larger one",
         "the load is far faster or slower than the recipe plans it",
         "check the unit of the time column, which is seconds, and the torque rates in the recipe",
@@ -204,7 +215,7 @@ _ROWS = (
         "the turning points",
         "a ramp was interrupted",
         "find out what stopped the ramp (late samples, an overshoot, an alarm limit), and measure again",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "monotone_loading", "Torque reversal within a branch", FRACTION, 5.0,
@@ -238,7 +249,7 @@ _ROWS = (
         "that of the recipe, or of its sides from each other; beyond the declared gains of both sensors, friction and "
         "the scatter of the lines",
         "the measured ratio differs from the ratio in the recipe",
-        CHECK_RATIO, settable=SHARES,
+        CHECK_RATIO, settable=SHARES, leaves_open=LeavesOpen("gain of the output torque, or ratio in the recipe", "%"),
     ),
     Check(
         "temperature_change", "Change of temperature", TEMPERATURE_CHANGE, 5.0,
@@ -273,7 +284,7 @@ _ROWS = (
         "motion of the locked shaft that its torque does not explain, relative to the whole wind-up",
         "the locked shaft moves",
         "check the lock, its encoder, and that both angles belong to this unit",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "fixture_share", "Fixture deflection", FRACTION, 25.0,
@@ -309,7 +320,7 @@ _ROWS = (
         "the loop gets wider towards its turning points, which friction cannot cause: the wind-up creeps back "
         "against its torque, or an angle is wrong",
         "let unit and bench come to rest before measuring, check lock, couplings and encoders, and measure again",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "creep_back", "Creep against the torque", FRACTION, 0.5,
@@ -317,7 +328,7 @@ _ROWS = (
         "whole wind-up",
         "the wind-up creeps back against its torque, which no unit does",
         "check lock, couplings and encoders. Check whether a part warms up during the dwells. Then measure again",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "angle_waves", "Waves of the wind-up", FRACTION, 0.1,
@@ -325,7 +336,8 @@ _ROWS = (
         "encoders, relative to the whole wind-up",
         "an angle has an error that repeats as its encoder turns",
         "check mounting, coupling and electrical adjustment of the encoders, and measure again",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
+        leaves_open=LeavesOpen("fast wave of the loaded shaft's encoder, at that shaft", "arcmin"),
     ),
     Check(
         "calibrated_turn", "Turning points of the calibration", FRACTION, 0.4,
@@ -371,7 +383,7 @@ _ROWS = (
         "the scatter of the points",
         "a torque channel is not linear: its gain changes with the load",
         "calibrate both torque channels over their range, and check their mounting for side loads",
-        settable=SHARES,
+        settable=SHARES, leaves_open=LeavesOpen("hysteresis of the output torque sensor at mid-range", "N·m"),
     ),
     Check(
         "drive_torque_agreement", "Agreement of drive and torque sensor", FRACTION, 10.0,
@@ -386,6 +398,23 @@ _ROWS = (
         "to the torque between the turning points",
         "the torque sensor lags behind the drive, or friction lies between them",
         "set the filters of both torque channels as in the bench file, or load slower and see whether it stays",
+        settable=SHARES,
+    ),
+    Check(
+        "drive_angle_agreement", "Agreement of drive and angle encoder", FRACTION, 2.0,
+        "change of the difference between the drive's position and the angle of the loaded shaft within a branch, "
+        "beyond their constant delay, relative to the travel of that shaft",
+        "the drive's position and the angle of the loaded shaft do not agree",
+        "check line count, scale and mounting of the encoder, then the drive's gear ratio and couplings",
+        settable=SHARES,
+        leaves_open=LeavesOpen("slower wave or scale of the loaded shaft's encoder, at that shaft", "arcmin"),
+    ),
+    Check(
+        "drive_angle_repeat", "Delay of the angle encoder, branch against branch", FRACTION, 0.15,
+        "change of the difference between the drive's position and the angle of the loaded shaft from one branch to "
+        "another of the same direction, at the same angle, relative to the travel of that shaft",
+        "the angle of the loaded shaft does not follow the drive's position in all branches alike",
+        "check cable, supply and filter of the encoder, and measure again",
         settable=SHARES,
     ),
     Check(

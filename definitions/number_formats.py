@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from typing import Literal
 
 IntegerType = Literal["u8", "i8", "u16", "i16", "u32", "i32"]
@@ -38,3 +39,30 @@ RANGES: Mapping[str, tuple[int, int]] = {
 
 LARGEST_COUNT, LARGEST = (1 << 31) - 1, (1 << 63) - 1
 """Largest count and largest other whole number of a record: what the integers of a database hold."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Annotation of what a number, or the length of a list or text, may be; checked where a file is read.
+
+    The names are those of pydantic, which asks an annotation for its hook: nothing has to be imported for that.
+    """
+
+    ge: float | None = None
+    gt: float | None = None
+    le: float | None = None
+    lt: float | None = None
+    min_length: int | None = None
+    max_length: int | None = None
+    pattern: str | None = None
+
+    def __get_pydantic_core_schema__(self, source: object, handler: Callable[[object], dict[str, object]]) -> object:
+        stated = {one.name: getattr(self, one.name) for one in fields(self)}
+        return handler(source) | {name: limit for name, limit in stated.items() if limit is not None}
+
+
+def check_range(value: int, type_name: IntegerType, where: str) -> None:
+    """Raise ValueError, which names `where`, when a value is beyond its type."""
+    low, high = RANGES[type_name]
+    if not low <= value <= high:
+        raise ValueError(f"{where}: found {value}; a number of type {type_name} is {low} to {high}")

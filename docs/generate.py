@@ -24,9 +24,10 @@ from docs.schemas import FILES, schema_of
 from drivers.servo_drive.cia402 import CONTROL_WORDS
 from recipes.compiler.budgets import BUDGETS
 from recipes.text.section import option_name
+from virtual_bench.faults.names import Vocabulary
 from virtual_bench.faults.reactions import REACTIONS
+from virtual_bench.faults.vocabulary import BY_NAME, NOT_BY_WALL_CLOCK, on_the_wire, only_over_wires
 from virtual_bench.faults.vocabulary import FAULTS as INJECTED
-from virtual_bench.faults.vocabulary import NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES, on_the_wire
 
 FOLDER = Path(__file__).parent
 
@@ -129,20 +130,26 @@ def fault_vocabulary() -> str:
 
     def where(key: tuple[str, str]) -> str:
         wires = "wires, by the scan clock" if key in NOT_BY_WALL_CLOCK else "wires"
-        clocks = ["virtual time"] * (key not in ONLY_OVER_WIRES) + [wires]
+        clocks = ["virtual time"] * (not only_over_wires(*key)) + [wires]
         return ", ".join(clocks + ["gateway"] * (on_the_wire(*key) and key not in NOT_BY_WALL_CLOCK))
 
-    rows = (
-        (f"`{target}`", f"`{verb}`", row.value, row.acts_on, where((target, verb)))
-        for (target, verb), row in INJECTED.items()
-    )
+    def rows(vocabulary: Vocabulary) -> Iterable[tuple[object, ...]]:
+        return (
+            (f"`{target}`", f"`{verb}`", row.value, row.acts_on, where((target, verb)))
+            for (target, verb), row in vocabulary.items()
+        )
+
     return (
         "# Faults that can be injected\n\n"
         + NOTE
         + "\nA scenario names target and verb, gives the value where there is "
         "one, and says when; see [Fault injection](fault-injection.md). *Virtual time*: `faults run` and `faults matrix`. "
         "*Wires*: the same with `--wires`. *Gateway*: against a real bench.\n\n"
-        + table(("target", "verb", "value", "what a controller finds changed", "where it acts"), rows)
+        + table(("target", "verb", "value", "what a controller finds changed", "where it acts"), rows(INJECTED))
+        + "\n## Of the devices of a bench\n\nA bench whose channels come from `devices` and `can_devices` has these besides, by the names in "
+        "its file: NAME is that of a device, FIELD one of its profile. A CAN sensor without `node_id` has no heartbeat and no node. What a "
+        "sensor itself does wrong (`sensor.torque_out offset`) is above, whatever device measures it.\n\n"
+        + table(("target", "verb", "value", "what a controller finds changed", "where it acts"), rows(BY_NAME))
         + "\n## Reactions\n\nWhat comes of an alarm, from the mildest reaction to the strongest; [Faults](faults.md) says which alarm has "
         "which. A drive command is shown with its control word (0x6040). The lock's contact, the output of the brake supply, is kept "
         "by every reaction: it opens on the way back only. `expect: {reaction: ...}` is held against this table, and so is the "

@@ -1,6 +1,6 @@
 """The bench's hardware as plain data: what a caller fills in to get a `drivers.wire_bench.WireBench`.
 
-Nothing here reads files. SI units; the profiles are those of `drivers.profile`.
+Nothing here reads files. SI units; the profiles are those of `definitions.profiles`.
 """
 
 from __future__ import annotations
@@ -8,8 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from definitions.profiles.can import CanFrame, CanIdentity
+from definitions.profiles.drive import DriveProfile, StartupObject
+from definitions.profiles.modbus import ModbusProfile
 from drivers.pace import PaceConfig
-from drivers.profile import CanFrame, DriveProfile, ModbusProfile
 
 ALL_CHANNELS = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
 """Measured channels of a bench with all four sensors."""
@@ -62,6 +64,8 @@ class DriveConfig:
     abort_connection_option: int
     quick_stop_option: int
     fault_reaction_option: int
+    output_mask: int = 0
+    """Digital outputs of the drive that are ours: bits of 0x60FE:1, let through by 0x60FE:2."""
     reversed: bool = False
     """The motor turns the loaded shaft against the drive's own positive direction."""
     boot_timeout_s: float = 3.0
@@ -111,6 +115,14 @@ class ModbusConfig:
 
 
 @dataclass(frozen=True)
+class DriveBrakeConfig:
+    """A brake at a digital output of the drive: its bit of 0x60FE:1, and the bit of 0x60FD that says that it is on."""
+
+    output_bit: int
+    input_bit: int | None = None
+
+
+@dataclass(frozen=True)
 class ChannelConfig:
     """Where a measured channel comes from: value = field × scale + zero, in the unit of the channel.
 
@@ -137,11 +149,21 @@ class NamedDevice:
 
 @dataclass(frozen=True)
 class CanSensorConfig:
-    """A sensor on the CAN bus of the drive: the frames that it sends; a CANopen node is started by NMT."""
+    """A sensor on the CAN bus of the drive: the frames that it sends; a CANopen node is set up and started by NMT.
+
+    `identity`: what 0x1018 of a node must hold. `startup`: objects that are written into it. `heartbeat_s`: how often
+    it says its state, written into it and watched; 0 where nobody asks for it.
+    """
 
     name: str
     node_id: int | None
     frames: tuple[CanFrame, ...]
+    identity: CanIdentity | None = None
+    startup: tuple[StartupObject, ...] = ()
+    heartbeat_s: float = 0.0
+    sdo_reply_timeout_s: float = 1.0
+    sdo_tries: int = 2
+    setup_timeout_s: float = 20.0
     first_frame_timeout_s: float = 2.0
     """Longest wait for each of its frames before the scan."""
 
@@ -163,8 +185,10 @@ class WireBenchConfig:
     can: CanConfig
     drive: DriveConfig
     amplifier: ModbusConfig | None
-    brake: ModbusConfig
+    brake: ModbusConfig | None
     remote_io: ModbusConfig
+    drive_brake: DriveBrakeConfig | None = None
+    """In place of `brake`: one of the two is there."""
     pace: PaceConfig | None = None
     """Where a virtual bench waits for the scan; None for a bench with a clock of its own, as real ones have."""
     channels: tuple[str, ...] = ALL_CHANNELS

@@ -7,12 +7,16 @@ lost until the bench is opened anew. There is no thread.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import can
 
 from definitions.image import AGE_NEVER, DriveCommand, DriveMode, Image, Orders
 from drivers.can.bus import CanLink, open_can
+from drivers.can.identifiers import identifier_problems
 from drivers.can.other_controller import refuse_other_controller
-from drivers.can.sensors import SensorFrame, identifier_problems, start_sensors
+from drivers.can.sensor_setup import start_sensors
+from drivers.can.sensors import SensorFrame, SensorNode
 from drivers.config import ModbusConfig, WireBenchConfig
 from drivers.errors import DriverError, ModbusError, Problem, ProfileError
 from drivers.modbus.device import ModbusDevice
@@ -21,7 +25,9 @@ from drivers.modbus.line import ModbusLine
 from drivers.modbus.part_fields import check_parts, source_problems
 from drivers.pace import Pace
 from drivers.sample import ComposedSample
-from drivers.servo_drive.drive import CanDrive
+from drivers.servo_drive.drive import CanDrive, Listener
+from drivers.servo_drive.output_brake import OutputBrake, output_brake_problems, read_outputs
+from drivers.servo_drive.pdo import HEARTBEAT_BASE
 from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 from drivers.servo_drive.setup import set_up_drive
 from drivers.wire_image import WireImage
@@ -60,11 +66,14 @@ class WireBench:
             measuring.append(("amplifier", self._device(config.amplifier)))
         self.amplifiers = tuple(device for _, device in measuring)
         """The Modbus devices that measure, with a device for each of their blocks."""
-        self.brake = self._device(config.brake)
+        self.output_brake = None if config.drive_brake is None else OutputBrake(config.drive_brake)
+        named = [*measuring]
+        if config.brake is not None:
+            named.append(("brake", self._device(config.brake)))
         self.remote_io = self._device(config.remote_io)
-        devices = (*self.amplifiers, self.brake, self.remote_io)
+        named.append(("remote_io", self.remote_io))
+        devices = tuple(device for _, device in named)
         self._devices = devices
-        named = [*measuring, ("brake", self.brake), ("remote_io", self.remote_io)]
         self._named = {
             name: tuple(device for other, device in named if other == name) for name in config.modbus_devices
         }
@@ -75,16 +84,27 @@ class WireBench:
         """Lines with their devices in the order of their turns: those that measure are always the first."""
         self._measuring_lines = len({id(device.line) for device in self.amplifiers})
         self._most_calls = CALLS_A_LINE * (self._measuring_lines + 1)
+        if config.drive_brake is not None and (
+            problems := output_brake_problems(config.drive_brake, config.drive.profile)
+        ):
+            raise ProfileError(*problems)
         if problems := identifier_problems(
             config.can_sensors, config.drive.profile, config.drive.node_id, config.drive.controller_node_id
         ):
             raise ProfileError(*problems)
         self._can_frames = [(sensor.name, SensorFrame(one)) for sensor in config.can_sensors for one in sensor.frames]
+        self._can_nodes: dict[int, tuple[str, SensorNode]] = {}
+        """Names and nodes of the sensors that have a heartbeat, by the identifier of that."""
         self._composed = self._compose(measuring) if config.sources else None
         self._image = WireImage(
             self._composed or self.amplifiers[0], self.brake, self.remote_io, config.brake_fixed_current_a
         )
         self._requests_left = 0
+
+    @property
+    def brake(self) -> ModbusDevice | OutputBrake:
+        """The brake, on Modbus or at the drive."""
+        return self.output_brake or self._named["brake"][0]
 
     def _compose(self, measuring: list[tuple[str, ModbusDevice]]) -> ComposedSample:
         """Return the sample of channels from several devices; ProfileError when one names a field that is not there."""
@@ -164,11 +184,26 @@ class WireBench:
         verified = set_up_drive(link, self.config.drive, self.config.period_ns)
         if problems := start_sensors(link, self.config.can_sensors, verified):
             raise DriverError(*problems)
+        outputs = 0 if self.output_brake is None else read_outputs(link, self.config.drive)
         heartbeat_scans = in_scans(self.config.drive.controller_heartbeat_s, self.config.period_ns)
-        listeners = {frame.identifier: frame for _, frame in self._can_frames}
+        self._can_nodes = dict(self._nodes())
+        listeners: dict[int, Listener] = {frame.identifier: frame for _, frame in self._can_frames}
+        listeners |= {identifier: node for identifier, (_, node) in self._can_nodes.items()}
         self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners)
+        if self.output_brake is not None:
+            self.output_brake.opened(self._drive, outputs)
         self._image.opened()
         return [f"{self.config.can.where}: open", *verified]
+
+    def _nodes(self) -> Iterator[tuple[int, tuple[str, SensorNode]]]:
+        """Yield the sensors whose heartbeat is watched, from now."""
+        for sensor in self.config.can_sensors:
+            if sensor.node_id is not None and sensor.heartbeat_s:
+                frames = [frame for name, frame in self._can_frames if name == sensor.name]
+                for frame in frames:
+                    frame.lost = False
+                node = SensorNode(frames, in_scans(sensor.heartbeat_s, self.config.period_ns))
+                yield HEARTBEAT_BASE + sensor.node_id, (sensor.name, node)
 
     def begin(self) -> None:
         """Before the first scan (blocking): let a bench that waits do so, and count from here what goes both ways.
@@ -215,6 +250,10 @@ class WireBench:
         for device in self._devices:
             looks += device.poll(scan)
         self._requests_left = self._most_calls - looks
+        for _, node in self._can_nodes.values():
+            node.look(scan)
+        if self.output_brake is not None:
+            self.output_brake.look()
         if self._composed is not None:
             self._composed.take(scan)
         return self._image.take(drive, scan, missed_periods, command)
@@ -289,6 +328,8 @@ class WireBench:
             frames = [frame for other, frame in self._can_frames if other == name]
             counts[f"{name}.frames"] = sum(frame.frames for frame in frames)
             counts[f"{name}.malformed"] = sum(frame.malformed for frame in frames)
+        for name, node in self._can_nodes.values():
+            counts |= {f"{name}.heartbeats": node.heartbeats, f"{name}.nmt_state": node.state}
         return counts
 
 

@@ -23,7 +23,7 @@ from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.request import load_job
 from station.bench.virtual_unit import FIXED_SEED
 from virtual_bench.faults.scenario import Expect, Fault, Header, Never, Operator, Scenario, When
-from virtual_bench.faults.vocabulary import ONLY_OVER_WIRES
+from virtual_bench.faults.vocabulary import FAULTS, only_over_wires
 
 HIDDEN = "__tracebackhide__"
 """Local variable of functions that pytest leaves out of its tracebacks; the place of a call is outside of them."""
@@ -142,7 +142,7 @@ class BenchUnderTest:
         """
         __tracebackhide__ = True
         self._must_go_on("inject")
-        if (target, verb) in ONLY_OVER_WIRES:
+        if (target, verb) in FAULTS and only_over_wires(target, verb):
             where = "write a scenario file for it and run that with 'lostmotion faults run FILE --wires'"
             raise ValueError(f"{target} {verb} acts over wires only, this bench runs in virtual time: {where}")
         options = {"target": target, "verb": verb, "value": value, "for_ms": for_ms, "when": AT_ONCE}

@@ -22,7 +22,7 @@ from controller.context import Event
 from controller.sample import tared_nm
 from faultlab.run import FaultRun, Kept
 from faultlab.supervisor import Left, needs_supervisor_of_its_own, run_apart, run_here
-from station.bench.assemble_virtual import load_scenario
+from station.bench.assemble_virtual import load_scenario, vocabulary_on
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.result import Result
@@ -76,7 +76,7 @@ def run_over_wires(
         StationError: the record cannot be written.
 
     """
-    scenario = load_scenario(scenario_path)
+    scenario = load_scenario(scenario_path, vocabulary_on(job.bench, job.profile_sources))
     if needs_supervisor_of_its_own(scenario):
         left = run_apart(job, unit, scenario_path, data)
     else:

@@ -1,4 +1,4 @@
-"""The strict loader: a YAML document into a frozen pydantic model, or all of its problems at once.
+"""The strict loader: a YAML document into a frozen model, or all of its problems at once.
 
 Every problem has its line and column, the option, what was found, what is allowed and what to do. `RecipeError` is the
 only exception that leaves this module, whatever the file holds.
@@ -11,15 +11,15 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from recipes.text.problems import OptionPath, Problem, RecipeError, Source, dotted, nearest
-from recipes.text.section import FROM_DOCUMENT
-from recipes.text.translation import POINT, decimal_commas, options_at, problem_of
+from recipes.text.section import FROM_DOCUMENT, reader
+from recipes.text.translation import POINT, UNKNOWN_OPTION, decimal_commas, options_at, problem_of
 from recipes.text.yaml_source import parse_source, read_source
 
-ModelT = TypeVar("ModelT", bound=BaseModel)
+ModelT = TypeVar("ModelT")
 Context = Mapping[str, Any] | Callable[[Any], Mapping[str, Any]]
 """Validation context, or a function that makes it from the document's plain data."""
 Rule = Callable[[Source], Iterable[Problem]]
@@ -53,7 +53,7 @@ def load_source(
     try:
         # JSON mode is what YAML is: lists become tuples and texts become dates or enumerations, and nothing else is
         # converted. By alias only: an attribute's name with its unit is not an option.
-        loaded = model.model_validate_json(
+        loaded = reader(model).validate_json(
             json.dumps(source.data), strict=True, context={FROM_DOCUMENT: True, **values}, by_alias=True, by_name=False
         )
     except ValidationError as error:
@@ -76,11 +76,11 @@ def _with_commas_told(found: list[Problem], source: Source) -> list[Problem]:
     return [*(one for one in found if one.option not in halves), *told]
 
 
-def _without_echoes(details: list[ErrorDetails], model: type[BaseModel]) -> list[ErrorDetails]:
+def _without_echoes(details: list[ErrorDetails], model: type[object]) -> list[ErrorDetails]:
     """Leave out every missing option that stands there under a mistyped name: one mistake, one message."""
     mistyped: set[OptionPath] = set()
     for detail in details:
-        if detail["type"] == "extra_forbidden":
+        if detail["type"] in UNKNOWN_OPTION:
             *section, name = detail["loc"]
             meant = nearest(str(name), options_at(model, tuple(section)))
             if meant:

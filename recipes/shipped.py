@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,12 @@ from recipes.schema.sequence_schema import sequence_order
 from recipes.text.problems import Problem, RecipeError, Source, nearest, one_of
 from recipes.text.quantity import QuantityError, read_quantity
 from recipes.text.section import RATED, REFERENCE
-from recipes.text.yaml_source import parse_source, read_source
+from recipes.text.yaml_source import parse_source, read_bytes
 
 HERE = Path(__file__).parent
+
+KEPT = 16
+"""Documents that are kept by their bytes: a start reads the same ones several times, and what is read is frozen."""
 
 
 def shipped_recipes() -> dict[str, Path]:
@@ -41,9 +45,11 @@ def find_bench(name_or_path: str | Path) -> Path:
 
 def load_recipe(path: str | Path) -> Recipe:
     """Load a recipe from a file or by its shipped name. Raises RecipeError with all problems of the file."""
-    return _recipe_of(read_source(find_recipe(path)))
+    named = find_recipe(path)
+    return parse_recipe(read_bytes(named), str(named))
 
 
+@lru_cache(maxsize=KEPT)
 def parse_recipe(raw: bytes, path: str) -> Recipe:
     """Load a recipe from the bytes of a file, such as the copy in a record. Raises RecipeError."""
     return _recipe_of(parse_source(raw, path))
@@ -51,9 +57,11 @@ def parse_recipe(raw: bytes, path: str) -> Recipe:
 
 def load_bench(path: str | Path) -> Bench:
     """Load a bench from a file or by its shipped name. Raises RecipeError with all problems of the file."""
-    return load_source(read_source(find_bench(path)), Bench)
+    named = find_bench(path)
+    return parse_bench(read_bytes(named), str(named))
 
 
+@lru_cache(maxsize=KEPT)
 def parse_bench(raw: bytes, path: str) -> Bench:
     """Load a bench from the bytes of a file, such as the copy in a record. Raises RecipeError."""
     return load_source(parse_source(raw, path), Bench)

@@ -1,7 +1,7 @@
 """What the virtual bench is told: plain frozen data, filled from a bench file and from device profiles.
 
-Quantities are SI with the unit in the name. Device profiles are data of the device and no one's behaviour: both ends of
-the wires have the same ones, and each makes of them what it does by itself.
+Quantities are SI with the unit in the name. Device profiles, and the drive as it is mounted, are data of the device and
+no one's behaviour: both ends of the wires have the same ones, and each makes of them what it does by itself.
 """
 
 from __future__ import annotations
@@ -11,7 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from drivers.profile import CanFrame, DriveProfile, ModbusProfile
+from definitions.profiles.can import CanFrame, CanIdentity
+from definitions.profiles.drive import StartupObject
+from definitions.profiles.modbus import ModbusProfile
+from drivers.config import DriveBrakeConfig, DriveConfig
 
 Side = Literal["input", "output"]
 
@@ -46,55 +49,22 @@ class BrakeConfig:
 
 
 @dataclass(frozen=True)
-class Protections:
-    """What a controller writes into the drive before it arms it; motor side.
+class Motor:
+    """What no bench file says of the motor: its inertia, and how fast the drive's loops are."""
 
-    Over wires the drive starts with its own defaults and gets these over SDO. In process they are given here.
-    """
-
-    max_torque_nm: float  # 0x6072
-    max_speed_rad_s: float  # 0x6080
-    torque_slope_nm_s: float  # 0x6087
-    controller_heartbeat_timeout_s: float = 0.1  # 0x1016
-    setpoint_timeout_s: float = 0.05  # 0x1400:5
-    drive_heartbeat_s: float = 0.02  # 0x1017
-    abort_connection_option: int = 2  # 0x6007
-    quick_stop_option: int = 2  # 0x605A
-    fault_reaction_option: int = 2  # 0x605E
-
-
-@dataclass(frozen=True)
-class DriveConfig:
-    """The servo drive and its motor."""
-
-    node_id: int
-    controller_node_id: int
-    gear_ratio: float  # motor turns per turn of the driven shaft
-    rated_torque_nm: float  # 0x6076
-    profile: DriveProfile
-    protections: Protections
-    controller_heartbeat_s: float = 0.02
-    motor_inertia_kgm2: float = 1.5e-4
+    inertia_kgm2: float = 1.5e-4
     torque_bandwidth_hz: float = 300.0
     velocity_bandwidth_rad_s: float = 250.0
-    reversed: bool = False  # the motor is mounted so that its positive direction turns the driven shaft backwards
-
-    @property
-    def torque_unit_nm(self) -> float:
-        """Motor torque of one count, without sign: 0.1 % of the rated torque by CiA 402."""
-        return self.rated_torque_nm / self.profile.scaling.torque_counts_per_rated
-
-    @property
-    def sign(self) -> float:
-        """Sign of the driven shaft's torque, angle and speed for positive counts of the drive."""
-        return -1.0 if self.reversed else 1.0
 
 
-@dataclass(frozen=True)
-class SlowPoll:
-    """How often a Modbus device is asked; in process the ages follow from it."""
+def torque_unit_nm(drive: DriveConfig) -> float:
+    """Return the motor torque of one count, without sign: 0.1 % of the rated torque by CiA 402."""
+    return drive.rated_torque_nm / drive.profile.scaling.torque_counts_per_rated
 
-    every_s: float
+
+def sign(drive: DriveConfig) -> float:
+    """Return the sign of the driven shaft's torque, angle and speed for positive counts of the drive."""
+    return -1.0 if drive.reversed else 1.0
 
 
 @dataclass(frozen=True)
@@ -125,12 +95,14 @@ class BenchConfig:
     angle_out: AngleSensor | None
     fixture_stiffness_nm_per_arcmin: float = 10_000.0  # of the lock, at the locked shaft
     noise_seed: int = 1  # what differs between two runs
+    motor: Motor = Motor()
     sensor_seed: int = 1  # zero and gain errors and encoder positions: they belong to the bench, run after run
     catalogue: Catalogue | None = None  # for a unit that is made of it
     ambient_temp_c: float = 22.0
-    amplifier_poll: SlowPoll = field(default_factory=lambda: SlowPoll(0.001))
-    brake_poll: SlowPoll = field(default_factory=lambda: SlowPoll(0.01))
-    remote_io_poll: SlowPoll = field(default_factory=lambda: SlowPoll(0.01))
+    amplifier_every_s: float = 0.001  # how often it is asked, and the others; in process the ages follow from it
+    brake_every_s: float = 0.01
+    remote_io_every_s: float = 0.01
+    drive_brake: DriveBrakeConfig | None = None  # of a brake at an output of the drive
 
 
 @dataclass(frozen=True)
@@ -191,10 +163,14 @@ class ModbusPort:
 class CanSensorPort:
     """A sensor on the CAN bus: what it sends and how often, None for with every SYNC. `shows` as of a `ModbusPort`."""
 
+    name: str
     node_id: int | None  # of a CANopen node, which NMT has to start
     frames: tuple[CanFrame, ...]
     every_s: float | None
     shows: tuple[Shown, ...]
+    identity: CanIdentity | None = None
+    startup: tuple[StartupObject, ...] = ()
+    """Objects of a node that may be written; as delivered each holds 0."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from definitions.image import (
 )
 from drivers.servo_drive.drive import SILENT_AFTER_SCANS
 from drivers.servo_drive.position_count import PositionCount
-from virtual_bench.config import BenchConfig
+from virtual_bench.config import BenchConfig, sign, torque_unit_nm
 from virtual_bench.drive import cia402_tables as tables
 from virtual_bench.drive.axis import DriveAxis
 from virtual_bench.drive.cia402_tables import PowerState
@@ -68,22 +68,22 @@ class VirtualTimeBench:
         self.plant = Plant(config)
         self.plant.advance(POWER_ON_NS)
         self.axis = DriveAxis(self.plant, config.drive)
-        self.axis.protect(config.drive.protections, config.drive.controller_node_id)
         drive = config.drive
+        self.axis.protect(drive)
         self.faults = FaultInjector(scenario, self.plant, self.axis, (drive.node_id, drive.controller_node_id))
         self._machine, self._motion = self.axis.machine, self.axis.machine.motion
         self._image = first_image()
         self.slow = SlowDevices(config, self.plant, self.faults, period_ns, self._image)
         self._tpdo1_cob = TPDO1_BASE + drive.node_id
         self._period_ns = period_ns
-        self._torque_unit_nm = drive.sign * drive.torque_unit_nm * drive.gear_ratio
+        self._torque_unit_nm = sign(drive) * torque_unit_nm(drive) * drive.gear_ratio
         self._rad_per_count = (
-            drive.sign * 2.0 * pi / drive.profile.scaling.position_counts_per_motor_rev / drive.gear_ratio
+            sign(drive) * 2.0 * pi / drive.profile.scaling.position_counts_per_motor_rev / drive.gear_ratio
         )
-        self._rad_s_per_count = drive.sign / drive.profile.scaling.velocity_counts_per_rad_s / drive.gear_ratio
+        self._rad_s_per_count = sign(drive) / drive.profile.scaling.velocity_counts_per_rad_s / drive.gear_ratio
         self._node = drive.controller_node_id
         self._beat_every = max(round(drive.controller_heartbeat_s * 1e9 / period_ns), 1)
-        self._drive_beat_every = max(round(drive.protections.drive_heartbeat_s * 1e9 / period_ns), 1)
+        self._drive_beat_every = max(round(drive.drive_heartbeat_s * 1e9 / period_ns), 1)
         self._position = PositionCount()
         self._late_status: list[tuple[int, bytes]] = []  # arrival [ns] and data of delayed frames
         # The scans at which what the devices last sent arrives.

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from definitions.image import State
+from drivers.config import DriveBrakeConfig
 from drivers.pace import FromBench, ToBench
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import CanBus, CanSensorPort, ModbusPort, ServerConfig, Shown, SlcanPort, Socketcand
@@ -32,8 +33,10 @@ from virtual_bench.drive.cia402_tables import HEARTBEAT_LOST
 from virtual_bench.errors import VirtualBenchError
 from virtual_bench.faults.frame_faults import FrameFaults
 from virtual_bench.faults.modbus_faults import ModbusFaults
+from virtual_bench.faults.names import Vocabulary
 from virtual_bench.faults.scenario import Scenario
-from virtual_bench.faults.schedule import Acted
+from virtual_bench.faults.schedule import LOST, Acted
+from virtual_bench.faults.vocabulary import vocabulary_of
 from virtual_bench.pace_port import PacePort
 from virtual_bench.physics.plant import Plant, warm_up
 from virtual_bench.slow_devices import remote_io_shows
@@ -45,6 +48,8 @@ TICK_S = 0.002
 POWER_ON_NS = 100_000_000  # a bench that waits for its first scan has been on for a while
 COUNTED = ("sample_counter", "sample_time_us")
 """What begins anew where it does not fit a register."""
+CONTACT_CLOSES = 0.5
+"""Share of its largest current from which the contact of a brake at the drive says that it is on."""
 DEVICE_CYCLE_NS = 1_000_000  # of the remote I/O, which counts its cycles
 
 
@@ -86,10 +91,14 @@ class VirtualBench:
             self.drive.faults, {name: port.registers for name, port in config.devices.items()}
         )
         self._brake_max_a = bench.brake.max_current_a
+        self._output_brake = bench.drive_brake
         self.servers = {name: self._serve(name, self._device(name, port)) for name, port in config.devices.items()}
         self.sensors = [
-            CanSensor(port, partial(self._read_sensor, port), self._send, self.time) for port in config.can_sensors
+            CanSensor(port, partial(self._read_sensor, port), self._send_of_sensor, self.time)
+            for port in config.can_sensors
         ]
+        for port in config.can_sensors:
+            self._frames.add_sensor(port.name, [frame.identifier for frame in port.frames], port.node_id)
         self.serial_lines: dict[str, RtuLine] = {}
 
     def advance(self) -> None:
@@ -123,6 +132,8 @@ class VirtualBench:
         """Do what time alone makes due: supervision, ramps, faults, what is late."""
         before = set(self.drive.faults.wires.cut)
         self.drive.tick()
+        if self._output_brake is not None:
+            self._switch_output_brake(self._output_brake)
         self.time.do_due()
         if self._keep_truth and not self._at_rest:
             self._truth.append((self.clock_ns(), self.plant.reducer_torque_nm))
@@ -130,6 +141,9 @@ class VirtualBench:
             if name in self.drive.faults.wires.cut - before or self.modbus_faults.takes_reset(name):
                 server.cut()
                 self.drive.faults.seen(f"modbus.{name}")
+        for sensor in self.sensors:
+            if self.drive.faults.frames.takes_reset(sensor.name):
+                sensor.reset()
         self._disturb_bus()
         for event in self.drive.axis.machine.events:
             self.log(event.kind, event.text, code=event.code, plant_s=event.time_ns * 1e-9)
@@ -176,7 +190,7 @@ class VirtualBench:
         for server in self.servers.values():
             server.requests = server.bytes_sent = 0
         self.time.lead()
-        self.drive.begin_heartbeats()
+        self.drive.heartbeat.begin()
         self.begin_sensors()
         self.can.flush()
 
@@ -242,6 +256,14 @@ class VirtualBench:
                 self.can.send_error()
         self.can.send(cob_id, data)
 
+    def _send_of_sensor(self, cob_id: int, data: bytes) -> None:
+        """Send a frame of a sensor as the faults on its way leave it."""
+        for frame in self.drive.faults.frames.pass_on(cob_id, data):
+            if frame.delay_ns:
+                self.time.after(frame.delay_ns * 1e-9, partial(self._send, frame.cob_id, frame.data))
+            else:
+                self._send(frame.cob_id, frame.data)
+
     def _frame(self, cob_id: int, data: bytes) -> None:
         self._frames_come += 1
         if self.time.led and self.pace is not None:
@@ -253,8 +275,9 @@ class VirtualBench:
 
     def _take_frame(self, cob_id: int, data: bytes) -> None:
         self.drive.receive(cob_id, data)
-        for sensor in self.sensors:
-            sensor.receive(cob_id, data)
+        if self.drive.faults.frames.fate("") != LOST:
+            for sensor in self.sensors:
+                sensor.receive(cob_id, data)
 
     def begin_sensors(self) -> None:
         """Let the sensors on CAN send from now on."""
@@ -303,6 +326,17 @@ class VirtualBench:
         self._brake_on = 1 if values.get("brake_on", ordered_a) else 0
         self.plant.set_brake_current(ordered_a if self._brake_on else 0.0)
 
+    def _switch_output_brake(self, brake: DriveBrakeConfig) -> None:
+        """Let the output of the drive switch the brake, and the brake's contact the input."""
+        machine = self.drive.axis.machine
+        on = machine.objects.digital_outputs & machine.objects.output_mask & 1 << brake.output_bit
+        if bool(on) != bool(self._brake_on):
+            self._brake_on = 1 if on else 0
+            self.plant.set_brake_current(self._brake_max_a if on else 0.0)
+        if brake.input_bit is not None:
+            closed = self.plant.brake_current_a > CONTACT_CLOSES * self._brake_max_a
+            machine.digital_inputs = 1 << brake.input_bit if closed else 0
+
     def _read_remote_io(self) -> dict[str, float]:
         return {**remote_io_shows(self.plant, self.drive.faults), "life_counter": self._life_counter()}
 
@@ -313,6 +347,12 @@ class VirtualBench:
         """Write the torque in the reducer, one line per tick."""
         lines = [f"{time_ns},{torque_nm:.6g}\n" for time_ns, torque_nm in self._truth]
         path.write_text("clock_ns,reducer_torque_nm\n" + "".join(lines), encoding="ascii")
+
+
+def _vocabulary(config: ServerConfig) -> Vocabulary:
+    """Return what hands may do at the devices of this bench."""
+    sensors = {port.name: port.node_id is not None for port in config.can_sensors}
+    return vocabulary_of({name: port.registers for name, port in config.devices.items()}, sensors)
 
 
 async def run(
@@ -340,7 +380,7 @@ async def run(
         if config.end_with_parent:
             loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.tell, log).read)
         elif config.hands:
-            loop.add_reader(sys.stdin.fileno(), Hands(loop, bench.drive.faults, log).read)
+            loop.add_reader(sys.stdin.fileno(), Hands(loop, bench.drive.faults, log, _vocabulary(config)).read)
         gc.collect()
         gc.freeze()
         bench.advance()

@@ -59,9 +59,9 @@ class SlowDevices:
         self._plant = plant
         self._faults = faults
         self._period_ns = period_ns
-        self._sample_every = max(round(config.amplifier_poll.every_s * 1e9 / period_ns), 1)
-        self._brake_every = max(round(config.brake_poll.every_s * 1e9 / period_ns), 1)
-        self._io_every = max(round(config.remote_io_poll.every_s * 1e9 / period_ns), 1)
+        self._sample_every = max(round(config.amplifier_every_s * 1e9 / period_ns), 1)
+        self._brake_every = max(round(config.brake_every_s * 1e9 / period_ns), 1)
+        self._io_every = max(round(config.remote_io_every_s * 1e9 / period_ns), 1)
         self._brake_on, self._brake_current_a = 0, 0.0  # as last ordered
         self._on_their_way: dict[str, Answer] = {}
 

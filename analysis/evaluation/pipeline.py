@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -76,6 +76,7 @@ class Result:
             "metrics": [metric.to_dict() for metric in self.metrics],
             "notes": list(self.notes),
             "gates": [check.to_dict() for check in self.checks],
+            "not_excluded": [asdict(check.left_open) for check in self.checks if check.left_open is not None],
             "stages": [stage.to_dict() for stage in self.stages],
         }
 

@@ -23,6 +23,7 @@ CHANNELS = {
     "angle_out_rad": "angle of the output shaft",
     "temperature_c": "temperature of the housing",
     "drive_torque_nm": "torque that the servo drive reports, at the loaded shaft",
+    "drive_angle_rad": "position that the servo drive reports, at the loaded shaft",
 }
 """Channels of a trace and their meaning; the unit is in the name."""
 
@@ -59,6 +60,7 @@ class Trace:
     angle_out_rad: FloatArray | None = None
     temperature_c: FloatArray | None = None
     drive_torque_nm: FloatArray | None = None
+    drive_angle_rad: FloatArray | None = None
     segment: IntArray | None = None
     segments: Mapping[int, SegmentInfo] = field(default_factory=dict)
     source: str = "trace"

@@ -1,10 +1,10 @@
 """Traces measured elsewhere: CSV, Parquet and NI TDMS files with known column names.
 
 Columns: t_s, torque_in_nm, torque_out_nm, angle_in_rad or angle_in_arcmin, angle_out_rad or angle_out_arcmin,
-windup_rad or windup_arcmin, temperature_c, drive_torque_nm, segment. The unit is read from the name. Other columns are
-left alone, but for those that are nearly one of these: what is dropped there would be missed by the evaluation. What
-stands in the column `segment` (or `branch`) is described in `segment_names`. What is no table at all is told by its
-first bytes, so that the message is not a parser's complaint.
+windup_rad or windup_arcmin, temperature_c, drive_torque_nm, drive_angle_rad, segment. The unit is read from the name.
+Other columns are left alone, but for those that are nearly one of these: what is dropped there would be missed by the
+evaluation. What stands in the column `segment` (or `branch`) is described in `segment_names`. What is no table at all
+is told by its first bytes, so that the message is not a parser's complaint.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ COLUMNS: dict[str, tuple[str, float]] = {
     "windup_arcmin": ("angle_out_rad", RAD_PER_ARCMIN),
     "temperature_c": ("temperature_c", 1.0),
     "drive_torque_nm": ("drive_torque_nm", 1.0),
+    "drive_angle_rad": ("drive_angle_rad", 1.0),
 }
 """Column of a file: channel of the trace and factor to its unit."""
 
@@ -66,6 +67,7 @@ UNIT_WORDS: dict[str, tuple[str, ...]] = {
     "windup_arcmin": ("arcmin", "′", "'"),
     "temperature_c": ("°C", "C", "degC", "deg C"),
     "drive_torque_nm": ("N·m", "Nm", "N m", "N*m", "N.m"),
+    "drive_angle_rad": ("rad",),
 }
 """What a row of units may say below the name of each column; the name has the unit, and the row must not contradict."""
 

@@ -1,17 +1,24 @@
-"""Figures of the validity checks that hold the torque sensors against the torque that the servo drive reports.
+"""Figures of the validity checks that hold the sensors of the loaded shaft against what the servo drive reports.
 
 The drive knows its torque from the motor's current: coarse, and never a measurement, but of neither sensor's gain nor
-of its delay. Each returns a Reading, or the reason in words why the figure does not apply here.
+of its delay. Its position is that of another encoder on the same shaft: a wave, a wrong scale or a lag of the angle is
+not in it. Between the two lie a coupling, perhaps a gearbox, and the error of the motor's encoder. These come again
+in every branch of one direction, at the same angle. Each returns a Reading, or the reason in words why the figure does
+not apply here.
 """
 
 from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from analysis.loop.measured import Measured
 from analysis.trace.runs import Run
 from analysis.trace.units import FloatArray
-from analysis.validity.evidence import Figure, Reading, of_measured
+from analysis.validity.evidence import Figure, LeftOpen, Reading, of_measured
+from definitions.units import ARCMIN_PER_RAD
 
 NO_DRIVE = "not measured: the torque that the drive reports is not in the trace"
 MIDDLE = (0.1, 0.9)
@@ -78,7 +85,117 @@ def _slope(measured: FloatArray, reported: FloatArray, side: int) -> float:
     return float(np.cov(x, y)[0, 1] / x.var(ddof=1))
 
 
+NO_POSITION = "not measured: the position that the drive reports, the angle of its shaft, or time is not in the trace"
+
+ANGLE_BLOCKS, LEAST_PER_BLOCK = 200, 4
+"""Blocks of a branch over which position and angle are averaged, and the fewest samples of a block."""
+
+SHARED = 0.75
+"""Share of the longest way that two branches must have in common to be compared. One that begins at rest has another
+torque at the same angle, as friction has not reversed in it, and the coupling another twist."""
+
+FAST = 0.95
+"""Share of a branch that is slower than the speed by which a delay is told as an angle."""
+
+
+class _Apart(NamedTuple):
+    """One branch: angle of the loaded shaft, drive's position less it, and its speed; arcmin and s, mean of blocks."""
+
+    run: Run
+    angle_arcmin: FloatArray
+    apart_arcmin: FloatArray
+    speed_arcmin_s: FloatArray
+
+
+@of_measured
+def drive_angle_agreement(found: Measured) -> Reading | str:
+    """Change of the drive's position less the angle of its shaft within a measured branch, % of the way; the worst."""
+    branches = _apart(found)
+    if isinstance(branches, str):
+        return branches
+    way = max(float(np.ptp(one.angle_arcmin)) for one in branches)
+    if not way > 0.0:
+        return "not measured: the loaded shaft does not turn"
+    worst = max(float(np.ptp(one.apart_arcmin)) for one in branches if one.run.role == "measure")
+    words = f"the drive's position and the angle of the loaded shaft differ by {worst:.3g} arcmin of {way:.4g} arcmin"
+    return Reading(100.0 * worst / way, words, LeftOpen(way / 200.0))
+
+
+@of_measured
+def drive_angle_repeat(found: Measured) -> Reading | str:
+    """Angle by which that shaft is later in one branch than in another of its direction, % of the way; the worst."""
+    branches = _apart(found)
+    if isinstance(branches, str):
+        return branches
+    way = max(float(np.ptp(one.angle_arcmin)) for one in branches)
+    worst, words = None, ""
+    for one, other in combinations(branches, 2):
+        if one.run.direction != other.run.direction or "measure" not in {one.run.role, other.run.role}:
+            continue
+        low = max(float(one.angle_arcmin.min()), float(other.angle_arcmin.min()))
+        high = min(float(one.angle_arcmin.max()), float(other.angle_arcmin.max()))
+        if high - low < SHARED * way or not way > 0.0:
+            continue
+        at = np.linspace(low, high, ANGLE_BLOCKS)
+        change, speed = (_over(one, at, of) - _over(other, at, of) for of in ("apart_arcmin", "speed_arcmin_s"))
+        speed = _over(one, at, "speed_arcmin_s") - 0.5 * speed
+        late_s = _slope_of(speed, change)
+        fast = float(np.quantile(np.abs(speed), FAST))
+        if worst is None or abs(late_s) * fast > worst:
+            worst, words = (
+                abs(late_s) * fast,
+                (
+                    f"the loaded shaft's angle is {1e3 * abs(late_s):.2g} ms later behind the drive's position in one "
+                    f"branch than in another of its direction ({one.run.role} and {other.run.role})"
+                ),
+            )
+    if worst is None:
+        return "needs two branches in the same direction"
+    return Reading(100.0 * worst / way, words)
+
+
+def _over(branch: _Apart, at_arcmin: FloatArray, name: str) -> FloatArray:
+    order = np.argsort(branch.angle_arcmin)
+    found: FloatArray = np.interp(at_arcmin, branch.angle_arcmin[order], getattr(branch, name)[order])
+    return found
+
+
+def _apart(found: Measured) -> list[_Apart] | str:
+    """Return the branches of one ramp, what one delay of the drive's position explains taken off; or why none."""
+    trace = found.trace
+    angle = trace.angle_in_rad if found.method.loading == "input" else trace.angle_out_rad
+    if trace.drive_angle_rad is None or trace.t_s is None or angle is None:
+        return NO_POSITION
+    branches = []
+    for run in found.runs:
+        per_block = sum(rows.stop - rows.start for rows in run.pieces) // ANGLE_BLOCKS
+        if len(run.pieces) > 1 or per_block < LEAST_PER_BLOCK:
+            continue
+        time, turned, position = (
+            run.take(values)[: ANGLE_BLOCKS * per_block].reshape(ANGLE_BLOCKS, per_block).mean(axis=1)
+            for values in (trace.t_s, angle * ARCMIN_PER_RAD, trace.drive_angle_rad * ARCMIN_PER_RAD)
+        )
+        if (np.diff(time) > 0.0).all():
+            apart = position - turned
+            branches.append(_Apart(run, turned, apart - apart.mean(), np.gradient(turned, time)))
+    if not any(one.run.role == "measure" for one in branches):
+        return f"not measured: no branch of one ramp has {ANGLE_BLOCKS * LEAST_PER_BLOCK} samples"
+    # The median, for one branch may be the late one.
+    delays_s = [_slope_of(one.speed_arcmin_s, one.apart_arcmin) for one in branches]
+    delay_s = float(np.median(delays_s))
+    return [one._replace(apart_arcmin=one.apart_arcmin - delay_s * one.speed_arcmin_s) for one in branches]
+
+
+def _slope_of(speed: FloatArray, apart: FloatArray) -> float:
+    """Slope of a difference of angles over the speed, seconds: what is late by it; 0 at one speed alone."""
+    about = speed - speed.mean()
+    power = float(about @ about)
+    return float(about @ apart) / power if power > 0.0 else 0.0
+
+
 FIGURES: dict[str, Figure] = {
+    "drive_angle_agreement": drive_angle_agreement,
+    "drive_angle_repeat": drive_angle_repeat,
     "drive_torque_agreement": drive_torque_agreement,
     "drive_torque_gap": drive_torque_gap,
 }

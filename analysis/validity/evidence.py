@@ -101,11 +101,26 @@ def _declared_wave_arcmin(found: Measured, figures: SensorFigures) -> float:
     return 0.0 if encoder is None else encoder.interpolation_rad * ARCMIN_PER_RAD / over
 
 
+class LeftOpen(NamedTuple):
+    """Largest error that passes a check, in the unit of that error: so much for each unit of its limit, and so much.
+
+    words: that say more of what is left open.
+    """
+
+    for_each: float
+    besides: float = 0.0
+    words: str = ""
+
+
 class Reading(NamedTuple):
-    """Figure of a check in its unit, and words that say more than the check's own; infinity where there is none."""
+    """Figure of a check in its unit, and words that say more than the check's own; infinity where there is none.
+
+    left_open: of a check that says which error it cannot see.
+    """
 
     figure: float
     words: str = ""
+    left_open: LeftOpen | None = None
 
 
 Figure = Callable[[Evidence], Reading | str]

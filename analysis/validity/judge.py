@@ -18,7 +18,7 @@ from analysis.validity import (
     record_checks,
     torque_checks,
 )
-from analysis.validity.evidence import Evidence, Figure
+from analysis.validity.evidence import Evidence, Figure, LeftOpen
 from definitions.checks import CHECKS, Check
 
 TABLES = (
@@ -38,6 +38,19 @@ FIGURES: dict[str, Figure] = {name: figure for table in TABLES for name, figure 
 
 
 @dataclass(frozen=True)
+class NotExcluded:
+    """Error that a check of a run cannot see: its largest size in its unit, None where nothing bounds it.
+
+    id: of the check. text: which error it is.
+    """
+
+    id: str
+    figure: float | None
+    unit: str
+    text: str
+
+
+@dataclass(frozen=True)
 class CheckResult:
     """A check's figure against its limit; `passed` is None where it does not apply, and the text then says why."""
 
@@ -47,6 +60,7 @@ class CheckResult:
     unit: str
     passed: bool | None
     text: str
+    left_open: NotExcluded | None = None
 
     def to_dict(self) -> dict[str, object]:
         """Return the object of the JSON contract."""
@@ -80,7 +94,8 @@ def judge_checks(evidence: Evidence, limits: Mapping[str, float] | None = None) 
 def _judged(check: Check, evidence: Evidence, limit: float) -> CheckResult:
     reading = FIGURES[check.id](evidence)
     if isinstance(reading, str):
-        return CheckResult(check.id, None, limit, check.unit, None, f"{check.title}: not applicable: {reading}")
+        text = f"{check.title}: not applicable: {reading}"
+        return CheckResult(check.id, None, limit, check.unit, None, text, _left_open(check, limit, None))
     figure = reading.figure
     passed = figure >= limit if check.at_least else figure <= limit
     said = _with_unit(figure, check.unit)
@@ -91,7 +106,21 @@ def _judged(check: Check, evidence: Evidence, limit: float) -> CheckResult:
         text = f"{check.title}: {said}, {allowed}"
     else:
         text = f"{reading.words or check.failed}: {said}, {allowed}; {check.action}"
-    return CheckResult(check.id, figure if math.isfinite(figure) else None, limit, check.unit, passed, text)
+    shown = figure if math.isfinite(figure) else None
+    left_open = _left_open(check, limit, reading.left_open)
+    return CheckResult(check.id, shown, limit, check.unit, passed, text, left_open)
+
+
+def _left_open(check: Check, limit: float, found: LeftOpen | None) -> NotExcluded | None:
+    """Return the largest error that passes a limit unseen; None of a check that leaves none open."""
+    if check.leaves_open is None:
+        return None
+    text, unit = check.leaves_open
+    if found is None:
+        return NotExcluded(check.id, None, unit, text)
+    size = found.for_each * limit + found.besides
+    text = f"{text}, {found.words}" if found.words else text
+    return NotExcluded(check.id, size if math.isfinite(size) else None, unit, text)
 
 
 def is_loose(name: str, limit: float) -> bool:
@@ -107,7 +136,11 @@ def _with_unit(value: float, unit: str) -> str:
 
 
 def check_reasons(checks: Sequence[CheckResult], objections: Sequence[str]) -> list[str]:
-    """Return why a measurement does not count, one line for each objection and each failed check; empty if it does."""
+    """Return why a measurement does not count; empty if it does.
+
+    One line for each objection and each failed check, but for those that the failure of another one explains.
+    """
     said = [f"measurement invalid: {objection}" for objection in objections]
-    failed = [check for check in checks if check.passed is False and check.id != "record"]
-    return said + [f"measurement invalid: {check.id}: {check.text}" for check in failed]
+    failed = {check.id: check.text for check in checks if check.passed is False and check.id != "record"}
+    causes = [name for name in failed if CHECKS[name].explained_by not in failed]
+    return said + [f"measurement invalid: {name}: {failed[name]}" for name in causes]

@@ -6,7 +6,7 @@ Each returns a Reading, or the reason in words why the figure does not apply her
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +23,7 @@ from analysis.validity.evidence import (
     NOT_EVALUATED,
     Evidence,
     Figure,
+    LeftOpen,
     Reading,
     has_span,
     of_measured,
@@ -170,11 +171,21 @@ LEAST_WAY = 0.4
 WAVE_BLOCKS, LEAST_PER_BLOCK = 200, 2
 """Blocks of samples that such a stretch is averaged into, and the fewest samples of a block."""
 
-WAVES = np.arange(1.0, 12.25, 0.25)
-"""Waves in the stretch that are tried. Less than one is a curve that the unit may have."""
+EVEN: Mapping[int, FloatArray] = {2: np.arange(0.5, 1.0, 0.1), 3: np.arange(1.0, 12.25, 0.25)}
+"""Waves in the stretch that are tried, by the degree of the curve that is even beside them.
+
+A curve of the third degree is much like less than one wave; beside one of the second degree half a wave is seen, and
+sound units leave up to 0.04 % of the wind-up (rms). Less than half a wave is a curve that a unit may have.
+"""
+
+FULL_TURN_ARCMIN = 21_600.0
+
+OPEN_FROM, LEFT_OF_WAVE = 2.0, 0.75
+"""Waves in the stretch from which it is told how large one may be unseen, and the least share of its amplitude that an
+even curve leaves there, in any phase: of one wave a fifth, of half a wave a fiftieth."""
 
 BY_CHANCE = 4.0
-"""Standard uncertainties that the amplitude of noise at the best of all `WAVES` comes to at most."""
+"""Standard uncertainties that the amplitude of noise at the best of all waves comes to at most."""
 
 
 def angle_waves(evidence: Evidence) -> Reading | str:
@@ -193,26 +204,34 @@ def angle_waves(evidence: Evidence) -> Reading | str:
     steps = angle_steps(evidence)
     rounding = steps.figure / math.pi * span_arcmin(found) / 100.0 if isinstance(steps, Reading) else 0.0
     friction_nm = REVERSAL_EXCLUSION * max(loop.friction_nm for loop in found.loops)
-    worst, words = 0.0, ""
+    worst, words, unseen, longest = 0.0, "", 0.0, math.inf
     for side, branches in enumerate(zip(*found.pairs, strict=True)):
-        left = [_left_of_even_curve(one, 1 - 2 * side, friction_nm) for one in branches]
-        stretches = [one for one in left if one is not None]
-        if len(stretches) < len(left):
+        blocks = [_loading_blocks(one, 1 - 2 * side, friction_nm) for one in branches]
+        loading = [one for one in blocks if one is not None]
+        if len(loading) < len(blocks):
             return (
                 "not measured: a loading branch is in steps, friction is most of its torque, or it has less than "
                 f"{WAVE_BLOCKS * LEAST_PER_BLOCK} samples up to {100 * WAVE_AT[1]:g} % of its torque"
             )
-        way = float(np.ptp(stretches[0][0]))
-        amplitudes = [_amplitude_arcmin(stretches, way / waves) for waves in WAVES] if way else [0.0]
-        beyond = max(amplitudes) - BY_CHANCE * _of_noise_arcmin(stretches) - rounding - evidence.angle_wave_arcmin
+        way = float(np.ptp(loading[0][1]))
+        amplitudes = [0.0]
+        for degree, tried in EVEN.items():
+            stretches = [(angle, angle - np.polyval(np.polyfit(at, angle, degree), at)) for at, angle in loading]
+            amplitudes += [_amplitude_arcmin(stretches, way / waves) for waves in tried] if way else []
+        explained = BY_CHANCE * _of_noise_arcmin(stretches) + rounding + evidence.angle_wave_arcmin
+        beyond, unseen, longest = max(amplitudes) - explained, max(unseen, explained), min(longest, way)
         if beyond > worst:
             worst = beyond
             words = f"an even curve leaves a wave of {max(amplitudes):.2g} arcmin over the angle in the loading branch"
-    return of_span(found, worst, words)
+    per_shaft = found.method.ratio if found.method.loading == "input" else 1.0
+    per_turn = OPEN_FROM * FULL_TURN_ARCMIN / (longest * per_shaft) if longest > 0.0 else math.inf
+    at_shaft = per_shaft / LEFT_OF_WAVE
+    left_open = LeftOpen(at_shaft * span_arcmin(found) / 100.0, at_shaft * unseen, f"{per_turn:.0f} or more in a turn")
+    return of_span(found, worst, words)._replace(left_open=left_open)
 
 
-def _left_of_even_curve(branch: BranchSamples, side: int, friction_nm: float) -> tuple[FloatArray, FloatArray] | None:
-    """Angle of the loading part of a branch, what an even curve leaves of it [arcmin], in blocks; None of few."""
+def _loading_blocks(branch: BranchSamples, side: int, friction_nm: float) -> tuple[FloatArray, FloatArray] | None:
+    """Torque over its largest, and angle [arcmin], of the loading part of a branch in blocks; None of few."""
     if part_ends_nm(branch).size:
         return None
     torque = side * branch.torque_nm
@@ -228,7 +247,7 @@ def _left_of_even_curve(branch: BranchSamples, side: int, friction_nm: float) ->
         values[inside][: per_block * WAVE_BLOCKS].reshape(WAVE_BLOCKS, per_block).mean(axis=1)
         for values in (torque / high, branch.windup_arcmin)
     )
-    return angle, angle - np.polyval(np.polyfit(at, angle, 3), at)
+    return at, angle
 
 
 def _amplitude_arcmin(stretches: list[tuple[FloatArray, FloatArray]], length_arcmin: float) -> float:

@@ -23,7 +23,7 @@ from analysis.loop.measured import Measured
 from analysis.torque_ratio.quadrant_fit import fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
-from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, Reading, of_measured
+from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured
 from analysis.validity.settled_lines import (
     SIDES,
     SettledLines,
@@ -192,7 +192,8 @@ def ratio_agreement(evidence: Evidence) -> Reading | str:
     unsure = max(one.expanded for one in lines.ratios.values()) / ratio
     if unsure > max(TOLD, friction) and 100.0 * beyond <= CHECKS["ratio_agreement"].limit:
         return f"{IN_TRANSITION}; the ratio is {_known(100.0 * unsure, '%')}"
-    return Reading(100.0 * max(0.0, beyond), words)
+    within = abs(worst.value / ratio - 1.0) + gain + friction + worst.expanded / ratio
+    return Reading(100.0 * max(0.0, beyond), words, LeftOpen(0.0, 100.0 * within))
 
 
 def torque_out_zero(evidence: Evidence) -> Reading | str:
@@ -246,7 +247,9 @@ def torque_bend(evidence: Evidence) -> Reading | str:
         return "not measured: needs both torque channels"
     points = quadrant_points(trace, [one.run for pair in found.pairs for one in pair])
     worst, words = 0.0, "the slope of output torque over input torque does not change with the load"
+    open_to = LeftOpen(0.0)
     gain = UNDECLARED_GAIN if evidence.torque_gain is None else evidence.torque_gain
+    peak_nm = max(float(np.abs(one.torque_nm).max()) for pair in found.pairs for one in pair)
     for name in LINE_SHOWN:
         torque_in, torque_out = points[name]
         if torque_in.size < LEAST_BLOCKS:
@@ -258,10 +261,14 @@ def torque_bend(evidence: Evidence) -> Reading | str:
         (bend, slope, _), covariance = np.polyfit(x, torque_out, 2, cov=True)
         change, u = abs(float(bend / slope)), math.sqrt(float(covariance[0, 0])) / abs(float(slope))
         beyond = change - gain - 2.0 * u
+        # A hysteresis h · (1 − (T/peak)²) bends the line by h · (span/peak)² in the square of its middle.
+        hysteresis_nm = peak_nm**2 / float(np.ptp(torque_out)) / 100.0
+        if hysteresis_nm > open_to.for_each:
+            open_to = LeftOpen(hysteresis_nm, 100.0 * hysteresis_nm * (gain + 2.0 * u))
         if beyond > worst:
             worst = beyond
             words = f"the slope of output torque over input torque changes by {100.0 * change:.2g} % with the load"
-    return Reading(100.0 * worst, words)
+    return Reading(100.0 * worst, words, open_to)
 
 
 @of_measured

@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from analysis.loop.method import Method
-from analysis.trace.trace import SegmentInfo, Trace
+from analysis.trace.trace import CHANNELS, SegmentInfo, Trace
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
 
 ARCMIN_RAD = math.pi / 10_800.0
@@ -478,6 +478,7 @@ def measured(unit: Kind, course: Course, bench: Bench, random: np.random.Generat
     turned = turned + defect.ripple_arcmin * np.sin(phase)
     return Trace(
         t_s=course.t_s,
+        drive_angle_rad=drive_angle(unit, course),
         torque_in_nm=torque(course.torque_in_nm * defect.in_gain, figures.torque_in, defect.lag_s),
         torque_out_nm=torque(true_out, figures.torque_out, max(defect.lag_s, defect.lag_out_s)),
         angle_in_rad=angle(turned, figures.angle_in),
@@ -485,6 +486,22 @@ def measured(unit: Kind, course: Course, bench: Bench, random: np.random.Generat
         segment=course.segment,
         segments=course.segments,
     )
+
+
+COUPLING_TWIST = 0.005
+"""Twist of the coupling between drive and input shaft at the peak torque, of the way of that shaft."""
+
+DRIVE_WAVE_ARCMIN, DRIVE_WAVES, DRIVE_STEP_RAD = 1.0 / 3.0, 2.0, 2.0 * math.pi / 2**17
+"""Error of the motor's encoder: its peak, how often it comes in a turn, and one count."""
+
+
+def drive_angle(unit: Kind, course: Course) -> np.ndarray:
+    """Return the position that the drive reports [rad]: its own encoder, behind a coupling, as it is in that moment."""
+    turned = (course.windup_arcmin + course.locked_arcmin) * unit.ratio
+    twist = COUPLING_TWIST * np.abs(turned).max() / np.abs(course.torque_in_nm).max()
+    rad = (turned + twist * course.torque_in_nm) * ARCMIN_RAD
+    shown = rad + DRIVE_WAVE_ARCMIN * ARCMIN_RAD * np.sin(DRIVE_WAVES * rad)
+    return np.round(shown / DRIVE_STEP_RAD) * DRIVE_STEP_RAD
 
 
 def first_order(values: np.ndarray, lag_s: float, period_s: float) -> np.ndarray:
@@ -501,7 +518,7 @@ def first_order(values: np.ndarray, lag_s: float, period_s: float) -> np.ndarray
 
 def rows_kept(trace: Trace, kept: np.ndarray, *, renumbered: bool = False) -> Trace:
     """Return the trace with some of its rows; renumbered: with a time that shows no gap."""
-    names = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "segment")
+    names = (*CHANNELS, "segment")
     channels = {name: values[kept] for name in names if (values := getattr(trace, name)) is not None}
     if renumbered:
         channels["t_s"] = np.arange(channels["t_s"].size) * float(np.median(np.diff(trace.t_s)))
@@ -515,5 +532,5 @@ def without_dwells(trace: Trace, *, renumbered: bool = False) -> Trace:
 
 
 def without_segments(trace: Trace) -> Trace:
-    """Return the trace as somebody exports it who knows no segments."""
-    return replace(trace, segment=None, segments={})
+    """Return the trace as somebody exports it who knows no segments, and has no position of the drive."""
+    return replace(trace, segment=None, segments={}, drive_angle_rad=None)

@@ -1,30 +1,23 @@
 """Sensors on CAN: frames of other nodes, decoded in the scan by tables that were made before it.
 
 A frame is one block of values, as a read block of a Modbus device is. That it came is what is known of it; whether its
-values are new ones is the business of `drivers.sample`. Nothing is written into a sensor: what it sends, how often and
-with which identifiers is set there, once, and proven here by what comes.
+values are new ones is the business of `drivers.sample`. A CANopen node with a heartbeat is believed while it says that
+it is operational: one that started anew may have lost what was set in it.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
-import can
-
-from definitions.image import AGE_NEVER
-from drivers.can.bus import CanLink
-from drivers.config import CanSensorConfig
-from drivers.errors import Problem
-from drivers.profile import CanFrame, DriveProfile
-from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, rpdo_cob_id, tpdo_cob_id
+from definitions.image import AGE_NEVER, NmtState
+from definitions.profiles.can import CanFrame
 
 NO_FIELD = -1
-NMT_START = 0x01
-SYNC_EVERY_S = 0.01
-"""While the first frames are waited for: some sensors send with SYNC only."""
+
+HEARTBEATS = 2
+"""Heartbeats that may be missing in a row: one is lost on the bus, two are silence."""
 
 _FLOATS = {32: struct.Struct("<f"), 64: struct.Struct("<d")}
 
@@ -33,7 +26,7 @@ class SensorFrame:
     """One frame in the scan; `values` holds the last one, with a zero at the end for fields that it does not have."""
 
     lost = False
-    """The bus itself is what may be lost, and that is known of its link."""
+    """Whether its node is gone, or started anew; of the bus itself its link knows."""
 
     def __init__(self, frame: CanFrame) -> None:
         """Prepare the table of a frame."""
@@ -87,64 +80,32 @@ class SensorFrame:
         self._arrived_scan = scan
 
 
-def start_sensors(link: CanLink, sensors: Sequence[CanSensorConfig], log: list[str]) -> list[Problem]:
-    """Start the CANopen nodes among the sensors and wait for a frame of each identifier (blocking, bounded).
+class SensorNode:
+    """The node of a sensor in the scan: its frames are lost, and stay so, when it is silent or not operational."""
 
-    SYNC is sent meanwhile. Returns what does not come or has another length; `log` gets a line for each frame that did.
-    """
-    for sensor in sensors:
-        if sensor.node_id is not None:
-            link.send(can.Message(arbitration_id=0, is_extended_id=False, data=bytes((NMT_START, sensor.node_id))))
-    missing = {frame.identifier: (sensor, frame) for sensor in sensors for frame in sensor.frames}
-    until = time.monotonic() + max((sensor.first_frame_timeout_s for sensor in sensors), default=0.0)
-    wrong: dict[int, Problem] = {}
-    next_sync = 0.0
-    while missing and not link.lost and (now := time.monotonic()) < until:
-        if now >= next_sync:
-            link.send(can.Message(arbitration_id=SYNC_COB_ID, is_extended_id=False, data=b""))
-            next_sync = now + SYNC_EVERY_S
-        message = link.receive()
-        if message is None:
-            time.sleep(1e-3)
-        elif message.arbitration_id in missing and not (message.is_error_frame or message.is_extended_id):
-            sensor, frame = missing.pop(message.arbitration_id)
-            where = f"{sensor.where}, identifier 0x{frame.identifier:03X}"
-            if len(message.data) == frame.size:
-                log.append(f"{where}: {frame.size} bytes come. That they are this sensor's is not proven")
-            else:
-                what, expected = "sends frames of another length", f"{frame.size} bytes"
-                hint = "correct the profile, or map the sensor's PDO as it says"
-                wrong[frame.identifier] = Problem(what, where, f"{len(message.data)} bytes", expected, hint)
-    hint = "check power, identifier, bit rate and that the sensor sends by itself or with SYNC"
-    silent = [
-        Problem("sends nothing", f"{sensor.where}, identifier 0x{frame.identifier:03X}", "silence", "a frame", hint)
-        for sensor, frame in missing.values()
-    ]
-    return [*wrong.values(), *silent]
+    def __init__(self, frames: Sequence[SensorFrame], heartbeat_scans: int) -> None:
+        """`heartbeat_scans`: scans between two of its heartbeats."""
+        self._frames = tuple(frames)
+        self._longest_scans = HEARTBEATS * heartbeat_scans + heartbeat_scans // 2
+        self._heard_scan = 0
+        self.heartbeats = 0
+        self.state = int(NmtState.OPERATIONAL)
+        """State that it said last; it was operational before the scan."""
 
+    def take(self, data: bytes, scan: int) -> None:
+        """Take a heartbeat; one of another length says nothing."""
+        if len(data) == 1:
+            self.state = data[0] & 0x7F
+            self._heard_scan = scan
+            self.heartbeats += 1
+            if self.state != NmtState.OPERATIONAL:
+                self._lose()
 
-def identifier_problems(
-    sensors: Iterable[CanSensorConfig], profile: DriveProfile, node_id: int, controller_node_id: int
-) -> list[Problem]:
-    """Return the identifiers of sensors that somebody else on the bus has: two senders of one destroy each other."""
-    taken = {
-        0x000: "NMT",
-        SYNC_COB_ID: "SYNC",
-        EMCY_BASE + node_id: "emergencies of the drive",
-        HEARTBEAT_BASE + node_id: "heartbeat of the drive",
-        HEARTBEAT_BASE + controller_node_id: "heartbeat of the controller",
-        0x580 + node_id: "SDO of the drive",
-        0x600 + node_id: "SDO of the drive",
-    }
-    taken |= {tpdo_cob_id(pdo, node_id): f"TPDO {pdo.number} of the drive" for pdo in profile.transmit_pdos}
-    taken |= {rpdo_cob_id(pdo, node_id): f"RPDO {pdo.number} of the drive" for pdo in profile.receive_pdos}
-    problems = []
-    for sensor in sensors:
-        for frame in sensor.frames:
-            if frame.identifier in taken:
-                where = f"{sensor.where}, identifier 0x{frame.identifier:03X}"
-                hint = "give the sensor another identifier, or another node id"
-                owner = taken[frame.identifier]
-                problems.append(Problem("uses an identifier that is taken", where, owner, "a free one", hint))
-            taken.setdefault(frame.identifier, sensor.where)
-    return problems
+    def look(self, scan: int) -> None:
+        """Look in a scan whether the node is there; called after everything has been taken."""
+        if scan - self._heard_scan > self._longest_scans:
+            self._lose()
+
+    def _lose(self) -> None:
+        for frame in self._frames:
+            frame.lost = True

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from operator import add, mul
 
 from definitions.number_formats import BIT, LETTERS, SIZES
-from drivers.profile import COIL_TABLES, IdentityRegister, ModbusProfile
+from definitions.profiles.modbus import COIL_TABLES, IdentityRegister, ModbusProfile
 from drivers.servo_drive.data_types import picker, to_integer
 
 

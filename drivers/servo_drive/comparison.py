@@ -5,6 +5,7 @@ No command is sent either: the drive stays in the state that it is in.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 from drivers.can.bus import CanLink
@@ -16,6 +17,7 @@ from drivers.servo_drive.objects import (
     homing_rows,
     identity_rows,
     number_text,
+    output_rows,
     polarity_rows,
     protection_rows,
     rating_rows,
@@ -48,6 +50,7 @@ def rows_of(config: DriveConfig, period_ns: int) -> list[SetupRow]:
     """Return every object that the set-up checks, or writes and reads back, in the order in which it does."""
     rows = [*identity_rows(config), *rating_rows(config), *startup_rows(config)]
     rows += [*synchronisation_rows(config, period_ns), *protection_rows(config), *polarity_rows(), *homing_rows(config)]
+    rows += output_rows(config)
     rows += [row for group in mapping_groups(config) for row in group]
     return [row for row in rows if row.treatment is not Treatment.STEP]
 
@@ -55,8 +58,13 @@ def rows_of(config: DriveConfig, period_ns: int) -> list[SetupRow]:
 def compare_drive(link: CanLink, config: DriveConfig, period_ns: int) -> list[Compared]:
     """Read every object of the set-up and compare it; ends early when the drive does not answer."""
     node = SdoNode(link, config.node_id, config.sdo_reply_timeout_s, config.sdo_tries)
+    return compare_objects(node, rows_of(config, period_ns))
+
+
+def compare_objects(node: SdoNode, rows: Iterable[SetupRow]) -> list[Compared]:
+    """Read objects of a node and compare them; ends early when it does not answer."""
     compared: list[Compared] = []
-    for row in rows_of(config, period_ns):
+    for row in rows:
         compared.append(_compared(node, row))
         if [one.outcome for one in compared[-SILENCES_IN_A_ROW:]] == ["no answer"] * SILENCES_IN_A_ROW:
             break

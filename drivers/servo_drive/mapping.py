@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from definitions.profiles.drive import ReceivePdo, TransmitPdo
 from drivers.config import DriveConfig
-from drivers.profile import ReceivePdo, TransmitPdo
 from drivers.servo_drive.objects import ALL_BITS, SetupRow, Treatment, milliseconds
 from drivers.servo_drive.pdo import rpdo_cob_id, tpdo_cob_id
 

@@ -8,15 +8,15 @@ row is read, written where it holds something else, and read back.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
 from definitions.number_formats import RANGES, IntegerType
+from definitions.profiles.drive import DriveProfile, StartupObject
 from definitions.protections import BY_NAME, DRIVE_PROTECTIONS, NONE
 from definitions.protections import Protection as DefinedProtection
 from drivers.config import DriveConfig
-from drivers.profile import DriveProfile
 from drivers.servo_drive.pdo import SYNC_COB_ID
 
 ALL_BITS = 0xFFFF_FFFF
@@ -257,10 +257,13 @@ def _meaning(row: Protection, profile: DriveProfile) -> str:
 
 def startup_rows(config: DriveConfig) -> list[SetupRow]:
     """Rows of what this drive needs written before it is used."""
-    return [
-        SetupRow(one.index, one.subindex, one.type, one.value, one.meaning, next_step=_PROFILE_NEXT)
-        for one in config.profile.startup
-    ]
+    return rows_to_start(config.profile.startup)
+
+
+def rows_to_start(objects: Iterable[StartupObject]) -> list[SetupRow]:
+    """Rows of what a profile wants written before its device is used."""
+    next_step = "check that the profile belongs to this device"
+    return [SetupRow(one.index, one.subindex, one.type, one.value, one.meaning, next_step=next_step) for one in objects]
 
 
 def protections_switched_off(config: DriveConfig) -> list[Protection]:
@@ -271,6 +274,14 @@ def protections_switched_off(config: DriveConfig) -> list[Protection]:
         if row.zero_is_off and (value & 0xFFFF if row.index == 0x1016 else value) == 0:
             off.append(row)
     return off
+
+
+def output_rows(config: DriveConfig) -> list[SetupRow]:
+    """Rows that let our digital outputs through; the others stay as they are. Drives may have no such mask."""
+    mask, meaning = config.output_mask, "mask of the digital outputs"
+    if not mask:
+        return []
+    return [SetupRow(0x60FE, 2, "u32", mask, meaning, Treatment.WRITE_IF_THERE, compare_mask=mask)]
 
 
 def homing_rows(config: DriveConfig) -> list[SetupRow]:

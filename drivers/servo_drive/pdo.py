@@ -9,7 +9,7 @@ import struct
 from collections.abc import Sequence
 
 from definitions.number_formats import LETTERS
-from drivers.profile import MappedObject, ReceivePdo, TransmitPdo
+from definitions.profiles.drive import MappedObject, ReceivePdo, TransmitPdo
 
 SYNC_COB_ID = 0x080
 EMCY_BASE = 0x080

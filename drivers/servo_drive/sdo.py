@@ -43,37 +43,37 @@ SDO_ABORTS = MappingProxyType(
     {
         0x0503_0000: AbortHint("toggle bit error", "check the CAN cable and termination, then try again"),
         0x0504_0000: AbortHint("transfer timed out", "check bus load and cable, then try again"),
-        0x0504_0001: AbortHint("unknown transfer command", "check that the node is the drive, not another device"),
-        0x0504_0002: AbortHint("wrong block size", "check that the node is the drive, not another device"),
+        0x0504_0001: AbortHint("unknown transfer command", "check that the node is the device of the profile"),
+        0x0504_0002: AbortHint("wrong block size", "check that the node is the device of the profile"),
         0x0504_0003: AbortHint("wrong sequence of a block transfer", "check the CAN cable and termination, try again"),
         0x0504_0004: AbortHint("check sum of a block transfer wrong", "check the CAN cable and termination, try again"),
-        0x0504_0005: AbortHint("the drive is out of memory", "switch the drive off and on"),
-        0x0601_0000: AbortHint("access not supported", "compare the object with the drive's manual"),
+        0x0504_0005: AbortHint("the device is out of memory", "switch the device off and on"),
+        0x0601_0000: AbortHint("access not supported", "compare the object with the device's manual"),
         0x0601_0001: AbortHint("the object can only be written", "it cannot be verified: ask the vendor"),
         0x0601_0002: AbortHint("the object can only be read", "set it with the vendor's tool to the value expected"),
-        0x0602_0000: AbortHint("the object does not exist", "this drive lacks it: compare profile, firmware, manual"),
-        0x0604_0041: AbortHint("the object cannot be mapped", "correct the mapping in the drive profile"),
-        0x0604_0042: AbortHint("the mapping is too long", "correct the mapping in the drive profile"),
+        0x0602_0000: AbortHint("the object does not exist", "this device lacks it: compare profile, firmware, manual"),
+        0x0604_0041: AbortHint("the object cannot be mapped", "correct the mapping in the profile"),
+        0x0604_0042: AbortHint("the mapping is too long", "correct the mapping in the profile"),
         0x0604_0043: AbortHint("parameters do not fit together", "check the limits in the bench file"),
-        0x0604_0047: AbortHint("the drive's parameters conflict", "load the drive's parameter set again"),
-        0x0606_0000: AbortHint("hardware error in the drive", "switch the drive off and on; read its error history"),
-        0x0607_0010: AbortHint("wrong data type or length", "correct the type in the drive profile"),
-        0x0607_0012: AbortHint("data too long", "correct the type in the drive profile"),
-        0x0607_0013: AbortHint("data too short", "correct the type in the drive profile"),
-        0x0609_0011: AbortHint("the subindex does not exist", "this drive lacks it: compare profile and manual"),
-        0x0609_0030: AbortHint("value outside the drive's range", "correct the value in the bench file"),
-        0x0609_0031: AbortHint("value too high for this drive", "lower the value in the bench file"),
-        0x0609_0032: AbortHint("value too low for this drive", "raise the value in the bench file"),
-        0x0609_0036: AbortHint("maximum below minimum", "check the drive's limits with the vendor's tool"),
-        0x060A_0023: AbortHint("resource not available", "switch the drive off and on"),
-        0x0800_0000: AbortHint("general error", "read the drive's error history 0x1003"),
-        0x0800_0020: AbortHint("the drive cannot store the value", "check that the drive is not locked by a password"),
-        0x0800_0021: AbortHint("the drive is under local control", "set the drive to fieldbus control, close its tool"),
+        0x0604_0047: AbortHint("the device's parameters conflict", "load the device's parameter set again"),
+        0x0606_0000: AbortHint("hardware error in the device", "switch the device off and on; read its error history"),
+        0x0607_0010: AbortHint("wrong data type or length", "correct the type in the profile"),
+        0x0607_0012: AbortHint("data too long", "correct the type in the profile"),
+        0x0607_0013: AbortHint("data too short", "correct the type in the profile"),
+        0x0609_0011: AbortHint("the subindex does not exist", "this device lacks it: compare profile and manual"),
+        0x0609_0030: AbortHint("value outside the device's range", "correct the value in the bench file"),
+        0x0609_0031: AbortHint("value too high for this device", "lower the value in the bench file"),
+        0x0609_0032: AbortHint("value too low for this device", "raise the value in the bench file"),
+        0x0609_0036: AbortHint("maximum below minimum", "check the device's limits with the vendor's tool"),
+        0x060A_0023: AbortHint("resource not available", "switch the device off and on"),
+        0x0800_0000: AbortHint("general error", "read the device's error history 0x1003"),
+        0x0800_0020: AbortHint("the device cannot store the value", "check that no password locks it"),
+        0x0800_0021: AbortHint("the device is under local control", "set it to fieldbus control, close its tool"),
         0x0800_0022: AbortHint(
-            "not in this state", "the drive must be disabled: check that no other master enables it"
+            "not in this state", "the device must be disabled: check that no other master enables it"
         ),
-        0x0800_0023: AbortHint("no object dictionary", "switch the drive off and on; check its firmware"),
-        0x0800_0024: AbortHint("no data", "switch the drive off and on"),
+        0x0800_0023: AbortHint("no object dictionary", "switch the device off and on; check its firmware"),
+        0x0800_0024: AbortHint("no data", "switch the device off and on"),
     }
 )
 """SDO abort codes of CiA 301: cause and what to do next."""
@@ -199,7 +199,7 @@ class SdoNode:
         data = self._transfer(lambda: self._client.upload(index, subindex))
         size = SIZES[type_name]
         if len(data) < size:
-            raise SdoFailure(f"{len(data)} bytes instead of {size}", "correct the type in the drive profile")
+            raise SdoFailure(f"{len(data)} bytes instead of {size}", "correct the type in the profile")
         return int.from_bytes(data[:size], "little", signed=type_name.startswith("i"))
 
     def write(self, index: int, subindex: int, type_name: str, value: int) -> None:

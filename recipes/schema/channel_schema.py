@@ -6,10 +6,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from definitions.units import PERIOD
+from recipes.text.quantity import show
 from recipes.text.section import Age, Name, Section, refusal
 
 CHANNELS = ("torque_in", "torque_out", "angle_in", "angle_out")
 """Measured channels, by the names of their sensors."""
+
+
+SHORTEST_HEARTBEAT_S = 0.002
+"""0x1017 counts milliseconds; every millisecond would be a frame more than the sensor's values."""
 
 
 class ChannelSource(Section):
@@ -56,13 +62,26 @@ class CanSensor(Section):
     """A sensor on the CAN bus of the drive that `channels` name; its profile is a YAML file or a DBC file.
 
     node_id: of a CANopen node, which is started by NMT. update_every: how often it sends by itself; left out for one
-    that sends with every SYNC, which is every scan.
+    that sends with every SYNC, which is every scan. heartbeat: how often a CANopen node says that it is operational;
+    written into it (0x1017), and watched in every scan.
     """
 
     name: Name
     profile: Name
     node_id: Annotated[int, Field(ge=1, le=127)] | None = None
     update_every_s: Age | None = None
+    heartbeat_s: Age | None = None
+
+    @model_validator(mode="after")
+    def _a_node_has_a_heartbeat(self) -> CanSensor:
+        if self.heartbeat_s is not None and self.node_id is None:
+            hint = "Add the node id of a CANopen sensor; a sensor of raw frames has no heartbeat."
+            raise refusal("heartbeat without node_id", "both, or no heartbeat", hint, at="heartbeat")
+        if self.heartbeat_s is not None and self.heartbeat_s < SHORTEST_HEARTBEAT_S:
+            raise refusal(
+                show(self.heartbeat_s, PERIOD), f"at least {show(SHORTEST_HEARTBEAT_S, PERIOD)}", at="heartbeat"
+            )
+        return self
 
 
 class Channels(Section):

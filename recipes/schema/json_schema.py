@@ -11,16 +11,17 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from definitions.profiles.can import CanProfile
+from definitions.profiles.drive import DriveProfile
+from definitions.profiles.modbus import ModbusProfile
 from recipes.schema.bench_schema import Bench
-from recipes.schema.can_profile_schema import CanProfileFile
-from recipes.schema.modbus_profile_schema import ModbusProfileFile
-from recipes.schema.profile_schema import DriveProfileFile
 from recipes.schema.recipe_schema import Recipe
+from recipes.text.section import strict
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 KINDS_OF_FILE: MappingProxyType[str, Any] = MappingProxyType(
-    {"recipe": Recipe, "bench": Bench, "profile": DriveProfileFile | ModbusProfileFile | CanProfileFile}
+    {"recipe": Recipe, "bench": Bench, "profile": strict(DriveProfile) | strict(ModbusProfile) | strict(CanProfile)}
 )
 """Kinds of files that people write, and the class that loads each."""
 

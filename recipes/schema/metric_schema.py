@@ -36,6 +36,11 @@ class MetricWanted(Section):
         default=None, description="largest standard deviation over the measured cycles, each side for itself"
     )
 
+    tolerance: float | None = Field(
+        default=None,
+        description="distance of the limits that a gage is judged by, for a metric with one limit; decides nothing",
+    )
+
     @property
     def limited(self) -> bool:
         """Whether the metric has a limit."""
@@ -49,7 +54,7 @@ class MetricWanted(Section):
             raise refusal(f"the unknown metric {excerpt(value)}", one_of(list(METRICS)), hint)
         return value
 
-    @field_validator(*LIMIT_OPTIONS, mode="before", json_schema_input_type=str | float | None)
+    @field_validator(*LIMIT_OPTIONS, "tolerance", mode="before", json_schema_input_type=str | float | None)
     @classmethod
     def _limit_with_unit(cls, value: Any, info: ValidationInfo) -> Any:
         if not (info.context or {}).get(FROM_DOCUMENT) or value is None:
@@ -72,6 +77,13 @@ class MetricWanted(Section):
             found = f"min {self.min:g} {unit}".strip()
             allowed = f"a min up to max, {self.max:g} {unit}".strip()
             raise refusal(found, allowed, "Exchange the two or correct one.", at="min")
+        return self
+
+    @model_validator(mode="after")
+    def _tolerance_above_zero(self) -> MetricWanted:
+        if self.tolerance is not None and not self.tolerance > 0.0:
+            unit = METRICS[self.id].unit
+            raise refusal(f"{self.tolerance:g} {unit}", "a tolerance above 0", "Correct or delete it.", at="tolerance")
         return self
 
     @model_validator(mode="after")

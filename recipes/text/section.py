@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, is_dataclass
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -19,7 +19,9 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     StringConstraints,
+    TypeAdapter,
     ValidationInfo,
+    with_config,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
@@ -52,6 +54,11 @@ UNIT_SUFFIX = re.compile(
 )
 """Units at the end of attribute names."""
 
+T = TypeVar("T")
+
+EXACT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+"""How dataclasses are read: nothing is converted, and nothing taken that they do not know."""
+
 FROM_DOCUMENT = "from_document"
 """Key of the validation context that the loader sets: quantities are texts with units, not numbers."""
 
@@ -67,6 +74,16 @@ class Section(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", alias_generator=option_name, populate_by_name=True, allow_inf_nan=False
     )
+
+
+def strict(model: type[T]) -> type[T]:
+    """Return a class that documents are read into: a section as it is, a dataclass made as strict as those are."""
+    return with_config(EXACT)(model) if is_dataclass(model) else model
+
+
+def reader(model: type[T]) -> TypeAdapter[T]:
+    """Return what makes an object of this class from a document."""
+    return TypeAdapter(strict(model))
 
 
 def refusal(found: str, allowed: str, hint: str = "", at: str = "") -> PydanticCustomError:

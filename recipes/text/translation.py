@@ -11,9 +11,8 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from pydantic import BaseModel
-
 from recipes.text.problems import OptionPath, Problem, Source, did_you_mean, excerpt, one_of
+from recipes.text.section import reader
 
 WHOLE = "a whole number"
 NUMBER = "a number"
@@ -47,6 +46,9 @@ PATTERNS = {
 BEHIND_COMMA = re.compile(r"[0-9]+(\s*[^0-9\s].*)?")
 """What YAML makes of the rest of `{torque: 110,5 N·m}`: an option without a value."""
 
+UNKNOWN_OPTION = ("extra_forbidden", "unexpected_keyword_argument")
+"""Error types of an option that a section, or a dataclass, does not have."""
+
 POINT = "Write the decimal sign as a point."
 
 QUOTED = re.compile(r"'([^']*)'")
@@ -67,11 +69,11 @@ def decimal_commas(data: Any, place: OptionPath = ()) -> Iterator[tuple[OptionPa
         before = (name, value)
 
 
-def problem_of(error: Mapping[str, Any], source: Source, model: type[BaseModel]) -> Problem:
+def problem_of(error: Mapping[str, Any], source: Source, model: type[Any]) -> Problem:
     """Return one of pydantic's error details as a problem with its place in the document."""
     place, kind, context = tuple(error["loc"]), error["type"], error.get("ctx") or {}
     option, found, hint = _in_document(place, source), excerpt(error["input"]), ""
-    at_name = kind in ("missing", "extra_forbidden")
+    at_name = kind in ("missing", *UNKNOWN_OPTION)
     if at_name:
         option = (*_in_document(place[:-1], source), place[-1])
     match kind:
@@ -80,11 +82,11 @@ def problem_of(error: Mapping[str, Any], source: Source, model: type[BaseModel])
             option += tuple(int(part) if part.isdigit() else part for part in context["at"].split(".") if part)
         case "missing":
             found, allowed, hint = "nothing", f"the option '{place[-1]}', which is required", "Add it."
-        case "extra_forbidden":
+        case _ if kind in UNKNOWN_OPTION:
             names = options_at(model, place[:-1])
             found, allowed = f"the unknown option {excerpt(place[-1])}", one_of(names) or "no options"
             hint = did_you_mean(place[-1], names) or "Delete it."
-        case "model_type":
+        case "model_type" | "dataclass_type":
             names = options_at(model, place)
             allowed = f"a section with the options {one_of(names)}" if names else "a section (lines of name: value)"
             hint = "Write its options indented below its name." if place else "Copy a shipped file and edit it."
@@ -109,7 +111,7 @@ def _in_document(place: OptionPath, source: Source) -> OptionPath:
     return option
 
 
-def options_at(model: type[BaseModel], place: OptionPath) -> tuple[str, ...]:
+def options_at(model: Any, place: OptionPath) -> tuple[str, ...]:
     """Return the names of all options that a document may have in the section at `place`, in their order.
 
     `place` is that of an error: its steps are options, list indices, and tags that chose a member of a union.
@@ -124,8 +126,8 @@ def options_at(model: type[BaseModel], place: OptionPath) -> tuple[str, ...]:
 
 
 @cache
-def _schema(model: type[BaseModel]) -> dict[str, Any]:
-    return model.model_json_schema()
+def _schema(model: type[Any]) -> dict[str, Any]:
+    return reader(model).json_schema()
 
 
 def _members(schema: dict[str, Any], whole: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Literal, TypeVar
+from typing import Literal
 
-from pydantic import BaseModel
-
-from definitions.plain_data import exact
-from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
+from definitions.profiles.drive import DriveProfile
+from definitions.profiles.modbus import ModbusProfile
+from drivers.config import CanConfig, DriveBrakeConfig, DriveConfig, ModbusConfig, WireBenchConfig
 from drivers.pace import PaceConfig
-from drivers.profile import DriveProfile, ModbusProfile
 from recipes import Bench, parse_document
 from recipes.schema.bench_schema import ModbusDevice
-from recipes.schema.modbus_profile_schema import ModbusProfileFile
-from recipes.schema.profile_schema import DriveProfileFile
+from station.bench.bench_spec import Ports
 from station.bench.files import File
 from station.bench.measuring import blocks, can_sensors, channels, sources
-
-ProfileT = TypeVar("ProfileT")
-
-
-Ports = Mapping[str, Any]
-"""Ready line of the virtual bench: host and port of `can` and of each Modbus device, by its name."""
+from station.errors import StationError
 
 PARITY_LETTERS: dict[str, Literal["N", "E", "O"]] = {"none": "N", "even": "E", "odd": "O"}
 
@@ -46,11 +38,12 @@ def wire_config(
         can=can_config(bench, ports),
         drive=drive_config(bench, drive_profile(profiles[bench.drive.profile])),
         amplifier=devices.get("amplifier"),
-        brake=devices["brake"],
+        brake=devices.get("brake"),
+        drive_brake=drive_brake_config(bench),
         remote_io=devices["remote_io"],
         pace=_pace(bench, ports) if waits else None,
         channels=channels(bench),
-        brake_fixed_current_a=bench.brake.max_current_a,
+        brake_fixed_current_a=bench.lock_brake.max_current_a,
         measuring=tuple(block for one in bench.devices for block in blocks(one.name, devices[one.name])),
         sources=sources(bench),
         can_sensors=can_sensors(bench, profiles),
@@ -58,30 +51,32 @@ def wire_config(
     )
 
 
-def device_profile(file: File, model: type[BaseModel], profile: type[ProfileT]) -> ProfileT:
-    """Return the profile in a file as both ends of the wires want it; RecipeError with every problem and its place."""
-    return exact(profile, _parsed(file.content, str(file.path), model).model_dump(mode="json"))
-
-
-@lru_cache(maxsize=32)
-def _parsed(content: bytes, path: str, model: type[BaseModel]) -> BaseModel:
-    """Parse a profile once, for its check and for whoever takes it."""
-    return parse_document(content, path, model)
-
-
 def drive_profile(file: File) -> DriveProfile:
-    """Return the profile of a drive; as `device_profile`."""
-    return device_profile(file, DriveProfileFile, DriveProfile)
+    """Return the profile of a drive; RecipeError with every problem and its place."""
+    return _drive_profile(file.content, str(file.path))
 
 
 def modbus_profile(file: File) -> ModbusProfile:
-    """Return the profile of a Modbus device; as `device_profile`."""
-    return device_profile(file, ModbusProfileFile, ModbusProfile)
+    """Return the profile of a Modbus device; RecipeError with every problem and its place."""
+    return _modbus_profile(file.content, str(file.path))
+
+
+@lru_cache(maxsize=32)
+def _drive_profile(content: bytes, path: str) -> DriveProfile:
+    """Parse a profile once, for its check and for whoever takes it."""
+    return parse_document(content, path, DriveProfile)
+
+
+@lru_cache(maxsize=32)
+def _modbus_profile(content: bytes, path: str) -> ModbusProfile:
+    return parse_document(content, path, ModbusProfile)
 
 
 def _pace(bench: Bench, ports: Ports | None) -> PaceConfig | None:
     if ports is not None:
-        return PaceConfig(ports["pace"]["host"], ports["pace"]["port"])
+        if ports.pace is None:
+            raise StationError("the bench that was started does not wait for the scan: its ready line names no pace")
+        return PaceConfig(ports.pace.host, ports.pace.port)
     return None if bench.pace is None else PaceConfig(bench.pace.host, bench.pace.port)
 
 
@@ -89,9 +84,9 @@ def can_config(bench: Bench, ports: Ports | None = None) -> CanConfig:
     """Return how to reach the CAN bus of a bench file; `ports` of a started virtual bench replace the file's."""
     can = bench.can
     if ports is not None:
-        there = ports["can"]
+        there = ports.can
         interface: Literal["socketcand"] = "socketcand"
-        return CanConfig(interface, channel=there["channel"], host=there["host"], port=there["port"])
+        return CanConfig(interface, channel=there.channel, host=there.host, port=there.port)
     serial_port = can.channel if can.interface == "slcan" else ""
     return CanConfig(can.interface, can.channel, can.host, can.port, can.bitrate, serial_port)
 
@@ -115,16 +110,23 @@ def drive_config(bench: Bench, profile: DriveProfile) -> DriveConfig:
         abort_connection_option=drive.abort_connection_option,
         quick_stop_option=drive.quick_stop_option,
         fault_reaction_option=drive.fault_reaction_option,
+        output_mask=0 if bench.drive_brake is None else 1 << bench.drive_brake.output_bit,
         reversed=drive.reversed,
     )
 
 
+def drive_brake_config(bench: Bench) -> DriveBrakeConfig | None:
+    """Return the brake at an output of the drive; None where it is a device on Modbus."""
+    brake = bench.drive_brake
+    return None if brake is None else DriveBrakeConfig(brake.output_bit, brake.input_bit)
+
+
 def _modbus(device: ModbusDevice, profiles: Mapping[str, File], ports: Ports | None, part: str) -> ModbusConfig:
-    there: Mapping[str, Any] = {"host": device.host, "port": device.port} if ports is None else ports[part]
+    there = device if ports is None else ports.devices[part]
     return ModbusConfig(
         transport=device.transport if ports is None else "tcp",
-        host=there["host"],
-        port=there["port"],
+        host=there.host,
+        port=there.port,
         unit_id=device.unit_id,
         profile=modbus_profile(profiles[device.profile]),
         poll_every_s=device.poll_every_s,

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
 
 from recipes import Bench, Recipe, RecipeError, load_document, parse_document
 from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
 from recipes.text.yaml_source import read_source
-from station.bench.assemble import drive_profile, modbus_profile
-from station.bench.files import FileAt
+from station.bench.assemble import drive_brake_config, drive_config, drive_profile, modbus_profile
+from station.bench.files import File, FileAt
 from station.bench.measuring import can_sensors, sources
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
 from station.records.clocks import SCAN, VIRTUAL, WALL
@@ -22,19 +24,17 @@ from virtual_bench.config import (
     CanBus,
     CanSensorPort,
     Catalogue,
-    DriveConfig,
     ModbusPort,
     PaceServer,
-    Protections,
     ServerConfig,
     Shown,
     SlcanPort,
-    SlowPoll,
     Socketcand,
     TorqueSensor,
 )
-from virtual_bench.faults.scenario import Scenario
-from virtual_bench.faults.vocabulary import NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES
+from virtual_bench.faults.names import VOCABULARY, Vocabulary
+from virtual_bench.faults.scenario import Scenario, Start
+from virtual_bench.faults.vocabulary import FAULTS, NOT_BY_WALL_CLOCK, only_over_wires, vocabulary_of
 from virtual_bench.physics.find_unit import default_unit, find_unit
 
 Profiles = Mapping[str, Path]
@@ -66,28 +66,50 @@ def catalogue_of(recipe: Recipe) -> Catalogue:
     )
 
 
-def load_scenario(path: Path) -> Scenario:
-    """Load a scenario file; RecipeError with every problem and its place."""
-    return load_document(path, Scenario)
+class StartOnly(BaseModel):
+    """The section of a scenario that says which recipe, and with it which bench, the rest is for."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+    start: Start = Start()
 
 
-def parse_scenario(raw: bytes, path: str) -> Scenario:
-    """Load a scenario from the bytes of its file; RecipeError with every problem and its place."""
-    return parse_document(raw, path, Scenario)
+def load_start(path: Path) -> Start:
+    """Load what a scenario begins with; RecipeError with every problem of it and its place."""
+    return load_document(path, StartOnly).start
 
 
-LACKING: dict[str, tuple[frozenset[tuple[str, str]], str, str]] = {
-    WALL: (NOT_BY_WALL_CLOCK, "a fault that is possible by the wall clock", "leave --wall-clock out, or --wires"),
-    SCAN: (frozenset(), "", ""),
-    VIRTUAL: (ONLY_OVER_WIRES, "a fault that is not for wires only", "run it over wires"),
+def vocabulary_on(bench: Bench, profiles: Mapping[str, File]) -> Vocabulary:
+    """Return the faults that a scenario may name on a bench: its devices that measure have them by their names."""
+    devices = {name: modbus_profile(profiles[one.profile]) for name, one in bench.modbus_devices.items()}
+    return vocabulary_of(devices, {one.name: one.node_id is not None for one in bench.can_devices})
+
+
+def load_scenario(path: Path, vocabulary: Vocabulary = FAULTS) -> Scenario:
+    """Load a scenario file for a bench with this vocabulary; RecipeError with every problem and its place."""
+    return load_document(path, Scenario, {VOCABULARY: vocabulary})
+
+
+def parse_scenario(raw: bytes, path: str, vocabulary: Vocabulary = FAULTS) -> Scenario:
+    """Load a scenario from the bytes of its file; as `load_scenario`."""
+    return parse_document(raw, path, Scenario, {VOCABULARY: vocabulary})
+
+
+LACKING: dict[str, tuple[Callable[[str, str], bool], str, str]] = {
+    WALL: (
+        lambda target, verb: (target, verb) in NOT_BY_WALL_CLOCK,
+        "a fault that is possible by the wall clock",
+        "leave --wall-clock out, or --wires",
+    ),
+    SCAN: (lambda _target, _verb: False, "", ""),
+    VIRTUAL: (only_over_wires, "a fault that is not for wires only", "run it over wires"),
 }
-"""Faults that a clock cannot have, what is allowed, and what to do."""
+"""Whether a clock cannot have a fault, what is allowed, and what to do."""
 
 
 def check_clock(path: Path, scenario: Scenario, clock: str) -> None:
     """Refuse faults that the clock of the run cannot have; RecipeError with every one of them."""
     lacking, allowed, hint = LACKING[clock]
-    wrong = [place for place, fault in enumerate(scenario.faults) if (fault.target, fault.verb) in lacking]
+    wrong = [place for place, fault in enumerate(scenario.faults) if lacking(fault.target, fault.verb)]
     if wrong:
         source, faults = read_source(path), scenario.faults
         raise RecipeError(
@@ -98,11 +120,11 @@ def check_clock(path: Path, scenario: Scenario, clock: str) -> None:
 
 def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> BenchConfig:
     """Return the plant, drive and sensors that stand in for the hardware of a bench file."""
-    sensors, brake = bench.sensors, bench.brake
+    sensors, brake = bench.sensors, bench.lock_brake
     return BenchConfig(
         unit=unit.name,
         loading=bench.bench.loading,
-        drive=_drive(bench, profiles),
+        drive=drive_config(bench, drive_profile(FileAt(profiles[bench.drive.profile]))),
         brake=BrakeConfig(brake.torque_constant_nm_per_a, brake.max_current_a, brake.time_constant_s),
         torque_in=_torque(sensors.torque_in),
         torque_out=_torque(sensors.torque_out),
@@ -111,9 +133,10 @@ def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> Bench
         fixture_stiffness_nm_per_arcmin=_lock_nm_per_arcmin(bench),
         noise_seed=unit.seed,
         catalogue=unit.catalogue,
-        amplifier_poll=SlowPoll(bench.sample_every_s),
-        brake_poll=SlowPoll(brake.poll_every_s),
-        remote_io_poll=SlowPoll(bench.remote_io.poll_every_s),
+        amplifier_every_s=bench.sample_every_s,
+        brake_every_s=brake.poll_every_s,
+        drive_brake=drive_brake_config(bench),
+        remote_io_every_s=bench.remote_io.poll_every_s,
     )
 
 
@@ -133,30 +156,6 @@ def _torque(sensor: TorqueSensorFile | None) -> TorqueSensor | None:
 
 def _angle(sensor: AngleSensorFile) -> AngleSensor:
     return AngleSensor(round(sensor.resolution_bits), sensor.noise_rad, sensor.lag_s)
-
-
-def _drive(bench: Bench, profiles: Profiles) -> DriveConfig:
-    drive = bench.drive
-    return DriveConfig(
-        node_id=drive.node_id,
-        controller_node_id=drive.controller_node_id,
-        gear_ratio=drive.gear_ratio,
-        rated_torque_nm=drive.rated_torque_nm,
-        profile=drive_profile(FileAt(profiles[drive.profile])),
-        protections=Protections(
-            max_torque_nm=drive.max_torque_nm,
-            max_speed_rad_s=drive.max_speed_rad_s,
-            torque_slope_nm_s=drive.torque_slope_nm_s,
-            controller_heartbeat_timeout_s=drive.controller_heartbeat_timeout_s,
-            setpoint_timeout_s=drive.setpoint_timeout_s,
-            drive_heartbeat_s=drive.drive_heartbeat_s,
-            abort_connection_option=drive.abort_connection_option,
-            quick_stop_option=drive.quick_stop_option,
-            fault_reaction_option=drive.fault_reaction_option,
-        ),
-        controller_heartbeat_s=drive.controller_heartbeat_s,
-        reversed=drive.reversed,
-    )
 
 
 PROOF_SHOWS = {"counter": "sample_counter", "time_stamp": "sample_time_us"}
@@ -214,7 +213,15 @@ def server_config(
         devices={name: port(name, device) for name, device in bench.modbus_devices.items()},
         can=bus,
         can_sensors=tuple(
-            CanSensorPort(sensor.node_id, sensor.frames, one.update_every_s, shown_by(bench, one.name))
+            CanSensorPort(
+                name=one.name,
+                node_id=sensor.node_id,
+                frames=sensor.frames,
+                every_s=one.update_every_s,
+                shows=shown_by(bench, one.name),
+                identity=sensor.identity,
+                startup=sensor.startup,
+            )
             for one, sensor in zip(bench.can_devices, can_sensors(bench, files), strict=True)
         ),
         scenario=scenario,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from definitions.number_formats import SIZES
+from definitions.profiles.drive import DriveProfile, MappedObject
 from drivers.config import CanSensorConfig
-from drivers.profile import DriveProfile, MappedObject
 from recipes import Bench, Recipe
 from recipes.checks.bus_load import BusFrame
 from recipes.schema.sequence_schema import SpeedCycles
@@ -26,6 +26,8 @@ def bus_frames(
     yield BusFrame("heartbeat of the controller", 1, bench.drive.controller_heartbeat_s)
     yield BusFrame("heartbeat of the drive", 1, bench.drive.drive_heartbeat_s)
     for one, sensor in zip(bench.can_devices, sensors, strict=True):
+        if sensor.heartbeat_s:
+            yield BusFrame(f"heartbeat of {one.name}", 1, sensor.heartbeat_s)
         for frame in sensor.frames:
             yield BusFrame(f"0x{frame.identifier:03X} of {one.name}", frame.size, one.update_every_s or 0.0)
 

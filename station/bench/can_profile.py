@@ -13,33 +13,40 @@ import cantools
 from cantools.database.can import Database, Message, Signal
 
 from definitions.number_formats import SIZES
-from drivers.profile import CanField, CanFrame
+from definitions.profiles.can import CAN_BYTES, LAST_IDENTIFIER, CanField, CanFrame, CanFrameFile, CanProfile
+from drivers.config import CanSensorConfig
 from recipes import Problem, RecipeError, parse_document
-from recipes.schema.can_profile_schema import CAN_BYTES, CanFrameFile, CanProfileFile
+from recipes.schema.channel_schema import CanSensor
 from station.bench.files import File
 
 DBC = ".dbc"
 """Ending of a profile that is a DBC file."""
 
 
-def can_frames(file: File, node_id: int | None, named: Collection[str]) -> tuple[CanFrame, ...]:
-    """Return the frames of a sensor; `named`: fields that channels name.
+def can_sensor(file: File, sensor: CanSensor, named: Collection[str]) -> CanSensorConfig:
+    """Return a sensor of a bench file by its profile; `named`: fields that channels name.
 
     Raises:
         RecipeError: the profile has problems, each with its place, or asks for what frames of a DBC file cannot give.
 
     """
+    heartbeat_s = sensor.heartbeat_s or 0.0
     if file.path.suffix.lower() == DBC:
-        return tuple(_of_message(file.path, one, named) for one in _messages(file, named))
-    profile = parse_document(file.content, str(file.path), CanProfileFile)
-    return tuple(_of_file(file.path, frame, node_id) for frame in profile.frames)
+        frames = tuple(_of_message(file.path, one, named) for one in _messages(file, named))
+        return CanSensorConfig(sensor.name, sensor.node_id, frames, heartbeat_s=heartbeat_s)
+    profile = parse_document(file.content, str(file.path), CanProfile)
+    if sensor.node_id is None and (profile.identity or profile.startup):
+        found = "identity" if profile.identity else "startup"
+        raise _refused(file.path, found, "'node_id' at the sensor in the bench file", "Give it, or delete the section.")
+    frames = tuple(_of_file(file.path, frame, sensor.node_id) for frame in profile.frames)
+    return CanSensorConfig(sensor.name, sensor.node_id, frames, profile.identity, profile.startup, heartbeat_s)
 
 
 def _of_file(path: Path, frame: CanFrameFile, node_id: int | None) -> CanFrame:
     if frame.add_node_id and node_id is None:
         raise _refused(path, "add_node_id", "'node_id' at the sensor in the bench file", "Give it, or the identifier.")
     identifier = frame.identifier + (node_id or 0) * frame.add_node_id
-    if identifier > 0x7FF:
+    if identifier > LAST_IDENTIFIER:
         raise _refused(path, f"identifier 0x{identifier:X}", "up to 0x7FF", "Correct identifier or node_id.")
     fields = []
     for field in frame.fields:
@@ -58,7 +65,7 @@ def _messages(file: File, named: Collection[str]) -> list[Message]:
     except Exception as error:  # a bent file ends in whatever the parser stumbles over: KeyError, ValueError, its own
         text = " ".join(str(error).split())[:200]
         raise _refused(
-            file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export it anew."
+            file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export it again."
         ) from error
     assert isinstance(found, Database)  # noqa: S101 - of "dbc" it makes no other
     return [one for one in found.messages if any(_name(one, signal) in named for signal in one.signals)]

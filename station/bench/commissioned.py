@@ -15,14 +15,15 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from definitions.commissioning import STEPS, Step, concerns
-from drivers.profile import DriveProfile, DriveProfileHeader
+from definitions.profiles.drive import DriveProfile, DriveProfileHeader
 from recipes import Bench
 from recipes.schema.bench_schema import PARTS
 from station.atomic_file import write_atomic
 from station.bench.assemble import drive_profile, modbus_profile
 from station.bench.files import File, FileAt
 from station.documents.commissioning import Protocol, StepDone
-from station.documents.reading import plain, read_document
+from station.documents.entries import plain
+from station.documents.reading import read_document
 from station.errors import StationError
 
 ENDING = ".commissioning.json"
@@ -66,6 +67,10 @@ def add_to_protocol(bench_file: Path, bench: Bench, done: StepDone) -> None:
     protocol = read_protocol(bench_file, bench)
     whole = replace(protocol, steps=(*protocol.steps, done))
     write_atomic(protocol_path(bench_file), json.dumps(plain(whole), ensure_ascii=False, indent=1).encode() + b"\n")
+
+
+LEFT_OUT = str(None)
+"""Of an option that the file leaves out; a protocol from before there was such an option does not have it at all."""
 
 
 def parts_of(bench: Bench, profiles: Mapping[str, File]) -> dict[str, str]:
@@ -123,7 +128,8 @@ def changed_since(step: Step, done: StepDone, parts: Mapping[str, str]) -> tuple
     """Return what of a step's entries has changed since it was done."""
     was, now = done.parts, depended_on(step, parts)
     names = [*was, *(name for name in now if name not in was)]
-    return tuple(Change(name, was.get(name, ""), now.get(name, "")) for name in names if was.get(name) != now.get(name))
+    changed = [name for name in names if was.get(name, LEFT_OUT) != now.get(name, LEFT_OUT)]
+    return tuple(Change(name, was.get(name, ""), now.get(name, "")) for name in changed)
 
 
 @cache

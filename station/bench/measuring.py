@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from definitions.device_proofs import unproven_text
+from definitions.profiles.modbus import ModbusProfile
 from drivers.config import CanSensorConfig, ChannelConfig, ModbusConfig, NamedDevice
 from drivers.errors import Problem
 from drivers.modbus.part_fields import source_problems
-from drivers.profile import ModbusProfile
 from recipes import Bench
-from station.bench.can_profile import can_frames
+from recipes.schema.bench_schema import DriveBrake
+from station.bench.can_profile import can_sensor
 from station.bench.files import File
 
 CHANNEL_OF_SENSOR = {
@@ -57,12 +58,7 @@ def can_sensors(bench: Bench, profiles: Mapping[str, File]) -> tuple[CanSensorCo
     named: dict[str, set[str]] = {}
     for source in sources(bench):
         named.setdefault(source.device, set()).update({source.field, source.proof_field})
-    return tuple(
-        CanSensorConfig(
-            one.name, one.node_id, can_frames(profiles[one.profile], one.node_id, named.get(one.name, set()))
-        )
-        for one in bench.can_devices
-    )
+    return tuple(can_sensor(profiles[one.profile], one, named.get(one.name, set())) for one in bench.can_devices)
 
 
 def channel_problems(
@@ -78,14 +74,26 @@ def channel_problems(
     return source_problems(sources(bench), delivered)
 
 
-def channels_not_proven(bench: Bench) -> Iterator[str]:
-    """Yield what is not proven of the measured channels, a sentence each."""
-    for sensor in bench.can_devices:
-        yield unproven_text(f"Sensor {sensor.name} on CAN", "can_identity")
+def channels_not_proven(bench: Bench, sensors: Sequence[CanSensorConfig]) -> Iterator[str]:
+    """Yield what is not proven of the measured channels, a sentence each; `sensors`: those on CAN."""
+    for sensor in sensors:
+        if sensor.identity is None:
+            yield unproven_text(f"Sensor {sensor.name} on CAN", "can_identity")
+        if not sensor.heartbeat_s:
+            yield unproven_text(f"Sensor {sensor.name} on CAN", "can_heartbeat")
     by_name = {} if bench.channels is None else bench.channels.by_name
     for name, source in by_name.items():
         if not source.proof_field:
             yield unproven_text(f"Channel {name} of {source.device}", "new_values")
+
+
+def missing_of_drive_brake(brake: DriveBrake) -> Iterator[str]:
+    """Yield what is not proven of a brake at an output of the drive, a sentence each."""
+    yield unproven_text("Brake", "drive_output")
+    yield unproven_text("Brake", "set_point")
+    yield unproven_text("Brake", "current")
+    if brake.input_bit is None:
+        yield unproven_text("Brake", "contact")
 
 
 def missing_of_brake(profile: ModbusProfile) -> Iterator[str]:

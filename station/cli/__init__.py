@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, partial
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer.core import TyperGroup
@@ -23,14 +23,18 @@ from station.cli.faults.commands import faults_app
 from station.cli.help import GroupedHelp
 from station.cli.line import commands as cli_line
 from station.cli.measure import commands as cli_measure
+from station.cli.quality.commands import quality_app
 from station.cli.runs import commands as cli_runs
 from station.cli.store import commands as cli_store
-from station.cli.store.commands import store_app
+from station.cli.store.commands import retention_app, store_app
 from station.cli.studies import model_commands as cli_models
 from station.cli.studies.commands import study_app
 from station.cli.web import commands as cli_web
 from station.errors import BenchFaultError
 from station.plain_text import never_crash
+
+if TYPE_CHECKING:
+    from station.run.ahead import Ahead
 
 app = typer.Typer(
     name="lostmotion",
@@ -64,6 +68,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "verify": cli_runs.verify,
         "backup": cli_store.backup,
         "restore": cli_store.restore,
+        "retention": retention_app,
         "store": store_app,
     },
     "Station": {"serve": cli_web.serve, "audit": cli_web.audit_app},
@@ -78,6 +83,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "gage": cli_line.gage,
         "master-part": cli_line.master_part,
         "decision": cli_line.decision,
+        "quality": quality_app,
         "study": study_app,
     },
     "Bench": {
@@ -156,11 +162,14 @@ def command_line() -> TyperGroup:
     return get_group(app)
 
 
-def main() -> None:
-    """Run the command line; errors that a person can mend are plain text on standard error, without a traceback."""
+def main(ahead: Mapping[str, Ahead] | None = None) -> None:
+    """Run the command line; errors that a person can mend are plain text on standard error, without a traceback.
+
+    ahead: processes that were started before a run and wait for it, by their modules.
+    """
     never_crash()
     try:
-        ended = command_line()(standalone_mode=False)
+        ended = command_line()(standalone_mode=False, obj=ahead)
         sys.stdout.flush()  # a reader that is gone is told here, not when the interpreter ends with a code of its own
         sys.exit(ended)
     except BenchFaultError as error:

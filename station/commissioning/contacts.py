@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from definitions.profiles.modbus import COIL_TABLES, ModbusProfile, ReadField
 from drivers.modbus.device import COUNTERS
-from drivers.profile import COIL_TABLES, ModbusProfile, ReadField
 from station.commissioning.on_wires import ByHand, OnWires, pause
 from station.commissioning.registers import places_of, words_in
 from station.documents.commissioning import Figure, Finding

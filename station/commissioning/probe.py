@@ -1,4 +1,7 @@
-"""Step `probe`: who answers, what the drive's objects hold, and what is measured now. Nothing is written or enabled."""
+"""Step `probe`: who answers, what the objects of drive and sensors hold, and what is measured now.
+
+Nothing is written or enabled; sensors on CAN are started by NMT, so that they say something.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,14 @@ from typing import NamedTuple
 from definitions.image import AGE_NEVER, IMAGE_FIELDS, REMOTE_IO_FIELDS, DriveState
 from drivers.can.bus import CanLink, open_can
 from drivers.can.other_controller import refuse_other_controller
+from drivers.can.sensor_setup import compare_sensor
 from drivers.modbus.device import ModbusDevice
 from drivers.servo_drive.cia402 import decode_state
 from drivers.servo_drive.comparison import Compared, compare_drive
 from drivers.servo_drive.objects import missing_protections
 from drivers.servo_drive.sdo import SdoFailure, SdoNode
 from drivers.servo_drive.units import drive_units
+from station.commissioning.can_looks import CanLooks, values_of
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, pause
 from station.documents.commissioning import Figure, Finding
 
@@ -63,21 +68,24 @@ def probe(bench: OnWires, seconds: float) -> Probed:
     try:
         refuse_other_controller(link, wires.drive)
         objects = compare_drive(link, wires.drive, PERIOD_NS)
+        of_sensors = [(sensor, compare_sensor(link, sensor)) for sensor in wires.can_sensors]
         live = [] if any(one.outcome == "no answer" for one in objects) else _drive_values(link, bench)
     finally:
         link.close()
-    by_hand = ByHand(wires)
-    with by_hand.opened():
+    by_hand, frames = ByHand(wires), CanLooks(wires)
+    with by_hand.opened(), frames.opened():
         until = time.monotonic() + seconds
         oldest = dict.fromkeys(by_hand.devices, 0)
         while time.monotonic() < until:
             by_hand.step()
+            frames.step()
             for name, device in by_hand.devices.items():
                 if device.replies:
                     oldest[name] = max(oldest[name], device.age_scans(by_hand.scan))
             pause(STEP_S)
         for name, device in by_hand.devices.items():
             live += _modbus_values(name, device, by_hand.scan)
+        live += _can_values(frames, time.monotonic())
     findings = [
         Finding(
             what=f"{one.place} {one.meaning}: found {one.found}, wanted {one.wanted}", cure=_sentence(one.next_step)
@@ -87,16 +95,23 @@ def probe(bench: OnWires, seconds: float) -> Probed:
     ]
     for name, device in by_hand.devices.items():
         findings += _of_device(name, device, oldest[name])
+    for sensor, rows in of_sensors:
+        findings += [
+            Finding(
+                what=f"{sensor.where}, {one.place} {one.meaning}: found {one.found}, wanted {one.wanted}",
+                cure=_sentence(one.next_step),
+            )
+            for one in rows
+            if one.outcome in REFUSED
+        ]
+        objects += [one._replace(place=f"{sensor.name} {one.place}") for one in rows]
+    for problem in frames.problems():
+        what = f"{problem.where}: {problem.what}: found {problem.found}, expected {problem.expected}"
+        findings.append(Finding(what=what, cure=_sentence(problem.next_step)))
     lacking = [f"{row.meaning} ({row.objects})" for row in missing_protections(wires.drive.profile)]
     findings += [
         Finding(what=f"The profile says that the drive has no {what}.", cure="Compare with the manual.", refuses=False)
         for what in lacking
-    ]
-    findings += [
-        Finding(
-            what=f"{one.where}: not read here.", cure="Its frames are checked by direction and latency.", refuses=False
-        )
-        for one in wires.can_sensors
     ]
     counts = [
         Figure(name=f"objects {one}", value=sum(row.outcome == one for row in objects)) for one in _outcomes(objects)
@@ -146,6 +161,15 @@ def _modbus_values(name: str, device: ModbusDevice, scan: int) -> list[Live]:
     return [
         Live(channel, f"{float(device.values[device.place(channel)]):.6g}", UNITS.get(channel, ""), name, age_ms)
         for channel in names
+    ]
+
+
+def _can_values(frames: CanLooks, now_s: float) -> list[Live]:
+    """Return what the sensors on CAN said last, field by field, in the unit that their profile makes."""
+    return [
+        Live(field, f"{value:.6g}", "", name, (now_s - frames.came_s[name]) * 1e3)
+        for name, data in frames.newest.items()
+        for field, value in values_of(frames.frames[name], data).items()
     ]
 
 

@@ -1,4 +1,6 @@
-"""Step `registers`: the block of a Modbus device, raw and decoded in both word orders, while somebody presses.
+"""Step `registers`: the blocks of Modbus devices and the frames of sensors on CAN, while somebody presses.
+
+Each value is shown raw and decoded in both orders, of the words of a register map, or of the bytes of a frame.
 
 The word order shows in what changes: of the two registers of a value, the more significant one moves in small steps and
 the other all over its range. That holds for integers and for float32, whatever the value is, so nothing has to be known
@@ -10,15 +12,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from definitions.number_formats import BIT, SIZES, FieldType
+from definitions.profiles.can import CanField, CanFrame
+from definitions.profiles.modbus import COIL_TABLES, ModbusProfile, ReadField
 from drivers.modbus.device import COUNTERS
 from drivers.modbus.registers import reader_of
-from drivers.profile import COIL_TABLES, ModbusProfile, ReadField
 from recipes import Bench
 from recipes.schema.bench_schema import TorqueSensor
+from station.commissioning import can_looks
+from station.commissioning.can_looks import CanLooks
 from station.commissioning.on_wires import ByHand, OnWires, pause
 from station.documents.commissioning import Figure, Finding
 from station.errors import StationError
@@ -43,15 +49,16 @@ SENSORS = {"torque_in_nm": "torque_in", "torque_out_nm": "torque_out"}
 
 
 class Row(NamedTuple):
-    """A field of the block: its registers as they came, decoded in both orders, and what was seen of it.
+    """A field of a block or frame: where it is, raw as it came, decoded in both orders, and what was seen of it.
 
-    `changes`: looks at which it was another than before. `shows`: the word order that the changes show; None where they
-    show nothing.
+    `changes`: looks at which it was another than before. `shows`: the order that the changes show; None where they show
+    nothing.
     """
 
     part: str
-    field: ReadField
-    address: int
+    field: str
+    kind: str
+    address: str
     raw: str
     big: float | None
     little: float | None
@@ -86,32 +93,33 @@ def browse(  # noqa: PLR0917 - what is looked at, and who is told
         DriverError: a device does not answer, or is another one.
 
     """
-    by_hand = ByHand(bench.wires)
-    if part is not None and part not in by_hand.devices:
-        raise StationError(f"--device: found '{part}'; allowed: {', '.join(by_hand.devices)}")
-    parts = tuple(by_hand.measuring) if part is None else (part,)
-    profiles = {name: by_hand.devices[name].config.profile for name in parts}
-    pressed = _Pressed(bench.bench, by_hand, without) if part is None else None
-    looks: dict[str, list[bytes]] = {name: [] for name in parts}
+    by_hand, frames = ByHand(bench.wires), CanLooks(bench.wires)
+    known = (*by_hand.devices, *frames.frames)
+    if part is not None:
+        if part not in known:
+            raise StationError(f"--device: found '{part}'; allowed: {', '.join(known)}")
+        frames.keep(part)
+    on_modbus = [name for name in by_hand.devices if (name in by_hand.measuring if part is None else name == part)]
+    pressed = _Pressed([*_channels(bench.bench, by_hand), *_can_channels(bench.bench, frames)], without)
+    looks: dict[str, list[bytes]] = {name: [] for name in (*on_modbus, *frames.frames)}
     count = 0
-    with by_hand.opened(*parts):
+    with by_hand.opened(*on_modbus or ("remote_io",)), frames.opened():
+        frames.wait_for_all()
         until = time.monotonic() + seconds
-        while time.monotonic() < until and not (pressed and pressed.all_moved and count >= LEAST_LOOKS):
-            for name in parts:
-                looks[name].append(by_hand.block(name))
+        while time.monotonic() < until and not (part is None and pressed.all_moved and count >= LEAST_LOOKS):
+            frames.step()
+            for name, seen in looks.items():
+                seen.append(frames.newest[name] if name in frames.frames else by_hand.block(name))
             count += 1
-            for one, value in pressed.look({name: seen[-1] for name, seen in looks.items()}) if pressed else ():
-                told(_row(one.part, one.profile, one.field, looks[one.part]), value)
+            for one, value in pressed.look({name: seen[-1] for name, seen in looks.items()}) if part is None else ():
+                told(one.row(looks[one.part]), value)
             if count == 1:
                 begun()
             pause(LOOK_EVERY_S)
-    rows = [_row(name, profiles[name], field, looks[name]) for name in parts for field in profiles[name].read.fields]
-    findings = [
-        finding for name in parts for finding in _word_orders(profiles[name], [row for row in rows if row.part == name])
-    ]
-    if pressed and not findings:
+    rows, findings = _judged(by_hand, frames, looks)
+    if part is None and not findings:
         findings += pressed.findings()
-    moved = pressed.moved if pressed else ()
+    moved = pressed.moved if part is None else ()
     figures = (
         Figure(name="looks", value=count),
         *(Figure(name=f"{channel} moved by", value=round(by, 6), unit="N·m") for channel, by in moved),
@@ -119,15 +127,35 @@ def browse(  # noqa: PLR0917 - what is looked at, and who is told
     return Browsed(rows, tuple(channel for channel, _ in moved), tuple(findings), figures)
 
 
+def _judged(by_hand: ByHand, frames: CanLooks, looks: Mapping[str, Sequence[bytes]]) -> tuple[list[Row], list[Finding]]:
+    """Return the rows of all fields, and what their changes say against the orders of the profiles."""
+    rows: list[Row] = []
+    findings: list[Finding] = []
+    for name, seen in looks.items():
+        if name in frames.frames:
+            frame = frames.frames[name]
+            of_this = [_can_row(name, frame, field, seen) for field in frame.fields]
+            findings += _byte_orders(name, frame, of_this)
+        else:
+            profile = by_hand.devices[name].config.profile
+            of_this = [_row(name, profile, field, seen) for field in profile.read.fields]
+            findings += _word_orders(profile, of_this)
+        rows += of_this
+    return rows, findings
+
+
 class _Channel(NamedTuple):
-    """A torque that somebody presses on: the field that it is made of, and how, and its sensor."""
+    """A torque that somebody presses on: the block or frame that it is in, how it is read there, and its sensor.
+
+    `decode` makes the value of the channel of a block, None of one that says no number; `row` shows the looks.
+    """
 
     channel: str
     part: str
-    profile: ModbusProfile
-    field: ReadField
-    scale: float
-    zero: float
+    field: str
+    place: str
+    decode: Callable[[bytes], float | None]
+    row: Callable[[Sequence[bytes]], Row]
     sensor: TorqueSensor
 
     @property
@@ -139,15 +167,8 @@ class _Channel(NamedTuple):
 class _Pressed:
     """Which torque channels have moved since the first look, in the word orders of the profiles."""
 
-    def __init__(self, bench: Bench, by_hand: ByHand, without: Sequence[str]) -> None:
-        self._channels = [one for one in _channels(bench, by_hand) if one.channel not in without]
-        self._elsewhere = [
-            channel
-            for channel, name in SENSORS.items()
-            if getattr(bench.sensors, name) is not None
-            and channel not in without
-            and channel not in {one.channel for one in self._channels}
-        ]
+    def __init__(self, channels: Sequence[_Channel], without: Sequence[str]) -> None:
+        self._channels = [one for one in channels if one.channel not in without]
         self._first: dict[str, float] = {}
         self._said: dict[str, float] = {}
         self._most: dict[str, float] = {}
@@ -167,10 +188,9 @@ class _Pressed:
     def look(self, blocks: Mapping[str, bytes]) -> Iterator[tuple[_Channel, float]]:
         """Take a look; yield each channel that has moved by one step more than was said of it last."""
         for one in self._channels:
-            number = decoded(one.profile, one.field, blocks[one.part], one.profile.word_order)
-            if number is None:
+            name, value = one.channel, one.decode(blocks[one.part])
+            if value is None:
                 continue
-            name, value = one.channel, number * one.scale + one.zero
             first = self._first.setdefault(name, value)
             if abs(value) > BEYOND * one.sensor.usable_nm:
                 self._beyond[name] = value
@@ -182,18 +202,15 @@ class _Pressed:
     def findings(self) -> Iterator[Finding]:
         """Say what is beyond its sensor's range, and what never moved."""
         for one in self._channels:
-            name, by = one.profile.profile.name, self._most.get(one.channel, 0.0)
+            by = self._most.get(one.channel, 0.0)
             if one.channel in self._beyond:
                 value, usable = self._beyond[one.channel], one.sensor.usable_nm
                 what = f"{one.channel}: {value:.4g} N·m, sensor usable to {usable:g} N·m."
-                yield Finding(what=what, cure=f"Correct offset, type or scale of {one.field.name} in profile {name}.")
+                yield Finding(what=what, cure=f"Correct offset, type or scale of {one.field} in {one.place}.")
             if by < one.step_nm:
                 what = f"{one.channel} moved by {by:.3g} N·m, at least {one.step_nm:g} expected."
-                cure = f"Press on that sensor. If you did, another field of profile {name} may be this channel."
+                cure = f"Press on that sensor. If you did, another field of {one.place} may be this channel."
                 yield Finding(what=what, cure=cure)
-        for channel in self._elsewhere:
-            what = f"{channel} comes over CAN: its frames are not looked at here."
-            yield Finding(what=what, cure="The step 'direction' compares it with the others.", refuses=False)
 
 
 def _channels(bench: Bench, by_hand: ByHand) -> Iterator[_Channel]:
@@ -207,7 +224,36 @@ def _channels(bench: Bench, by_hand: ByHand) -> Iterator[_Channel]:
             profile = by_hand.devices[part].config.profile
             field = next((one for one in profile.read.fields if one.name == wanted), None)
             if sensor is not None and field is not None and name == device:
-                yield _Channel(channel, part, profile, field, scale, zero, sensor)
+                decode = partial(_channel_of_block, profile, field, scale, zero)
+                row = partial(_row, part, profile, field)
+                yield _Channel(channel, part, field.name, f"profile {profile.profile.name}", decode, row, sensor)
+
+
+def _channel_of_block(
+    profile: ModbusProfile, field: ReadField, scale: float, zero: float, block: bytes
+) -> float | None:
+    number = decoded(profile, field, block, profile.word_order)
+    return None if number is None else number * scale + zero
+
+
+def _can_channels(bench: Bench, frames: CanLooks) -> Iterator[_Channel]:
+    """Yield the torques that come from a sensor on CAN."""
+    for channel, sensor_name in SENSORS.items():
+        sensor: TorqueSensor | None = getattr(bench.sensors, sensor_name)
+        source = None if bench.channels is None else bench.channels.by_name.get(sensor_name)
+        if sensor is None or source is None:
+            continue
+        for part, frame in frames.frames.items():
+            field = next((one for one in frame.fields if one.name == source.field), None)
+            if field is not None and frames.sensor_of[part].name == source.device:
+                decode = partial(_channel_of_frame, frame, field, source.scale, source.offset)
+                row = partial(_can_row, part, frame, field)
+                yield _Channel(channel, part, field.name, f"the profile of {source.device}", decode, row, sensor)
+
+
+def _channel_of_frame(frame: CanFrame, field: CanField, scale: float, zero: float, data: bytes) -> float | None:
+    number = can_looks.decoded(frame, field, data, field.order)
+    return None if number is None else number * scale + zero
 
 
 def decoded(profile: ModbusProfile, field: ReadField, block: bytes, order: Order) -> float | None:
@@ -264,16 +310,52 @@ def _row(part: str, profile: ModbusProfile, field: ReadField, looks: Sequence[by
     raw = " ".join(f"{word:04X}" for word in seen[-1]) if seen else ""
     big, little = (decoded(profile, field, last, order) if last else None for order in ORDERS)
     shows = shown_order(field.type, seen) if len(looks) >= LEAST_LOOKS else None
-    return Row(part, field, profile.read.address + field.offset, raw, big, little, changes, shows)
+    address = str(profile.read.address + field.offset)
+    return Row(part, field.name, field.type, address, raw, big, little, changes, shows)
+
+
+def _can_row(part: str, frame: CanFrame, field: CanField, looks: Sequence[bytes]) -> Row:
+    seen = [can_looks.bytes_of(frame, field, data) for data in looks]
+    changes = sum(earlier != later for earlier, later in pairwise(looks if not seen[-1] else seen))
+    big, little = (can_looks.decoded(frame, field, looks[-1], order) for order in ORDERS)
+    raw = (seen[-1] or looks[-1]).hex(" ").upper()
+    shows = shown_byte_order(seen) if len(looks) >= LEAST_LOOKS and field.kind != "float" else None
+    kind = {"unsigned": "u", "signed": "i", "float": "f"}[field.kind] + str(field.bits)
+    return Row(part, field.name, kind, f"0x{frame.identifier:03X}", raw, big, little, changes, shows)
+
+
+def shown_byte_order(seen: Sequence[bytes]) -> Order | None:
+    """Return the byte order that the changes of a whole number show, None where they show nothing.
+
+    `seen` are its bytes, look by look: the lowest one moves all over its range, the highest hardly at all.
+    """
+    if len(seen[0]) < 2:
+        return None
+    first, last = (_mean_step([data[place] for data in seen], 1 << 8) for place in (0, -1))
+    if min(first, last) * CLEAR >= max(first, last):
+        return None
+    return "big" if first < last else "little"
+
+
+def _byte_orders(part: str, frame: CanFrame, rows: Sequence[Row]) -> Iterator[Finding]:
+    """Say which byte order a frame has, where it is not the profile's and no field speaks for that."""
+    orders = {field.name: field.order for field in frame.fields}
+    against = [row for row in rows if row.shows not in (None, orders[row.field])]
+    if against and not any(row.shows == orders[row.field] for row in rows):
+        names, right = ", ".join(row.field for row in against), against[0].shows
+        yield Finding(
+            what=f"Byte order: {names} of {part} change as in byte order {right}; the profile has the other.",
+            cure=f"Write 'byte_order: {right}' into the profile of {part}, then do this step again.",
+        )
 
 
 def _word_orders(profile: ModbusProfile, rows: Sequence[Row]) -> Iterator[Finding]:
     """Say which word order the device has, where it is not the profile's; a counter alone is proof enough."""
     against = [row for row in rows if row.shows not in (None, profile.word_order)]
     in_favour = [row for row in rows if row.shows == profile.word_order]
-    if not against or (in_favour and not any(row.field.name in COUNTERS for row in against)):
+    if not against or (in_favour and not any(row.field in COUNTERS for row in against)):
         return
-    names = ", ".join(row.field.name for row in against)
+    names = ", ".join(row.field for row in against)
     right = "little" if profile.word_order == "big" else "big"
     yield Finding(
         what=f"Word order: {names} change as in word order {right}; profile says {profile.word_order}.",

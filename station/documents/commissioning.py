@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from station.documents.reading import Number
+from station.documents.entries import Number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

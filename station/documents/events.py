@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from station.documents.manifest import Count
-from station.documents.reading import Number, left_out
+from station.documents.entries import Count, Number, left_out
 
 NOTES = ("warn", "hold")
 """Reactions of alarms that end no run: notes to whoever looks after the bench."""

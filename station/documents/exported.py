@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from station.documents.entries import left_out
 from station.documents.manifest import BenchSource, Moment, Period, RecipeSource, Software
-from station.documents.reading import left_out
 from station.documents.result import MetricValue
 from station.documents.timing import Timing
 

@@ -10,7 +10,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from definitions.number_formats import LARGEST, LARGEST_COUNT
-from station.documents.reading import Number, left_out, one_of
+from station.documents.entries import Count, Number, left_out, one_of, whole_number
 
 MANIFEST = "run.json"
 RECORDING = "recording"
@@ -57,12 +57,11 @@ Moment = Annotated[
 RunState = Annotated[str, one_of(*STATES)]
 VerdictName = Annotated[str, one_of(*VERDICTS)]
 ClockName = Annotated[str, one_of(*CLOCK_NAMES)]
-Count = Annotated[int, Field(ge=0, le=LARGEST_COUNT, description=f"a whole number from 0 to {LARGEST_COUNT}")]
-CountFrom1 = Annotated[int, Field(ge=1, le=LARGEST_COUNT, description=f"a whole number from 1 to {LARGEST_COUNT}")]
-Large = Annotated[int, Field(ge=0, le=LARGEST, description=f"a whole number from 0 to {LARGEST}")]
+CountFrom1 = Annotated[int, whole_number(1, LARGEST_COUNT)]
+Large = Annotated[int, whole_number(0, LARGEST)]
 Finite = Annotated[Number, Field(allow_inf_nan=False, description="a number")]
-ProcessId = Annotated[int, Field(ge=0, le=LARGEST_PID, description=f"a whole number from 0 to {LARGEST_PID}")]
-Period = Annotated[int, Field(ge=1, le=LARGEST_PERIOD_NS, description=f"a whole number from 1 to {LARGEST_PERIOD_NS}")]
+ProcessId = Annotated[int, whole_number(0, LARGEST_PID)]
+Period = Annotated[int, whole_number(1, LARGEST_PERIOD_NS)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,34 +1,29 @@
-"""Reading and writing of documents: one way from JSON to a class, and one back, for every class of this room.
+"""Reading of documents: one way from JSON to a class, for every class of this room; `entries` has the way back.
 
 A reader gets a document in which every entry is of its kind, or a RecordError that names the file, the entry, what was
 found and what is allowed. What an older version did not write has the default of its class. An entry that no class
-knows is passed over. What is written has the entries of the class in their order; one that is `left_out` has none
-while there is nothing to say.
+knows is passed over.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import field, fields, is_dataclass
-from functools import cache
+from dataclasses import is_dataclass
 from itertools import zip_longest
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from station.atomic_file import open_file, refused
+from station.documents.entries import Mark
 from station.errors import RecordError
 
 NEXT_STEP = "Restore the file from a backup, or move the run's folder out of the data folder"
 LONGEST_SHOWN = 40
-LEFT_OUT = "left out"
-
-Number = int | float
-"""A figure as it stands in JSON: a whole number stays one."""
 
 Document = TypeVar("Document")
 
@@ -39,35 +34,6 @@ _WORDS: dict[Any, str] = {
     bool: "true or false",
     object: "any value",
 }
-
-
-def left_out(*, when: Any = None) -> Any:
-    """Return the field of an entry that is not written while it is None; its default is that."""
-    return field(default=when, metadata={LEFT_OUT: True})
-
-
-def one_of(*allowed: str) -> Any:
-    """Return the mark of a text that is one of these."""
-    return Field(pattern=f"^({'|'.join(allowed)})$", description=f"one of {', '.join(allowed)}")
-
-
-def plain(document: object) -> Any:
-    """Return a document, or what stands in one, as the plain data that JSON is made of."""
-    if is_dataclass(document) and not isinstance(document, type):
-        found = ((name, getattr(document, name), optional) for name, optional in _written(type(document)))
-        return {name: plain(value) for name, value, optional in found if not (optional and value is None)}
-    if hasattr(document, "_asdict"):
-        return plain(document._asdict())
-    if isinstance(document, Mapping):
-        return {key: plain(value) for key, value in document.items()}
-    if isinstance(document, list | tuple):
-        return [plain(value) for value in document]
-    return document
-
-
-@cache
-def _written(kind: Any) -> tuple[tuple[str, bool], ...]:
-    return tuple((one.name, LEFT_OUT in one.metadata) for one in fields(kind))
 
 
 def read_document(kind: type[Document], path: Path) -> Document:
@@ -158,7 +124,8 @@ def _members(kind: Any) -> list[Any]:
 def _words(kind: Any) -> str:
     """Return what is allowed at a place."""
     if get_origin(kind) is Annotated:
-        said = [mark.description for mark in get_args(kind)[1:] if isinstance(mark, FieldInfo) and mark.description]
+        said = [mark.words for mark in get_args(kind)[1:] if isinstance(mark, Mark)]
+        said += [mark.description for mark in get_args(kind)[1:] if isinstance(mark, FieldInfo) and mark.description]
         return said[0] if said else _words(get_args(kind)[0])
     if isinstance(kind, UnionType) or get_origin(kind) is Union:
         parts = list(dict.fromkeys(_words(part) for part in get_args(kind) if part is not NoneType))

@@ -8,9 +8,9 @@ from typing import Annotated
 
 from pydantic import AliasChoices, Field
 
+from station.documents.entries import Count, Number, left_out
 from station.documents.events import Alarm, LeftState
-from station.documents.manifest import BenchSource, Count, EarlierAttempt, RecipeHead, Unit, VerdictName
-from station.documents.reading import Number, left_out
+from station.documents.manifest import BenchSource, EarlierAttempt, RecipeHead, Unit, VerdictName
 from station.documents.timing import Timing
 
 
@@ -112,6 +112,19 @@ class CheckValue:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NotExcluded:
+    """An error that the cross-checks of this run cannot see, up to `figure` in its unit; null where nothing bounds it.
+
+    `id`: the check that would see a larger one. It is not in any uncertainty.
+    """
+
+    id: str
+    figure: Number | None = None
+    unit: str = ""
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StageFigure:
     """A figure of a stage with its unit."""
 
@@ -147,6 +160,7 @@ class Judged:
     metrics: tuple[MetricValue, ...] = ()
     notes: tuple[str, ...] = ()
     gates: tuple[CheckValue, ...] = ()
+    not_excluded: tuple[NotExcluded, ...] = ()
     stages: tuple[StageRow, ...] = ()
 
 
@@ -194,6 +208,7 @@ class Result:
     decision: DecisionRule = DecisionRule()
     metrics: tuple[MetricValue, ...]
     gates: tuple[CheckValue, ...] = ()
+    not_excluded: tuple[NotExcluded, ...] = ()
     notes: tuple[str, ...] = ()
     stages: tuple[StageRow, ...] = ()
     timing: Timing | None = None

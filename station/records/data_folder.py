@@ -13,8 +13,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from station.atomic_file import sync_folder
+from station.documents.entries import plain
 from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess, Setup
-from station.documents.reading import plain
 from station.documents.result import Result
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from definitions.plain_data import plain
 from definitions.program import Program
-from station.documents.reading import Number
+from station.documents.entries import Number
 from station.errors import RecordError
 from station.records.run_record import RunRecord
 

@@ -26,8 +26,9 @@ from pathlib import Path
 from typing import Any
 
 from station.atomic_file import as_json, open_file, refused, write_atomic
+from station.documents.entries import plain
 from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
-from station.documents.reading import Document, plain, read_document
+from station.documents.reading import Document, read_document
 from station.errors import RecordError
 from station.records.process_birth import process_birth
 from station.records.run_lock import RunLock

@@ -9,7 +9,10 @@ All of it costs less than 2 µs per scan (`benchmarks` prints the figure).
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from station.documents.scan_report import Gap, Memory, Percentiles, ScanRow
+from station.documents.scan_report import ScanTimes as CountedTimes
 
 PARTS = ("read", "step", "write", "record")
 SERIES = ("lateness", *PARTS)
@@ -70,11 +73,10 @@ class Counts:
                 return min(_upper_ns(index), self.largest_ns) / 1000.0
         return 0.0
 
-    def to_dict(self) -> dict[str, Any]:
+    def percentiles(self) -> Percentiles:
         """Return percentiles and maximum [µs]."""
-        named = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
-        found = {name: round(self.percentile_us(percent), 3) for name, percent in named.items()}
-        return found | {"max": round(self.largest_ns / 1000.0, 3)}
+        p50, p99, p999 = (round(self.percentile_us(percent), 3) for percent in (50.0, 99.0, 99.9))
+        return Percentiles(p50=p50, p99=p99, p999=p999, max=round(self.largest_ns / 1000.0, 3))
 
 
 def _upper_ns(index: int) -> int:
@@ -102,10 +104,10 @@ class LongScan(NamedTuple):
         part = self.longest_part
         return "waking" if self.lateness_ns > getattr(self, f"{part}_ns") else part
 
-    def to_dict(self) -> dict[str, Any]:
+    def row(self) -> ScanRow:
         """Return it in µs, with what took most."""
         times = {f"{name}_us": round(getattr(self, f"{name}_ns") / 1000.0, 3) for name in SERIES}
-        return {"scan": self.scan, "cause": self.cause, **times}
+        return ScanRow(scan=self.scan, cause=self.cause, **times)
 
 
 class ScanTimes:
@@ -172,9 +174,9 @@ class ScanTimes:
             parts = (after - before for before, after in pairwise(self._marks))
             self._gaps.append((scan, missed, LongScan(scan - missed - 1, self._waking_ns, *parts)))
 
-    def gap_list(self) -> list[dict[str, Any]]:
+    def gap_list(self) -> tuple[Gap, ...]:
         """Return the first gaps: scan that followed, periods missed, and the scan before with its cause."""
-        return [{"scan": scan, "missed": missed, "before": before.to_dict()} for scan, missed, before in self._gaps]
+        return tuple(Gap(scan=scan, missed=missed, before=before.row()) for scan, missed, before in self._gaps)
 
     def longest(self) -> list[LongScan]:
         """Return the longest scans, longest first."""
@@ -186,13 +188,25 @@ class ScanTimes:
         kept = [one for one in self._latest if one.lateness_ns]
         return sorted(kept, key=lambda one: -one.lateness_ns)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it for the timing proof: percentiles of every part, histograms, gaps, longest and latest scans."""
-        return {
-            "parts_us": {name: self.counts[name].to_dict() for name in PARTS},
-            "histograms_us": {name: self.counts[name].edges_us() for name in ("lateness", "work")},
-            "gaps": self.gap_list(),
-            "gaps_in_all": self.gaps,
-            "longest_scans": [one.to_dict() for one in self.longest()],
-            "latest_scans": [one.to_dict() for one in self.latest()],
-        }
+    def parts_us(self) -> dict[str, Percentiles]:
+        """Return percentiles and maximum of every part."""
+        return {name: self.counts[name].percentiles() for name in PARTS}
+
+    def histograms_us(self) -> dict[str, tuple[tuple[float, int], ...]]:
+        """Return the histograms of wake-up latency and work: upper edge and count of every bin that is not empty."""
+        return {name: tuple(self.counts[name].edges_us()) for name in ("lateness", "work")}
+
+    def counted(self, resident_kb: Memory | None = None) -> CountedTimes:
+        """Return it for the timing proof: percentiles of every part, histograms, gaps, longest and latest scans.
+
+        resident_kb: memory of the process, where somebody looked at it.
+        """
+        return CountedTimes(
+            parts_us=self.parts_us(),
+            histograms_us=self.histograms_us(),
+            gaps=self.gap_list(),
+            gaps_in_all=self.gaps,
+            longest_scans=tuple(one.row() for one in self.longest()),
+            latest_scans=tuple(one.row() for one in self.latest()),
+            resident_kb=resident_kb,
+        )

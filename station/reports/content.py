@@ -38,7 +38,8 @@ Row = tuple[str, ...]
 class Content:
     """Sections of a report; an empty one is not shown.
 
-    checks: (title, id, words with figure and limit, said); checks_line: counts. stages: (name, words, figures).
+    checks: (title, id, words with figure and limit, said); checks_line: counts; open_line: errors that they leave open.
+    stages: (name, words, figures).
     fits and method: (name, text). lines: torque ratio per quadrant; lines_of: whose they are. calibrations: (id, text).
     checksums: (file, bytes, SHA-256). loop: the branches as CSV, which `analyze` reads. ratio: the points of the lines.
     """
@@ -47,6 +48,7 @@ class Content:
     budgets: tuple[BudgetTable, ...] = ()
     checks: tuple[Row, ...] = ()
     checks_line: str = ""
+    open_line: str = ""
     stages: tuple[Row, ...] = ()
     method: tuple[Row, ...] = ()
     lines: tuple[Row, ...] = ()
@@ -72,6 +74,7 @@ def content_of(record: RunRecord, result: Result, analysis: Found | None, job: J
         budgets=budget_tables(result.metrics),
         checks=check_rows(shown_checks(result)),
         checks_line=checks_line(shown_checks(result)),
+        open_line=open_line(result),
         stages=stage_rows(result.stages),
         method=() if analysis is None else _method_rows(method),
         lines=line_rows(analysis, stored),
@@ -132,6 +135,15 @@ def checks_line(checks: Sequence[CheckValue]) -> str:
         f"{counts[None]} not applicable" if counts[None] else "",
     )
     return ", ".join(part for part in parts if part)
+
+
+def open_line(result: Result) -> str:
+    """Return the errors that the checks of a run cannot see, with the largest size; '' in older results."""
+    said = [
+        f"{one.text}: {f'up to {one.figure:.2g} {one.unit}' if one.figure is not None else 'not checked'}"
+        for one in result.not_excluded
+    ]
+    return f"Not excluded by this run, and not in U: {'; '.join(said)}." if said else ""
 
 
 def _counted(count: int, became: str) -> str:

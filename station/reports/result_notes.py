@@ -13,7 +13,7 @@ from definitions.metrics import SIDED
 from definitions.protections import MISSING
 from station.documents.manifest import MASTER
 from station.documents.result import MetricValue, Result
-from station.reports.content import check_title, checks_line, shown_checks, uncertainty_kind
+from station.reports.content import check_title, checks_line, open_line, shown_checks, uncertainty_kind
 from station.reports.metric_sides import on_side
 from station.reports.result_text import figure_text, limits_text, metric_name, number, uncertainty_text
 
@@ -139,7 +139,7 @@ def check_lines(result: Result) -> list[str]:
 
 
 def summary_lines(result: Result) -> list[str]:
-    """Return what ± is, and how many checks passed; nothing for a run without metrics."""
+    """Return what ± is, how many checks passed, and what they leave open; nothing for a run without metrics."""
     metrics = result.metrics
-    said = (uncertainty_kind(metrics), checks_line(shown_checks(result))) if metrics else ()
+    said = (uncertainty_kind(metrics), checks_line(shown_checks(result)), open_line(result)) if metrics else ()
     return [line for line in said if line]

@@ -14,7 +14,8 @@ from rich.text import Text
 
 from station.documents.manifest import attempt_text
 from station.documents.result import Evaluation, MetricValue, Result
-from station.documents.timing import Pace, Timing
+from station.documents.scan_report import Pace
+from station.documents.timing import Timing
 from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
 from station.records.run_record import RunRecord
 from station.reports.headline import badges, headline, how_it_ended, remaining_reasons, virtual_unit

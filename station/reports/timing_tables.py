@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from station.documents.timing import Gap, ScanRow, Timing
+from station.documents.scan_report import Gap, ScanRow
+from station.documents.timing import Timing
 from station.errors import RecordError
 from station.records.clocks import SCAN, WALL, clock_of
 from station.records.run_record import TIMING, RunRecord

@@ -31,7 +31,11 @@ from station.records.samples.zeroes import ZEROES, from_zero
 ALIGNMENTS = {"declared": "correct", "two_speeds": "two_speeds", "report": "report"}
 """How a recipe says that channels are put on one clock, and how the method does."""
 
-AS_RECORDED = {"temperature_c": "housing_temp_c", "drive_torque_nm": "drive_torque_nm"}
+AS_RECORDED = {
+    "temperature_c": "housing_temp_c",
+    "drive_torque_nm": "drive_torque_nm",
+    "drive_angle_rad": "drive_angle_rad",
+}
 """Channel of a trace, and the field of the image that it is."""
 
 

@@ -21,8 +21,8 @@ from analysis.trace.trace import CHANNELS
 from definitions.image import IMAGE_FIELDS
 from definitions.program import Segment
 from recipes import Bench
+from station.documents.entries import plain
 from station.documents.exported import ExportedRun
-from station.documents.reading import plain
 from station.records.program_file import SegmentRow
 from station.records.samples.packed import ORDER_PREFIX
 from station.records.samples.scan_record import CHECK_FIELD

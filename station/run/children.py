@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import selectors
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from station.bench.bench_spec import Ports
 from station.errors import BenchFaultError
+from station.run.ahead import Ahead
 from station.scan.scan_spec import SpecFile
 
 READY_TIMEOUT_S = 120.0
@@ -24,6 +25,11 @@ TERMINATE_TIMEOUT_S = 3.0
 LONGEST_READY_LINE = 65536
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """A second thread in a process costs its scan milliseconds, even one that only waits for work."""
+
+
+VIRTUAL_BENCH = "station.bench.virtual_bench_process"
+GATEWAY = "station.bench.gateway_process"
+SCAN = "station.scan.scan_process"
 
 
 class LifeLine:
@@ -59,36 +65,56 @@ def run_module(module: str, *words: str | Path, **options: Any) -> subprocess.Po
     return subprocess.Popen(command, start_new_session=True, env=os.environ | ONE_THREAD, **options)  # noqa: S603
 
 
+def start_ahead(module: str, *words: str) -> Ahead:
+    """Start a module of this program before it is needed; it waits for what it reads on its command line."""
+    return Ahead(module, *words, env=os.environ | ONE_THREAD)
+
+
 def start_virtual_bench(
-    spec: Path, log: Path, life_line: LifeLine, meanwhile: Callable[[], None] = nothing
-) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    """Start the embedded virtual bench; return its process and its ready line. `meanwhile` is done until that comes.
+    spec: Path,
+    log: Path,
+    life_line: LifeLine,
+    meanwhile: Callable[[], None] = nothing,
+    ahead: Ahead | None = None,
+) -> tuple[subprocess.Popen[bytes], Ports]:
+    """Start the embedded virtual bench; return its process and where it listens. `meanwhile` is done until that comes.
+
+    ahead: one that was started before, and waits.
 
     Raises:
         BenchFaultError: it did not come up; the text holds what it said.
 
     """
-    return _start_serving("station.bench.virtual_bench_process", "virtual bench", spec, log, life_line, meanwhile)
+    return _start_serving(VIRTUAL_BENCH, "virtual bench", spec, log, life_line, meanwhile, ahead)
 
 
 def start_gateway(
     spec: Path, log: Path, life_line: LifeLine, meanwhile: Callable[[], None] = nothing
-) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+) -> tuple[subprocess.Popen[bytes], Ports]:
     """Start the gateway before a bench on a cable; as `start_virtual_bench`."""
-    return _start_serving("station.bench.gateway_process", "gateway", spec, log, life_line, meanwhile)
+    return _start_serving(GATEWAY, "gateway", spec, log, life_line, meanwhile, None)
 
 
 def _start_serving(  # noqa: PLR0917 - a process, and what is done while it starts
-    module: str, name: str, spec: Path, log: Path, life_line: LifeLine, meanwhile: Callable[[], None]
-) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    with log.open("wb") as errors:
-        process = run_module(
-            module,
-            spec,
-            stdin=life_line.reader,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-        )
+    module: str,
+    name: str,
+    spec: Path,
+    log: Path,
+    life_line: LifeLine,
+    meanwhile: Callable[[], None],
+    ahead: Ahead | None,
+) -> tuple[subprocess.Popen[bytes], Ports]:
+    reader, writer = os.pipe()
+    said = os.fdopen(reader, "rb")
+    try:
+        with log.open("wb") as errors:
+            process = _begun(module, (spec,), ahead, stdin=life_line.reader, stdout=writer, stderr=errors.fileno())
+    except BaseException:
+        said.close()
+        raise
+    finally:
+        os.close(writer)
+    process.stdout = said  # closed by `stop`, as the one that Popen makes
     try:
         meanwhile()
     except BaseException:
@@ -96,12 +122,12 @@ def _start_serving(  # noqa: PLR0917 - a process, and what is done while it star
         raise
     line = _first_line(process, READY_TIMEOUT_S)
     try:
-        ready: dict[str, Any] = json.loads(line)
+        ports = Ports.of_ready_line(line)
     except ValueError:
         stop(process)
-        said = log.read_text(errors="replace").strip().splitlines()[-3:]
-        raise BenchFaultError(f"the {name} did not start: {' '.join(said) or 'it said nothing'}") from None
-    return process, ready
+        last = log.read_text(errors="replace").strip().splitlines()[-3:]
+        raise BenchFaultError(f"the {name} did not start: {' '.join(last) or 'it said nothing'}") from None
+    return process, ports
 
 
 def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:
@@ -122,19 +148,35 @@ def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:
     return line
 
 
-def start_scanning(module: str, spec: SpecFile, log: Path, life_line: LifeLine | None) -> subprocess.Popen[bytes]:
-    """Start a module that scans; its standard error goes to `log`. It holds the virtual bench's life line too."""
+def start_scanning(
+    module: str, spec: SpecFile, log: Path, life_line: LifeLine | None, ahead: Ahead | None = None
+) -> subprocess.Popen[bytes]:
+    """Start a module that scans; its standard error goes to `log`. It holds the virtual bench's life line too.
+
+    ahead: one that was started before, and waits.
+    """
     handles = () if life_line is None else (life_line.writer,)
-    with log.open("wb") as errors:
-        return run_module(
-            module,
-            spec.sha256,
-            spec.path,
-            stdin=subprocess.DEVNULL,
-            stdout=errors,
-            stderr=errors,
-            pass_fds=handles,
-        )
+    with log.open("wb") as errors, Path(os.devnull).open("rb") as nobody:
+        words, said = (spec.sha256, spec.path), errors.fileno()
+        return _begun(module, words, ahead, stdin=nobody.fileno(), stdout=said, stderr=said, keep=handles)
+
+
+def _begun(
+    module: str,
+    words: Sequence[str | Path],
+    ahead: Ahead | None,
+    *,
+    stdin: int,
+    stdout: int,
+    stderr: int,
+    keep: Sequence[int] = (),
+) -> subprocess.Popen[bytes]:
+    """Have a process do what a module does: one that waits for it, else a new one."""
+    if ahead is not None:
+        process = ahead.begin(words, stdin=stdin, stdout=stdout, stderr=stderr, keep=keep)
+        if process is not None:
+            return process
+    return run_module(module, *words, stdin=stdin, stdout=stdout, stderr=stderr, pass_fds=keep)
 
 
 def stop(process: subprocess.Popen[bytes], timeout_s: float = TERMINATE_TIMEOUT_S) -> None:

@@ -18,9 +18,10 @@ from analysis.validity.judge import check_reasons, judge_checks
 from definitions.image import State
 from station.atomic_file import read_from_disk
 from station.bench.request import Job
+from station.documents.entries import plain
 from station.documents.events import Alarm, EventRow
 from station.documents.manifest import MASTER, Manifest
-from station.documents.reading import document_in, plain
+from station.documents.reading import document_in
 from station.documents.result import DecisionRule, Judged, Result
 from station.documents.timing import Timing
 from station.errors import RecordError, StationError
@@ -124,6 +125,7 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
         decision=DecisionRule(rule=job.recipe.decision.rule, guard_factor=job.recipe.decision.guard_factor),
         metrics=judged.metrics,
         gates=judged.gates,
+        not_excluded=judged.not_excluded,
         notes=(
             *run.notes,
             *_master_notes(run, state, judged.verdict),

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 from station.atomic_file import reserve
+from station.documents.entries import Count, plain
 from station.documents.events import Note
-from station.documents.manifest import Count, Finite, Large
-from station.documents.reading import plain
-from station.documents.scan_report import ScanReport
-from station.documents.timing import Disk, Pace, Realtime, ScanTimes
+from station.documents.manifest import Finite, Large
+from station.documents.scan_report import Pace, Realtime, ScanReport, ScanTimes
+from station.documents.timing import Disk
 from station.errors import BenchFaultError, RecordError
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import StopCause

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from station.documents.reading import left_out
+from station.documents.entries import left_out
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.run_record import RunRecord

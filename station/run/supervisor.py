@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, TypeVar
+from threading import Thread
+from typing import TypeVar
 
 from definitions.image import Command
 from station.atomic_file import Appender
+from station.bench.bench_spec import Ports
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.manifest import LeftBy
@@ -27,6 +29,7 @@ from station.records.ring.ring import ScanState, StopCause, create
 from station.records.ring.to_disk import RecordsWaitError, RecordWriter
 from station.records.run_record import SCAN_REPORT, RunRecord
 from station.run import children
+from station.run.ahead import Ahead
 from station.run.asked_to_stop import STOP_WORDS, Stopping, listening
 from station.run.faults.companion import Companion, Reach
 from station.run.outcome import RunOutcome, take_room
@@ -82,10 +85,12 @@ class Supervisor:
         gateway: bool = False,
         pacing: Pacing = BY_WALL_CLOCK,
         meanwhile: Callable[[], None] = children.nothing,
+        ahead: Mapping[str, Ahead] | None = None,
     ) -> None:
         """Prepare a run; with a `companion` in a run with faults, through a `gateway` on the way to a real bench.
 
-        meanwhile: done while the other processes start, when nobody waits for the supervisor.
+        meanwhile: done while the other processes start, when nobody waits for the supervisor. ahead: processes that
+        were started before and wait, by their modules; who started them ends those that are not needed.
         """
         self._job, self._record = job, record
         self._gateway = gateway
@@ -94,6 +99,7 @@ class Supervisor:
         self._show, self._say = _if_possible(show), _if_possible(say)
         self._left, self._attend = left, attend
         self._meanwhile = meanwhile
+        self._ahead = {} if ahead is None else ahead
         self._stopping = Stopping()
         self._disk_refused = ""
         self._waits = False
@@ -130,7 +136,8 @@ class Supervisor:
             process = self._start_scan(ring_path, report, ports, life_line)
             cleanup.callback(children.stop, process, self._longest_unload_s())
             if ports is None:
-                self._meanwhile()
+                # Beside the supervisor: the scan gives up one that is silent for 2 s, and loading may take longer.
+                Thread(target=self._meanwhile, name="meanwhile", daemon=True).start()
             if self._companion is not None:
                 tell = None if life_line is None else life_line.tell
                 self._companion.begin(Reach(process.pid, ring.send, tell))
@@ -160,16 +167,20 @@ class Supervisor:
         life_line: children.LifeLine,
         unit: VirtualUnit | None,
         scenario: Path | None,
-    ) -> dict[str, Any]:
+    ) -> Ports:
         self._say("starting the gateway" if self._gateway else "starting the virtual bench")
         spec = write_bench_spec(self._job, self._record, unit, scenario, self._pacing.clock)
-        start = children.start_gateway if self._gateway else children.start_virtual_bench
-        process, ready = start(spec, self._record.folder / BENCH_LOG, life_line, self._meanwhile)
+        log = self._record.folder / BENCH_LOG
+        if self._gateway:
+            process, ports = children.start_gateway(spec, log, life_line, self._meanwhile)
+        else:
+            ahead = self._ahead.get(children.VIRTUAL_BENCH)
+            process, ports = children.start_virtual_bench(spec, log, life_line, self._meanwhile, ahead)
         cleanup.callback(children.stop, process)
-        return ready
+        return ports
 
     def _start_scan(
-        self, ring: Path, report: Path, ports: dict[str, Any] | None, life_line: children.LifeLine | None
+        self, ring: Path, report: Path, ports: Ports | None, life_line: children.LifeLine | None
     ) -> subprocess.Popen[bytes]:
         self._say("opening the bench: identities, drive protections")
         after_end_scans = 0 if self._companion is None else self._companion.after_end_scans
@@ -183,7 +194,8 @@ class Supervisor:
             after_end_scans=after_end_scans,
             left=self._left,
         )
-        return children.start_scanning("station.scan.scan_process", spec, self._record.folder / SCAN_LOG, life_line)
+        log, ahead = self._record.folder / SCAN_LOG, self._ahead.get(children.SCAN)
+        return children.start_scanning(children.SCAN, spec, log, life_line, ahead)
 
     def _longest_unload_s(self) -> float:
         program = self._job.program

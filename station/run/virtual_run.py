@@ -11,7 +11,7 @@ from controller.context import Event
 from controller.controller import Controller
 from definitions.image import Image, Orders, image_values
 from station.atomic_file import Appender
-from station.bench.assemble_virtual import load_scenario, virtual_config
+from station.bench.assemble_virtual import load_scenario, virtual_config, vocabulary_on
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.events import Note
@@ -81,7 +81,7 @@ def run_in_virtual_time(
         RecordError: the disk is full; what was written before stays.
 
     """
-    faults = None if scenario is None else load_scenario(scenario)
+    faults = None if scenario is None else load_scenario(scenario, vocabulary_on(job.bench, job.profile_sources))
     # The profiles that were checked and are in the record, not files that may have changed since.
     profiles = {name: record.folder / "profiles" / f"{name}.yaml" for name in job.profile_names}
     bench = VirtualTimeBench(virtual_config(job.bench, profiles, unit), job.recipe.sampling.period_ns, faults)

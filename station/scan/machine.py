@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import resource
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
+from station.documents.scan_report import MachineFinding as Finding
+from station.documents.scan_report import Realtime
 from station.scan.realtime import CAP_IPC_LOCK, CAP_SYS_NICE, FIFO_PRIORITY, has_capability
 
 PRIVILEGE = "privilege"
@@ -14,15 +16,6 @@ MEND_PRIVILEGE = (
     f"in /etc/security/limits.d: '@bench - rtprio {FIFO_PRIORITY}' and '@bench - memlock unlimited'; for a container: "
     "--cap-add SYS_NICE --cap-add IPC_LOCK"
 )
-
-
-class Finding(NamedTuple):
-    """One look at the machine: what was looked at, whether it is as it should be, what was found, how to mend it."""
-
-    name: str
-    in_order: bool
-    found: str
-    mend: str
 
 
 def _text(path: Path) -> str:
@@ -144,12 +137,12 @@ def privilege(root: Path) -> Finding:
     return Finding(PRIVILEGE, not wrong, found, MEND_PRIVILEGE)
 
 
-def _as_answered(found: Finding, granted: Mapping[str, object]) -> Finding:
+def _as_answered(found: Finding, asked: Realtime) -> Finding:
     """Return a finding on privilege, not OK when the machine has refused what the scan process asked for."""
-    details = granted.get("details")
-    reasons = details if isinstance(details, Mapping) else {}
-    refused = [f"{name} refused: {reasons.get(name, '')}" for name in ("fifo", "mlock") if not granted.get(name)]
-    return found._replace(in_order=False, found=", ".join(refused)) if found.in_order and refused else found
+    refused = [
+        f"{name} refused: {asked.details.get(name, '')}" for name in ("fifo", "mlock") if not asked.granted(name)
+    ]
+    return replace(found, in_order=False, found=", ".join(refused)) if found.in_order and refused else found
 
 
 CHECKS: tuple[Callable[[Path], Finding], ...] = (
@@ -168,12 +161,12 @@ CHECKS: tuple[Callable[[Path], Finding], ...] = (
 """Every look, in the order of what helps most."""
 
 
-def against(granted: Mapping[str, object], root: Path = Path("/")) -> list[dict[str, object]]:
-    """Return what stands in the way, as plain data; empty on a machine that has nothing against real time.
+def against(asked: Realtime, root: Path = Path("/")) -> tuple[Finding, ...]:
+    """Return what stands in the way; nothing on a machine that has nothing against real time.
 
-    `granted`: what the machine answered, as `realtime.as_json` has it.
+    `asked`: what the machine answered where it was asked for real time.
     """
-    return [finding._asdict() for finding in look(root, granted) if not finding.in_order]
+    return tuple(finding for finding in look(root, asked) if not finding.in_order)
 
 
 def resident_kb(status: Path = Path("/proc/self/status")) -> int:
@@ -182,9 +175,9 @@ def resident_kb(status: Path = Path("/proc/self/status")) -> int:
     return int(rows[0][1]) if rows else 0
 
 
-def look(root: Path = Path("/"), granted: Mapping[str, object] | None = None) -> list[Finding]:
-    """Look at everything; `granted` is what the machine answered where it was asked, `root` is for tests."""
+def look(root: Path = Path("/"), asked: Realtime | None = None) -> list[Finding]:
+    """Look at everything; `asked`: what the machine answered where it was asked. `root` is for tests."""
     found = [check(root) for check in CHECKS]
-    if granted is None:
+    if asked is None:
         return found
-    return [_as_answered(one, granted) if one.name == PRIVILEGE else one for one in found]
+    return [_as_answered(one, asked) if one.name == PRIVILEGE else one for one in found]

@@ -11,10 +11,12 @@ import gc
 import mmap
 import os
 import resource
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from station.documents.scan_report import Realtime
 
 FIFO_PRIORITY = 80
 """Above the kernel's threaded interrupts (50), below its watchdogs (99)."""
@@ -26,7 +28,6 @@ TIMER_SLACK_NS = 1
 PR_SET_TIMERSLACK = 29
 ISOLATED_CORES = Path("/sys/devices/system/cpu/isolated")
 MCL_CURRENT, MCL_FUTURE = 1, 2
-
 
 CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23
 """Bits of Linux capabilities; a container takes them from root as well."""
@@ -142,11 +143,10 @@ def spin_tail(wanted_ns: int, grants: tuple[Grant, ...]) -> tuple[int, Grant]:
     return wanted_ns, Grant("spin_tail", granted=True, detail=f"the last {wanted_ns // 1000} µs before each deadline")
 
 
-def as_json(grants: tuple[Grant, ...]) -> dict[str, object]:
-    """Return `{"fifo": true, ..., "details": {"fifo": text, ...}}` for the timing proof."""
-    report: dict[str, object] = {grant.name: grant.granted for grant in grants}
-    report["details"] = {grant.name: grant.detail for grant in grants}
-    return report
+def answers(grants: tuple[Grant, ...]) -> Realtime:
+    """Return for the timing proof what was granted, and the details of each answer."""
+    granted: Mapping[str, Any] = {grant.name: grant.granted for grant in grants}
+    return Realtime(**granted, details={grant.name: grant.detail for grant in grants})
 
 
 @contextmanager

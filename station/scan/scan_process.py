@@ -17,15 +17,19 @@ import signal
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from controller.controller import Controller
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
 from station.atomic_file import reserve, write_atomic
 from station.bench.bench_lock import BenchBusyError, alone_on
+from station.documents.entries import plain
+from station.documents.events import Note
+from station.documents.scan_report import Memory, Pace, ScanReport
 from station.errors import RecordError
 from station.records.clocks import SCAN
 from station.records.process_birth import process_birth
@@ -47,7 +51,7 @@ REPORT_BYTES = 1 << 18
 """Room for the last report: histograms of the timing, the periods that were missed, notes."""
 
 
-def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> dict[str, Any]:
+def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> ScanReport:
     """Open the bench and run the scan to its end; return the report.
 
     Raises:
@@ -70,11 +74,15 @@ def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> dict[str, Any]:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         spin_ns, spinning = realtime.spin_tail(spec.spin_ns, grants)
         schedule = schedule_of(spec, bench, period_ns, spin_ns)
-        answers = realtime.as_json((*grants, spinning))
-        answers |= {"machine": machine.against(answers)}
-        armed = {"realtime": answers, "verified": verified}
-        running = {"state": "running", "pid": os.getpid(), "birth": process_birth(os.getpid())}
-        _tell(Path(spec.report), running | armed, flush=False)
+        answers = realtime.answers((*grants, spinning))
+        report = ScanReport(
+            state="running",
+            pid=os.getpid(),
+            birth=process_birth(os.getpid()),
+            realtime=replace(answers, machine=machine.against(answers)),
+            verified=tuple(verified),
+        )
+        _tell(Path(spec.report), report, flush=False)
         _take_room(Path(spec.report))
         ring.set_state(ScanState.RUNNING)
         times = ScanTimes()
@@ -95,21 +103,28 @@ def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> dict[str, Any]:
             note_start=ring.note_start,
             after_end_scans=spec.after_end_scans,
         )
-        resident_kb = {"before": before_kb, "after": machine.resident_kb()}
+        resident_kb = Memory(before=before_kb, after=machine.resident_kb())
         counters = bench.counters()
-    return {
-        "state": "finished",
-        "scans": last + 1,
-        "started_ns": schedule.started_ns,
-        "written": ring.sequence,
-        "lost": ring.lost,
-        **armed,
-        "counters": counters,
-        "times": times.to_dict() | {"resident_kb": resident_kb},
-        "pace": pace_of(bench, schedule),
-        "notes": [event._asdict() for event in controller.events if event.kind == "note"] + supervisor.notes(),
-        "stopped_by_signal": stop.wanted,
-    }
+    said = (
+        Note(scan=event.scan, kind=event.kind, state=event.state, text=event.text)
+        for event in controller.events
+        if event.kind == "note"
+    )
+    return replace(
+        report,
+        state="finished",
+        pid=None,
+        birth="",
+        scans=last + 1,
+        started_ns=schedule.started_ns,
+        written=ring.sequence,
+        lost=ring.lost,
+        counters=counters,
+        times=times.counted(resident_kb),
+        pace=pace_of(bench, schedule),
+        notes=(*said, *supervisor.notes()),
+        stopped_by_signal=stop.wanted,
+    )
 
 
 def schedule_of(spec: ScanSpec, bench: WireBench, period_ns: int, spin_ns: int) -> Schedule:
@@ -119,12 +134,17 @@ def schedule_of(spec: ScanSpec, bench: WireBench, period_ns: int, spin_ns: int) 
     return RealTimeSchedule(period_ns, spin_ns=spin_ns)
 
 
-def pace_of(bench: WireBench, schedule: Schedule) -> dict[str, Any] | None:
+def pace_of(bench: WireBench, schedule: Schedule) -> Pace | None:
     """Return what is to be told of a bench that waited for the scan; None for one with a clock of its own."""
     if bench.pace is None or not isinstance(schedule, BenchSchedule):
         return None
-    frames = {"frames_sent_by_bench": bench.pace.answer.frames, "frames_received": bench.drive.link.frames_received}
-    return {"unit": bench.pace.unit, "unanswered": bench.pace.unanswered, **frames, **schedule.as_json()}
+    return replace(
+        schedule.pace(),
+        unit=bench.pace.unit,
+        unanswered=bench.pace.unanswered,
+        frames_sent_by_bench=bench.pace.answer.frames,
+        frames_received=bench.drive.link.frames_received,
+    )
 
 
 def _wait_for_start(ring: RingWriter, stop: Stop) -> None:
@@ -134,13 +154,13 @@ def _wait_for_start(ring: RingWriter, stop: Stop) -> None:
         time.sleep(LOOK_EVERY_S)
 
 
-def _tell(path: Path, report: dict[str, Any], *, flush: bool) -> None:
+def _tell(path: Path, report: ScanReport, *, flush: bool) -> None:
     """Replace the report: once before the scan, for the case that nothing can be said after it, and once at its end.
 
     A disk that refuses it changes nothing else: how the scan ended stands in the ring too.
     """
     try:
-        write_atomic(path, json.dumps(report, ensure_ascii=False).encode(), flush=flush)
+        write_atomic(path, json.dumps(plain(report), ensure_ascii=False).encode(), flush=flush)
     except RecordError as error:
         with suppress(OSError):  # what was said goes to a file on the same disk
             sys.stderr.write(f"{error}\n")
@@ -166,6 +186,11 @@ def _watch_supervisor(supervisor: int, ring: RingWriter, stop: Stop) -> None:
     desk_died()  # it may have died before it was watched
 
 
+def prepare() -> Callable[[], int]:
+    """Return what is to be done with an order: all that a scan needs is loaded with this module."""
+    return main
+
+
 def main() -> int:
     """Run a spec; 0 when the scan came to its end, 2 when the bench was refused, 1 when the program failed."""
     try:
@@ -183,15 +208,10 @@ def main() -> int:
         report = scan(spec, ring, stop)
     except (DriverError, SpecError, BenchBusyError) as error:
         code, state = EXIT_REFUSED, ScanState.REFUSED
-        report = {"state": "refused", "error": str(error)}
+        report = ScanReport(state="refused", error=str(error))
     except Exception as error:  # noqa: BLE001 - the last report of a process whose record must still be told why
         code, state = 1, ScanState.DIED
-        report = {
-            "state": "failed",
-            "error": repr(error),
-            "traceback": traceback.format_exc(),
-            "written": ring.sequence,
-        }
+        report = ScanReport(state="failed", error=repr(error), traceback=traceback.format_exc(), written=ring.sequence)
     # In the ring first: it takes what a disk may refuse.
     ring.set_state(state)
     _tell(Path(spec.report), report, flush=True)

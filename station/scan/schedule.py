@@ -13,6 +13,8 @@ from __future__ import annotations
 import time
 from typing import NamedTuple, Protocol
 
+from station.documents.scan_report import Pace
+
 SPIN_TAIL_NS = 100_000
 """How long before the deadline sleeping ends and spinning begins, where spinning is allowed."""
 
@@ -177,12 +179,12 @@ class BenchSchedule:
             self.longest_ns = max(self.longest_ns, late_ns)
         return now
 
-    def as_json(self) -> dict[str, object]:
+    def pace(self) -> Pace:
         """Return what was counted, for the proof of timing."""
-        return {
-            "fast": self._fast,
-            "stretched": self.stretched,
-            "stretched_s": round(self.stretched_ns * 1e-9, 6),
-            "longest_s": round(self.longest_ns * 1e-9, 6),
-            "would_have_missed": self.would_have_missed,
-        }
+        return Pace(
+            fast=self._fast,
+            stretched=self.stretched,
+            stretched_s=round(self.stretched_ns * 1e-9, 6),
+            longest_s=round(self.longest_ns * 1e-9, 6),
+            would_have_missed=self.would_have_missed,
+        )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from station.documents.events import Note
 from station.records.ring.ring import StopCause
 from station.records.ring.writer import RingWriter
 from station.scan.scan_loop import Stop
@@ -48,11 +47,11 @@ class SupervisorWatch:
             return 0
         return ring.take_command()
 
-    def notes(self) -> list[dict[str, Any]]:
-        """Return what the record has to say of the supervisor, in the form of the controller's notes."""
+    def notes(self) -> tuple[Note, ...]:
+        """Return what the record has to say of the supervisor."""
         said = [] if self.silent_at is None else [(max(self.silent_at, 0), SUPERVISOR_SILENT)]
         if self._stop.supervisor_gone:
             said.append((max(self._ring.last_scan, 0), SUPERVISOR_GONE))
         if self._ring.strange_commands:
             said.append((max(self._ring.last_scan, 0), STRANGE_COMMANDS.format(self._ring.strange_commands)))
-        return [{"scan": scan, "kind": "note", "state": "", "text": text} for scan, text in said]
+        return tuple(Note(scan=scan, kind="note", text=text) for scan, text in said)

@@ -30,6 +30,8 @@ MOST_AT_ONCE = 500
 Row = dict[str, object]
 Rows = dict[Table, list[Row]]
 
+COMPLETE = "complete"
+
 OUTPUT_TORQUE = "output torque"
 MEASURED, CONVERTED = "output torque as measured", "output torque converted from the input's"
 """Where the output torque of a run comes from, as its stage says."""
@@ -153,6 +155,7 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
     torque = next((stage for stage in stages if stage.stage == OUTPUT_TORQUE), None)
     names = ("state", "verdict", "serial", "attempt")
     said = {name: getattr(manifest, name) if sealed is None else sealed.fields[name] for name in names}
+    master, objected = manifest.unit.master or "", "" if result is None else objection(result)
     return {
         "chain": chain,
         "run": run.id,
@@ -174,13 +177,15 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "scenario": manifest.scenario,
         "clock": manifest.clock,
         "virtual": bool(manifest_badges(manifest) if result is None else virtual_badges(result)),
-        "master": manifest.unit.master or "",
+        "master": master,
         "torque_source": "" if torque is None else CONVERTED if torque.applied else MEASURED,
-        "objection": "" if result is None else objection(result),
+        "objection": objected,
         "records": manifest.records,
         "altered": "\n".join(altered),
         "seen": seen(f"{run.folder}/{MANIFEST}"),
         "seen_files": seen_files(run),
+        "in_production": not (master or manifest.scenario or altered),
+        "valid": said["state"] == COMPLETE and not (objected or altered),
     }
 
 
@@ -197,7 +202,13 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
         row |= {name: sealed.fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
         row |= {"chain": chain, "counter": sealed.counter, "entry_sha256": sealed.sha256, "key": sealed.key}
         row |= dict.fromkeys(("model", "recipe", "bench", "master", "torque_source", "objection"), "")
-        row |= {"virtual": False, "altered": text, "seen": seen(f"{run.folder}/{MANIFEST}")}
+        row |= {
+            "virtual": False,
+            "in_production": False,
+            "valid": False,
+            "altered": text,
+            "seen": seen(f"{run.folder}/{MANIFEST}"),
+        }
         found[tables.RUNS] = [row | {"seen_files": seen_files(run)}]
     return found
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Boolean, Column, Double, Index, Integer, MetaData, Table, Text
+from sqlalchemy import JSON, BigInteger, Boolean, Column, Double, Index, Integer, MetaData, Table, Text, false
 
 METADATA = MetaData()
 
@@ -98,16 +98,40 @@ RUNS = _of_a_chain(
     Column("altered", Text, nullable=False),
     Column("seen", Text, nullable=False),
     Column("seen_files", Text, nullable=False),
+    Column("in_production", Boolean, nullable=False, server_default=false()),
+    Column("valid", Boolean, nullable=False, server_default=false()),
     Index("runs_recipe", "chain", "recipe"),
     Index("runs_serial", "chain", "serial"),
     Index("runs_model", "chain", "model"),
     Index("runs_search", "chain", "run", "serial", "model", "recipe", "verdict", "operator", "started", "master"),
+    Index(
+        "runs_quality",
+        "chain",
+        "in_production",
+        "virtual",
+        "run",
+        "attempt",
+        "key",
+        "state",
+        "verdict",
+        "valid",
+        "serial",
+        "recipe",
+        "revision",
+        "model",
+        "bench",
+        "operator",
+        "started",
+    ),
 )
 """Every run that was concluded. `altered` has a line for each alteration, and is '' for none.
 
 `master`: of a master part, the verdict that it should have; '' for a product.
 
-`seen`, `seen_files`: size, times and inode of the files that were compared. The index `runs_search` holds all that runs
+`in_production`: unaltered, of a product, without injected faults. `valid`: unaltered, complete, its measurement valid.
+
+`seen`, `seen_files`: size, times and inode of the files that were compared. `runs_quality` holds all that statistics of
+a production ask of a run. The index `runs_search` holds all that runs
 are looked for by, so that a search and its count read none of the rows that are not shown.
 """
 

@@ -12,13 +12,14 @@ import resource
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 from controller.controller import Controller
 from definitions.image import Image, Orders
 from drivers.errors import DriverError
 from drivers.wire_bench import WireBench
 from station.bench.bench_lock import BenchBusyError, alone_on
+from station.documents.entries import plain
+from station.documents.scan_report import Memory
 from station.records.ring.ring import ScanState
 from station.records.ring.writer import RingWriter
 from station.records.scan_times import ScanTimes
@@ -27,6 +28,7 @@ from station.scan.machine import resident_kb
 from station.scan.scan_loop import Stop, run_real
 from station.scan.scan_spec import EXIT_REFUSED, SpecError, TimingSpec, read_program, told
 from station.scan.schedule import RealTimeSchedule
+from station.timing.report import ProcessReport, Scanned
 
 NO_COMMAND = 0
 
@@ -45,8 +47,8 @@ class Idle:
         return self._step(image, scan)
 
 
-def measure(spec: TimingSpec, ring: RingWriter) -> dict[str, Any]:
-    """Open the bench, scan, and return the report; DriverError when the bench cannot be opened."""
+def measure(spec: TimingSpec, ring: RingWriter) -> Scanned:
+    """Open the bench, scan, and return what was counted; DriverError when the bench cannot be opened."""
     compiled = spec.compiled
     period_ns = compiled.wires.period_ns
     controller = Idle(Controller(read_program(compiled)), spec.periods)
@@ -67,20 +69,24 @@ def measure(spec: TimingSpec, ring: RingWriter) -> dict[str, Any]:
         after_kb = resident_kb()
         counters = bench.counters()
     usage = resource.getrusage(resource.RUSAGE_SELF)
-    return {
-        "state": "finished",
-        "periods": last + 1,
-        "scans": ring.sequence,
-        "lost": ring.lost,
-        "missed": times.missed,
-        "realtime": realtime.as_json((*grants, spinning)),
-        "lateness_us": times.counts["lateness"].to_dict(),
-        "work_us": times.counts["work"].to_dict(),
-        **times.to_dict(),
-        "counters": counters,
-        "resident_kb": {"before": before_kb, "after": after_kb},
-        "preempted": usage.ru_nivcsw,
-    }
+    return Scanned(
+        periods=last + 1,
+        scans=ring.sequence,
+        lost=ring.lost,
+        missed=times.missed,
+        realtime=realtime.answers((*grants, spinning)),
+        lateness_us=times.counts["lateness"].percentiles(),
+        work_us=times.counts["work"].percentiles(),
+        parts_us=times.parts_us(),
+        histograms_us=times.histograms_us(),
+        gaps=times.gap_list(),
+        gaps_in_all=times.gaps,
+        longest_scans=tuple(one.row() for one in times.longest()),
+        latest_scans=tuple(one.row() for one in times.latest()),
+        counters=counters,
+        resident_kb=Memory(before=before_kb, after=after_kb),
+        preempted=usage.ru_nivcsw,
+    )
 
 
 def main() -> int:
@@ -93,10 +99,10 @@ def main() -> int:
     ring = RingWriter(Path(spec.ring))
     code = 0
     try:
-        report = measure(spec, ring)
+        report = ProcessReport(scanned=measure(spec, ring))
     except (DriverError, SpecError, BenchBusyError) as error:
-        code, report = EXIT_REFUSED, {"state": "refused", "error": str(error)}
-    Path(spec.report).write_text(json.dumps(report, ensure_ascii=False), encoding="utf-8")
+        code, report = EXIT_REFUSED, ProcessReport(error=str(error))
+    Path(spec.report).write_text(json.dumps(plain(report), ensure_ascii=False), encoding="utf-8")
     ring.set_state(ScanState.FINISHED)
     ring.close()
     return code

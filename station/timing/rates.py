@@ -7,11 +7,12 @@ rate: SYNC, one receive and two transmit PDOs go over it per scan.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from station.records.scan_times import CAUSES
+from station.timing.report import TimingReport
 
 PERIODS_US = (1000, 667, 500, 400, 333, 250, 200, 167, 125, 100)
 """Periods that are tried, slowest first."""
@@ -54,21 +55,21 @@ class Rate(NamedTuple):
         )
 
 
-def rate_of(report: Mapping[str, Any]) -> Rate:
+def rate_of(report: TimingReport) -> Rate:
     """Return what a report of `lostmotion timing` says of its rate."""
-    causes = [gap["before"]["cause"] for gap in report["gaps"]]
-    duration_s = report["periods"] * report["period_ns"] * 1e-9
-    bench_s = report["virtual_bench_cpu_s"]
+    causes = [gap.before.cause for gap in report.gaps]
+    duration_s = report.periods * report.period_ns * 1e-9
+    bench_s = report.virtual_bench_cpu_s
     return Rate(
-        period_us=report["period_ns"] // 1000,
-        missed_share=report["missed"] / report["periods"],
-        work_p99_us=report["work_us"]["p99"],
+        period_us=report.period_ns // 1000,
+        missed_share=report.missed / report.periods,
+        work_p99_us=report.work_us.p99,
         bench_share=None if bench_s is None else bench_s / duration_s,
         cause=max(set(causes), key=causes.count) if causes else MACHINE,
     )
 
 
-def measured(measure: Callable[[int], Mapping[str, Any]]) -> Iterator[Rate]:
+def measured(measure: Callable[[int], TimingReport]) -> Iterator[Rate]:
     """Measure one rate after the other, `measure(period_us)` each; end after two that did not hold."""
     failed = 0
     for period_us in PERIODS_US:

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
 import time
 import zlib
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 from definitions.image import Image
 from definitions.plain_data import plain
 from recipes import Recipe
 from station.atomic_file import as_json
+from station.bench.bench_spec import BenchSpec, Ports
 from station.bench.request import Job
+from station.documents import entries as documents
+from station.documents.reading import read_document
 from station.errors import BenchFaultError
 from station.records.clocks import WALL
 from station.records.program_file import PROGRAM
@@ -28,17 +29,9 @@ from station.run.process_specs import EMBEDDED_SPIN_NS, REAL_SPIN_NS, compiled
 from station.run.supervisor import LOOK_EVERY_S
 from station.scan.machine import look
 from station.scan.scan_spec import SpecFile, TimingSpec, write_spec
+from station.timing.report import Asked, CheckedRecords, ProcessReport, Scanned, TimingReport
 
 MISSED = IMAGE_FIRST + Image._fields.index("missed_periods")
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What is to be measured: how long, at which period (None: the recipe's), with which spin tail (None: usual)."""
-
-    seconds: float
-    period_ns: int | None = None
-    spin_ns: int | None = None
 
 
 class Gapless:
@@ -77,7 +70,7 @@ def with_period(recipe: Recipe, period_ns: int) -> Recipe:
     return recipe.model_copy(update={"sampling": sampling})
 
 
-def measure(job: Job, asked: Asked) -> dict[str, Any]:
+def measure(job: Job, asked: Asked) -> TimingReport:
     """Measure the machine with this job's bench; nothing is started, nothing moves.
 
     Raises:
@@ -111,14 +104,21 @@ def measure(job: Job, asked: Asked) -> dict[str, Any]:
         file = write_spec(spec, folder / "spec.json")
         before_s = cpu_seconds(bench_pid)
         records = Gapless()
-        report = _measured(file, ring, life_line, cleanup, records)
-        report["records"] = {"checked": records.checked, "problem": records.problem}
-        report["virtual_bench_cpu_s"] = round(cpu_seconds(bench_pid) - before_s, 3) if embedded else None
-    spin_ns = spec.spin_ns if report["realtime"]["spin_tail"] else 0
-    head = {"period_ns": period_ns, "spin_ns": spin_ns, "bench": job.bench.bench.name, "embedded": embedded}
-    head |= {"bitrate": job.bench.can.bitrate, "bus_us": job.bus_us}
-    found = look(granted=report["realtime"])
-    return head | report | {"machine": [finding._asdict() for finding in found], "asked": asdict(asked)}
+        scanned = _scanned(file, ring, life_line, cleanup, records)
+        bench_cpu_s = round(cpu_seconds(bench_pid) - before_s, 3) if embedded else None
+    return TimingReport(
+        **{one.name: getattr(scanned, one.name) for one in fields(scanned)},
+        period_ns=period_ns,
+        spin_ns=spec.spin_ns if scanned.realtime.spin_tail else 0,
+        bench=job.bench.bench.name,
+        embedded=embedded,
+        bitrate=job.bench.can.bitrate,
+        bus_us=job.bus_us,
+        records=CheckedRecords(records.checked, records.problem),
+        virtual_bench_cpu_s=bench_cpu_s,
+        machine=tuple(look(asked=scanned.realtime)),
+        asked=asked,
+    )
 
 
 def _virtual_bench(
@@ -127,18 +127,16 @@ def _virtual_bench(
     folder: Path,
     life_line: children.LifeLine,
     cleanup: ExitStack,
-) -> tuple[int, dict[str, Any]]:
+) -> tuple[int, Ports]:
     from station.bench.assemble_virtual import choose_unit  # noqa: PLC0415 - brings the virtual bench
 
-    unit = choose_unit(None, job.recipe).plain()
-    bench = str(job.bench_source.path)
-    spec = {"bench": bench, "profiles": profiles, "unit": unit, "scenario": None, "truth": None, "embedded": True}
-    spec["clock"] = WALL
+    unit = choose_unit(None, job.recipe)
+    spec = BenchSpec(bench=str(job.bench_source.path), profiles=profiles, unit=unit, clock=WALL)
     path = folder / "virtual-bench-spec.json"
-    path.write_text(json.dumps(spec), encoding="utf-8")
-    process, ready = children.start_virtual_bench(path, folder / "virtual-bench.jsonl", life_line)
+    path.write_bytes(as_json(documents.plain(spec)))
+    process, ports = children.start_virtual_bench(path, folder / "virtual-bench.jsonl", life_line)
     cleanup.callback(children.stop, process)
-    return process.pid, ready
+    return process.pid, ports
 
 
 def cpu_seconds(pid: int) -> float:
@@ -150,13 +148,13 @@ def cpu_seconds(pid: int) -> float:
     return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _measured(
+def _scanned(
     spec: SpecFile,
     ring: RingReader,
     life_line: children.LifeLine | None,
     cleanup: ExitStack,
     records: Gapless,
-) -> dict[str, Any]:
+) -> Scanned:
     folder = spec.path.parent
     process = children.start_scanning("station.timing.process", spec, folder / "scan.log", life_line)
     cleanup.callback(children.stop, process)
@@ -168,7 +166,7 @@ def _measured(
     if not path.exists():
         said = (folder / "scan.log").read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
         raise BenchFaultError(f"the measuring process {children.why_it_ended(process)}: {' '.join(said)}")
-    report: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    if report["state"] == "refused":
-        raise BenchFaultError(str(report["error"]))
-    return report
+    report = read_document(ProcessReport, path)
+    if report.scanned is None:
+        raise BenchFaultError(report.error)
+    return report.scanned

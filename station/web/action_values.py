@@ -1,8 +1,9 @@
-"""What each action is asked with: the values of its request, with their types and ranges."""
+"""What each action is asked with, with types and ranges, and what it answers."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Iterable
+from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -29,6 +30,12 @@ class Start(Values):
     retest_reason: str = Field(default="", max_length=200)
 
 
+class Scanned(Values):
+    """What was scanned."""
+
+    scanned: str = Field(max_length=512)
+
+
 class Confirm(Values):
     """The run whose bad unit is in the NOK box."""
 
@@ -40,6 +47,12 @@ class Announced(Values):
 
     serial: str = Field(max_length=512)
     previous_step: Literal["passed", "failed"]
+
+
+class Recovery(Values):
+    """The recovery that is on, by its id."""
+
+    recovery: str = Field(max_length=200)
 
 
 class NewBypass(Values):
@@ -84,6 +97,27 @@ class NewPassword(Values):
     new_password: str
 
 
+class NewBadge(Values):
+    """An account, the number of its badge, and a PIN of 4 to 12 digits."""
+
+    name: str
+    badge: str = Field(max_length=512)
+    pin: str = Field(max_length=64)
+
+
+class NewPin(Values):
+    """One's own password, and a new PIN for the badge."""
+
+    password: str
+    pin: str = Field(max_length=64)
+
+
+class ChosenLanguage(Values):
+    """A language of the pages."""
+
+    language: Literal["en", "de", "zh"]
+
+
 class RecipeText(Values):
     """The text of a recipe; `replaces`: SHA-256 of the draft of the same revision that was read before, if any."""
 
@@ -103,3 +137,123 @@ class RecipeRevision(Values):
     name: Name
     revision: RevisionNumber
     sha256: str = Field(pattern="^[0-9a-f]{64}$")
+
+
+class Outcome(BaseModel):
+    """What an action answers when it was done; `done`: its id."""
+
+    model_config = ConfigDict(frozen=True)
+
+    done: str = ""
+
+
+class Reason(BaseModel):
+    """One reason of a refusal."""
+
+    model_config = ConfigDict(frozen=True)
+
+    id: str
+    text: str
+
+
+class Refused(BaseModel):
+    """Why a request was refused."""
+
+    model_config = ConfigDict(frozen=True)
+
+    refused: tuple[Reason, ...]
+
+    @classmethod
+    def because(cls, reasons: Iterable[tuple[str, str]]) -> Self:
+        """Return the refusal for these reasons: id and words of each."""
+        return cls(refused=tuple(Reason(id=name, text=words) for name, words in reasons))
+
+
+def refusal(name: str, words: str) -> Refused:
+    """Return the refusal for one reason."""
+    return Refused.because([(name, words)])
+
+
+class RunStarted(Outcome):
+    """The unit that is measured, its model, and the file of its recipe."""
+
+    serial: str
+    model: str
+    recipe: str
+
+
+class Permission(Outcome):
+    """Whether a unit may be measured now, and every reason why not."""
+
+    serial: str
+    allowed: bool
+    reasons: tuple[Reason, ...]
+
+
+class UnitAnnounced(Outcome):
+    """The unit that comes to the bench."""
+
+    serial: str
+    previous_step: Literal["passed", "failed"]
+
+
+class RunConfirmed(Outcome):
+    """The run whose bad unit was put away."""
+
+    run: str
+
+
+class RecoveryBegun(Outcome):
+    """The run that left the bench in a fault, and in which one."""
+
+    run: str
+    cause: str
+
+
+class RecoveryTold(Outcome):
+    """The recovery that was told."""
+
+    recovery: str
+
+
+class BypassAdded(Outcome):
+    """The start condition that is set aside, and until when, as people read it."""
+
+    condition: str
+    text: str
+
+
+class BypassEnded(Outcome):
+    """The start condition that counts again."""
+
+    condition: str
+
+
+class RecipeChanged(Outcome):
+    """A revision of a recipe, the SHA-256 of its text, and its state."""
+
+    name: str
+    revision: int
+    sha256: str
+    state: str
+
+
+class DryRunStarted(Outcome):
+    """The revision that is tried, and the SHA-256 of its text."""
+
+    name: str
+    revision: int
+    sha256: str
+
+
+class AccountAdded(Outcome):
+    """The new account."""
+
+    name: str
+    role: str
+
+
+class AccountChanged(Outcome):
+    """The account that was changed."""
+
+    name: str

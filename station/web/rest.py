@@ -12,11 +12,13 @@ from typing import Annotated, Any
 from fastapi import Depends, FastAPI, Header, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
 from starlette.exceptions import HTTPException
 
+from station.documents.entries import plain
 from station.errors import StationError
 from station.version import version
+from station.web.action_values import Refused, refusal
 from station.web.actions import (
     ACTIONS,
     BAD_INPUT,
@@ -27,7 +29,6 @@ from station.web.actions import (
     Action,
     Station,
     perform,
-    said,
 )
 from station.web.bypasses import bypasses_now
 from station.web.mes.outbox import waiting
@@ -42,12 +43,14 @@ from station.web.people.accounts import (
     is_name,
     session_of,
 )
+from station.web.people.badges import PinNeededError, enter_by_badge
 from station.web.rest_recipes import add_recipes
-from station.web.rest_runs import CookieToken, add_runs
+from station.web.rest_runs import CookieToken, add_certificates, add_runs, refused_with
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
 MOST_LINES = 500
 UNREADABLE = 400
+LONGEST_SCAN = 512
 
 CsrfToken = Annotated[str | None, Header(alias="X-CSRF-Token")]
 RequestKey = Annotated[str | None, Header(alias="Idempotency-Key")]
@@ -62,17 +65,13 @@ class Entry(BaseModel):
     password: str = Field(max_length=LONGEST_PASSWORD)
 
 
-class Reason(BaseModel):
-    """One reason of a refusal."""
+class BadgeEntry(BaseModel):
+    """The number of a badge, and its PIN or the account's password; '' first asks whether one is needed."""
 
-    id: str
-    text: str
+    model_config = ConfigDict(extra="forbid")
 
-
-class Refused(BaseModel):
-    """Why a request was refused."""
-
-    refused: list[Reason]
+    badge: str = Field(max_length=LONGEST_SCAN)
+    secret: str = Field(default="", max_length=LONGEST_PASSWORD)
 
 
 class Me(BaseModel):
@@ -107,10 +106,11 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         if found is None:
             return _not_entered()
         if found.person.must_change:
-            return JSONResponse(said("must_change", "Choose a password of your own first."), NOT_ALLOWED)
+            return refused_with(NOT_ALLOWED, "must_change", "Choose a password of your own first.")
         return None
 
     add_runs(app, station, refuse, _answers)
+    add_certificates(app, station, refuse, _answers)
     add_recipes(app, station, refuse, _answers)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)
@@ -118,7 +118,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         schema = {"required": needed, "content": {"application/json": {"schema": row.needs.model_json_schema()}}}
         app.post(
             f"/api/actions/{row.id}", summary=row.text, tags=["actions"], name=row.id,
-            openapi_extra={"requestBody": schema}, **_answers(200, 401, 403, 409, 422, 503),
+            openapi_extra={"requestBody": schema}, **_answers(200, 401, 403, 409, 422, 503, ok=row.gives),
         )(doing)  # fmt: skip
     return app
 
@@ -131,9 +131,26 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
         outcome = audit.REFUSED if refused else audit.DONE
         with station.database.writing() as connection:
             audit.write(connection, given.name if is_name(given.name) else "?", "enter", outcome, {})
-        if isinstance(found, EntryRefusedError):
-            return JSONResponse(said("entry", str(found)), NOT_ENTERED)
-        answer = JSONResponse(_me(found))
+        return refused_with(NOT_ENTERED, "entry", str(found)) if isinstance(found, EntryRefusedError) else opened(found)
+
+    @app.post(
+        "/api/enter_badge", summary="open a session with a badge", tags=["session"],
+        **_answers(200, 401, 422, 503, ok=Me),
+    )  # fmt: skip
+    def open_session_by_badge(given: BadgeEntry) -> Response:
+        alone = station.settings.operator_by_badge_alone
+        found = enter_by_badge(station.database, given.badge, given.secret, operator_alone=alone)
+        if isinstance(found, PinNeededError):
+            return refused_with(NOT_ENTERED, "pin", str(found))
+        refused = isinstance(found, EntryRefusedError)
+        name = found.name if isinstance(found, EntryRefusedError) else found.person.name
+        outcome = audit.REFUSED if refused else audit.DONE
+        with station.database.writing() as connection:
+            audit.write(connection, name, "enter_badge", outcome, {"pin": bool(given.secret)})
+        return refused_with(NOT_ENTERED, "entry", str(found)) if isinstance(found, EntryRefusedError) else opened(found)
+
+    def opened(found: Session) -> Response:
+        answer = _me(found)
         answer.set_cookie(COOKIE, found.token, httponly=True, samesite="strict", secure=secure, path="/")
         return answer
 
@@ -143,7 +160,7 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
     )  # fmt: skip
     def me(token: CookieToken = None) -> Response:
         found = _session(station, token)
-        return _not_entered() if found is None else JSONResponse(_me(found))
+        return _not_entered() if found is None else _me(found)
 
 
 def _add_readings(app: FastAPI, station: Station) -> None:
@@ -169,6 +186,16 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         })  # fmt: skip
 
     @app.get(
+        "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the way back after a fault",
+        tags=["bench"], **_answers(200, 401, 503),
+    )  # fmt: skip
+    def bench(token: CookieToken = None) -> Response:
+        if _session(station, token) is None:
+            return _not_entered()
+        seen, standing = station.bench.look(), station.bench.standing()
+        return JSONResponse({"seen": plain(seen), "way_back": plain(standing)})
+
+    @app.get(
         "/api/audit", summary="the newest lines of the audit trail, and the hash of the last one", tags=["audit"],
         **_answers(200, 401, 403, 422, 503),
     )  # fmt: skip
@@ -178,11 +205,13 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             return _not_entered()
         if found.person.role not in AUDIT_ROLES or found.person.must_change:
             text = f"allowed: {', '.join(sorted(AUDIT_ROLES))}, with a password of their own"
-            return JSONResponse(said("role", text), NOT_ALLOWED)
+            return refused_with(NOT_ALLOWED, "role", text)
         with station.database.reading() as connection:
             head = audit.head_of(connection)
             lines = audit.lines_of(connection, newest)
-        return JSONResponse({"lines": head.lines, "head_sha256": head.sha256, "newest": lines})
+        return JSONResponse(
+            {"lines": head.lines, "head_sha256": head.sha256, "newest": [one._asdict() for one in lines]}
+        )
 
 
 def _endpoint(station: Station, row: Action) -> Callable[..., Response]:
@@ -193,7 +222,7 @@ def _endpoint(station: Station, row: Action) -> Callable[..., Response]:
         key: RequestKey = None,
     ) -> Response:
         answer = perform(station, row.id, token, csrf, key, _values_in(body))
-        return JSONResponse(answer.body, answer.status)
+        return JSONResponse(answer.said.model_dump(mode="json"), answer.status)
 
     do.__doc__ = f"{row.text}. Roles: {', '.join(sorted(row.roles))}. Values: {row.needs.__doc__}"
     return do
@@ -209,21 +238,23 @@ async def _body_of(request: Request) -> bytes:
     return body
 
 
-def _values_in(body: bytes) -> Any:
+def _values_in(body: bytes) -> JsonValue:
     """Return what a body says; one that is no JSON is passed on as its text, which no action takes."""
     try:
-        return json.loads(body) if body.strip() else None
+        found: JsonValue = json.loads(body) if body.strip() else None
     except (ValueError, RecursionError):
         return "no JSON: " + body[:40].decode(errors="replace")
+    return found
 
 
-def _me(found: Session) -> dict[str, Any]:
+def _me(found: Session) -> Response:
     person = found.person
-    return {"name": person.name, "role": person.role, "must_change": person.must_change, "csrf": found.csrf}
+    told = Me(name=person.name, role=person.role, must_change=person.must_change, csrf=found.csrf)
+    return JSONResponse(told.model_dump())
 
 
 def _not_entered() -> Response:
-    return JSONResponse(said("not_entered", "Log in first."), NOT_ENTERED)
+    return refused_with(NOT_ENTERED, "not_entered", "Log in first.")
 
 
 def _answers(*statuses: int, ok: type[BaseModel] | None = None) -> dict[str, Any]:
@@ -236,15 +267,15 @@ def _answers(*statuses: int, ok: type[BaseModel] | None = None) -> dict[str, Any
 def _refuse_input(_request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - it is registered for that
     places = [(".".join(str(part) for part in one["loc"][1:]) or "body", one["msg"]) for one in error.errors()]
-    return JSONResponse({"refused": [{"id": name, "text": words} for name, words in places]}, BAD_INPUT)
+    return JSONResponse(Refused.because(places).model_dump(), BAD_INPUT)
 
 
 def _refuse_request(_request: Request, error: Exception) -> Response:
     """Refuse what is no request of this interface; a body that cannot be read is bad input as any other."""
     assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for that
     status = BAD_INPUT if error.status_code == UNREADABLE else error.status_code
-    return JSONResponse(said("request", str(error.detail)), status, error.headers)
+    return JSONResponse(refusal("request", str(error.detail)).model_dump(), status, error.headers)
 
 
 def _not_ready(_request: Request, error: Exception) -> Response:
-    return JSONResponse(said("station", str(error)), NOT_READY)
+    return refused_with(NOT_READY, "station", str(error))

@@ -8,25 +8,41 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Response
 from fastapi import Path as InPath
 from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict
 
 from recipes.text.section import Name
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.errors import StationError
-from station.records.recipe_revisions import History, Revision
-from station.web.actions import NOT_NOW, Station, said
+from station.records.recipe_revisions import History, State
+from station.web.actions import NOT_NOW, Station
 from station.web.recipe_text.check import look_at
-from station.web.rest_runs import CookieToken
+from station.web.rest_runs import CookieToken, refused_with
 
 Number = Annotated[int, InPath(ge=1, le=1_000_000)]
 
 
-def as_json(one: Revision) -> dict[str, Any]:
-    """Return what is told of a revision."""
-    return {
-        "name": one.name, "revision": one.revision, "sha256": one.sha256, "state": one.state.value,
-        "shipped": one.shipped, "authors": list(one.authors), "saved": one.saved, "asked_by": one.asked_by,
-        "released_by": one.released_by, "released": one.released,
-    }  # fmt: skip
+class ToldRevision(BaseModel):
+    """What is told of a revision."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    name: str
+    revision: int
+    sha256: str
+    state: State
+    shipped: bool
+    authors: tuple[str, ...]
+    saved: str
+    asked_by: str
+    released_by: str
+    released: str
+
+
+class Recipes(BaseModel):
+    """Every revision of every recipe, and what is wrong with those that cannot be read."""
+
+    revisions: tuple[ToldRevision, ...]
+    problems: tuple[str, ...]
 
 
 def add_recipes(
@@ -34,7 +50,12 @@ def add_recipes(
 ) -> None:
     """Add the endpoints; refuse: what is answered to whoever is not logged in, by the session's cookie."""
 
-    @app.get("/api/recipes", summary="recipes with their revisions", tags=["recipes"], **answers(200, 401, 403, 503))
+    @app.get(
+        "/api/recipes",
+        summary="recipes with their revisions",
+        tags=["recipes"],
+        **answers(200, 401, 403, 503, ok=Recipes),
+    )
     def recipes(token: CookieToken = None) -> Response:
         return refuse(token) or _listed(station)
 
@@ -59,18 +80,19 @@ def add_recipes(
 
 def _listed(station: Station) -> Response:
     history = History(station.data)
-    return JSONResponse({"revisions": [as_json(one) for one in history.all()], "problems": history.problems})
+    told = tuple(ToldRevision.model_validate(one) for one in history.all())
+    return JSONResponse(Recipes(revisions=told, problems=tuple(history.problems)).model_dump(mode="json"))
 
 
 def _of_text(station: Station, name: str, revision: int, answer: Callable[[bytes], Response]) -> Response:
     """Answer with the text of a revision, or why it cannot be had."""
     found = History(station.data).find(name, revision)
     if found is None:
-        return JSONResponse(said("recipe", "There is no such revision."), 404)
+        return refused_with(404, "recipe", "There is no such revision.")
     try:
         return answer(found.text())
     except StationError as error:
-        return JSONResponse(said("recipe", str(error)), NOT_NOW)
+        return refused_with(NOT_NOW, "recipe", str(error))
 
 
 def _as_file(name: str, revision: int, content: bytes) -> Response:

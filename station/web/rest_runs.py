@@ -11,13 +11,15 @@ from fastapi import Cookie, FastAPI, Query, Response
 from fastapi.responses import JSONResponse
 
 from station.errors import StationError
+from station.records.certificate_code import LONGEST_CODE, CodeError, check_code
 from station.records.data_folder import Store
 from station.records.run_record import RESULT, RunRecord
 from station.reports.content import LOOP_CSV
 from station.reports.stored_result import refuse_doubtful
 from station.store.run_search import MOST_ROWS, search
 from station.store.stored_runs import Wanted
-from station.web.actions import NOT_NOW, Station, said
+from station.web.action_values import refusal
+from station.web.actions import BAD_INPUT, NOT_NOW, Station
 from station.web.evaluations import Evaluations
 from station.web.people.accounts import COOKIE
 
@@ -71,6 +73,11 @@ Part = Annotated[str | None, Query(max_length=LONGEST_TEXT)]
 Day = Annotated[date | None, Query(description="a day, as in 2026-01-31, by the computer's time zone")]
 
 
+def refused_with(status: int, name: str, words: str) -> Response:
+    """Return the answer to a request that is refused for one reason."""
+    return JSONResponse(refusal(name, words).model_dump(), status)
+
+
 def begin_of(day: date | None, *, after: bool = False) -> str | None:
     """Return the moment at which a day begins, or at which it is over, as the runs have theirs: in UTC."""
     if day is None or (after and day == date.max):
@@ -119,12 +126,12 @@ def add_runs(
             return refused
         there = Store(station.data).by_id(run)
         if there is None or not there.has(RESULT):
-            return JSONResponse(said("run", "There is no such run with a result."), 404)
+            return refused_with(404, "run", "There is no such run with a result.")
         try:
             refuse_doubtful(there)
             return JSONResponse(there.read_json(RESULT))
         except StationError as error:
-            return JSONResponse(said("run", str(error)), NOT_NOW)
+            return refused_with(NOT_NOW, "run", str(error))
 
     for path, row in FILES.items():
         told = answers(200, 401, 403, 404, 409, 503)
@@ -142,11 +149,11 @@ def _file_endpoint(
             return refused
         there = Store(station.data).by_id(run)
         if there is None:
-            return JSONResponse(said("run", "There is no such run."), 404)
+            return refused_with(404, "run", "There is no such run.")
         try:
             content = row.made(station.evaluations, there)
         except StationError as error:
-            return JSONResponse(said("run", str(error)), NOT_NOW)
+            return refused_with(NOT_NOW, "run", str(error))
         headers = {"Content-Security-Policy": NOTHING_FROM_ELSEWHERE}
         if row.ending:
             name = quote(f"{there.id}{row.ending}", safe="")
@@ -154,3 +161,26 @@ def _file_endpoint(
         return Response(content, media_type=row.media, headers=headers)
 
     return file
+
+
+def add_certificates(
+    app: FastAPI, station: Station, refuse: Callable[[str | None], Response | None], answers: Callable[..., Any]
+) -> None:
+    """Add the endpoint that checks certificates; as `add_runs`."""
+
+    @app.get(
+        "/api/certificates", summary="whether a certificate is genuine, altered or unknown, by its code",
+        tags=["runs"], **answers(200, 401, 403, 422, 503),
+    )  # fmt: skip
+    def certificate(code: Annotated[str, Query(max_length=LONGEST_CODE)], token: CookieToken = None) -> Response:
+        refused = refuse(token)
+        if refused is not None:
+            return refused
+        try:
+            found = check_code(station.data, code)
+        except CodeError as error:
+            return refused_with(BAD_INPUT, "code", str(error))
+        return JSONResponse({
+            "certificate": found.standing, "text": found.text, "run": found.run, "serial": found.serial,
+            "attempt": found.attempt, "verdict": found.verdict,
+        })  # fmt: skip

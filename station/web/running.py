@@ -10,15 +10,15 @@ import math
 import os
 import signal
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from threading import RLock
+from threading import Event, RLock, Thread
 
+from definitions.program import Program
 from recipes import RecipeError
-from station.bench.request import stored_job
+from station.bench.request import load_job, stored_job
 from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
 from station.errors import StationError
@@ -26,6 +26,7 @@ from station.records.data_folder import Store
 from station.records.run_record import RECORDING, RESULT, RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import alterations, is_sealed
+from station.run.next_run import NextRun
 from station.run.screen.live import LiveReader, LiveView
 
 OUTPUT = "station-run.log"
@@ -41,6 +42,9 @@ LOOP_EVERY_RECORDS = 40
 LOOK_EVERY_S = 0.08
 """However many look, the records are read once in this time."""
 
+READY_EVERY_S = 0.5
+"""How often it is looked whether the process of the next run can be started."""
+
 READY, STARTING, RUNNING, ENDED = "ready", "starting", "running", "ended"
 
 
@@ -50,6 +54,7 @@ class Now:
 
     attempt: which one it is and what became of those before, '' of the first. refused: why a start became no run.
     loop: wind-up [arcmin] and torque [N·m]. altered: why the record of the run that has ended is not to be believed.
+    record: the newest record of the scan, empty where none was read here; program: by which it was made.
     """
 
     stage: str = READY
@@ -62,6 +67,8 @@ class Now:
     result: Result | None = None
     altered: tuple[str, ...] = ()
     refused: str = ""
+    record: bytes = b""
+    program: Program | None = None
 
 
 @dataclass
@@ -72,6 +79,7 @@ class _Watched:
     reader: LiveReader | None
     read_bytes: int = 0
     view: LiveView | None = None
+    newest: bytes = b""
     loop: list[tuple[float, float]] = field(default_factory=list)
 
 
@@ -85,27 +93,57 @@ class Running:
         self._watched: _Watched | None = None
         self._ended: Now | None = None
         self._refused = ""
+        self._newest: subprocess.Popen[bytes] | None = None
+        self._next, self._likely, self._over = NextRun(), ("", ""), Event()
         self._one_at_a_time = RLock()
         self._told, self._looked = Now(), -math.inf
         self._folder_at_ns, self._look_until = 0, math.inf
 
-    def start(self, options: list[str], serial: str) -> None:
-        """Start the process of a run; it may still refuse, which `now` tells. StationError where it cannot start."""
+    def start(self, options: list[str], serial: str, likely: tuple[str, str] = ("", "")) -> None:
+        """Start the process of a run; it may still refuse, which `now` tells. StationError where it cannot start.
+
+        likely: recipe and bench of this unit, which are likely to be those of the next one.
+        """
         with self._one_at_a_time:
+            self._likely = likely
             self._start(options, serial)
 
     def _start(self, options: list[str], serial: str) -> None:
-        command = [sys.executable, "-m", "station", "run", *options, "--serial", serial, "--data", str(self._data)]
+        words = [*options, "--serial", serial, "--data", str(self._data)]
         try:
             self._data.mkdir(parents=True, exist_ok=True)
             with (self._data / OUTPUT).open("wb") as output:
-                self._process = subprocess.Popen(  # noqa: S603 - our own program
-                    command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
-                )
+                said = output.fileno()
+                self._process = self._newest = self._next.start(words, stdout=said, stderr=said)
         except OSError as error:
             raise StationError(f"the run cannot be started: {error.strerror}") from error
         self._serial, self._refused, self._watched, self._ended = serial, "", None, None
         self._looked = -math.inf
+
+    def stay_ready(self, likely: tuple[str, str]) -> None:
+        """Have the process of the next run started ahead whenever no run is on, from now until `close`.
+
+        likely: recipe and bench of the unit that comes first; later it is that of the newest unit.
+        """
+        self._likely = likely
+        Thread(target=self._stay_ready, daemon=True).start()
+
+    def _stay_ready(self) -> None:
+        recipe, bench = self._likely
+        with suppress(RecipeError, StationError):
+            load_job(recipe, bench or None)  # what the server looks at when the first unit is scanned
+        while not self._over.wait(READY_EVERY_S):
+            with suppress(StationError), self._one_at_a_time:
+                # The process of a run that has ended still puts it into the store.
+                ended = self._newest is None or self._newest.poll() is not None
+                if ended and not self._over.is_set() and not self.busy():
+                    self._next.get_ready(*self._likely)
+
+    def close(self) -> None:
+        """End the process that waits for the next run; a run that is on goes on."""
+        self._over.set()
+        with self._one_at_a_time:
+            self._next.close()
 
     def busy(self) -> bool:
         """Say whether a run is on, or starts."""
@@ -180,10 +218,10 @@ class Running:
             _attempt(manifest),
             f"{manifest.recipe.name} r{manifest.recipe.revision}",
         )
-        if not is_sealed(manifest) and not record.deserted():
-            _read_on(watched)
-            return replace(said, view=watched.view, loop=tuple(watched.loop))
         _read_on(watched)
+        said = replace(said, record=watched.newest, program=watched.reader.program if watched.reader else None)
+        if not is_sealed(manifest) and not record.deserted():
+            return replace(said, view=watched.view, loop=tuple(watched.loop))
         found = record.read(Result, RESULT) if record.has(RESULT) else None
         altered = tuple(alterations(record)) if is_sealed(manifest) else ("the run was not concluded",)
         return self._is_over(replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered))
@@ -227,8 +265,8 @@ def _read_on(watched: _Watched) -> None:
         step_from = -first % LOOP_EVERY_RECORDS
         chosen = sorted({*range(step_from, count, LOOP_EVERY_RECORDS), count - 1} - {-1})
         for number in chosen:
-            view = watched.reader.read(content[number * RECORD_BYTES : (number + 1) * RECORD_BYTES])
-            watched.view = view
+            watched.newest = content[number * RECORD_BYTES : (number + 1) * RECORD_BYTES]
+            watched.view = view = watched.reader.read(watched.newest)
             if view.cycle and view.torque_nm is not None and view.windup_arcmin is not None:
                 watched.loop.append((round(view.windup_arcmin, 4), round(view.torque_nm, 2)))
         watched.read_bytes += count * RECORD_BYTES

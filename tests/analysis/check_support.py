@@ -44,6 +44,10 @@ DRIVE_COUNT_NM = 0.004
 """A thousandth of the motor's rated torque: what 0x6077 of a drive counts in."""
 
 
+DRIVE_COUNT_RAD, COUPLING_RAD_PER_NM = 2.0 * np.pi / 2**17, 3e-4
+"""What 0x6064 of a drive counts in at the shaft, and by how much the coupling twists: a minute of arc per N·m."""
+
+
 RUN = bench_trace(P1, 453.2, cycles=3)
 
 
@@ -51,6 +55,8 @@ GOOD = dataclasses.replace(
     RUN,
     temperature_c=np.linspace(22.0, 23.0, RUN.samples),
     drive_torque_nm=np.round(RUN.torque_in_nm / DRIVE_COUNT_NM) * DRIVE_COUNT_NM,
+    drive_angle_rad=np.round((RUN.angle_in_rad + RUN.torque_in_nm * COUPLING_RAD_PER_NM) / DRIVE_COUNT_RAD)
+    * DRIVE_COUNT_RAD,
 )
 
 
@@ -123,6 +129,12 @@ def set_back() -> dict[str, Any]:
     step = float(np.median(np.diff(GOOD.t_s)))
     moved = {name: getattr(GOOD, name)[order] for name in names}
     return changed(**moved, t_s=np.arange(order.size) * step)
+
+
+def drifting(arcmin_per_min: float) -> dict[str, Any]:
+    """The unit drifts, and its input shaft with it: the drive's position too."""
+    turned = arcmin_per_min / 60.0 * GOOD.t_s * ARC * RATIO
+    return changed(angle_in_rad=GOOD.angle_in_rad + turned, drive_angle_rad=GOOD.drive_angle_rad + turned)
 
 
 def creeping(arcmin_per_min: float) -> dict[str, Any]:
@@ -234,7 +246,8 @@ def calibrated_to(peak_nm: float) -> dict[str, Any]:
     joined = {name: np.concatenate([getattr(before, name), getattr(after, name)])
               for name in (*COMPARED, "segment")}  # fmt: skip
     time = np.arange(joined["segment"].size) * float(GOOD.t_s[1])
-    return {"trace": dataclasses.replace(GOOD, t_s=time, temperature_c=None, drive_torque_nm=None, **joined),
+    return {"trace": dataclasses.replace(GOOD, t_s=time, temperature_c=None, drive_torque_nm=None,
+                                         drive_angle_rad=None, **joined),
             "method": CONVERTED}  # fmt: skip
 
 
@@ -253,6 +266,12 @@ def late(values: np.ndarray, lag_s: float) -> np.ndarray:
     return np.interp(GOOD.t_s - lag_s, GOOD.t_s, values)
 
 
+def late_once(lag_s: float) -> np.ndarray:
+    """The angle of the input, late by a time in the second cycle alone."""
+    second = [index for index, info in GOOD.segments.items() if info.role == "measure" and info.cycle == 2]
+    return np.where(np.isin(GOOD.segment, second), late(GOOD.angle_in_rad, lag_s), GOOD.angle_in_rad)
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -264,7 +283,7 @@ BAD: dict[str, Bad] = {
     "clipping": lambda: changed(torque_out_nm=np.clip(GOOD.torque_out_nm, -430.0, 430.0)),
     "wrong_way": lambda: changed(angle_in_rad=-GOOD.angle_in_rad, angle_out_rad=-GOOD.angle_out_rad),
     "loop_closure": steps_in_angle,
-    "drift": lambda: changed(angle_in_rad=GOOD.angle_in_rad + 1.0 / 60 * GOOD.t_s * ARC * RATIO),
+    "drift": lambda: drifting(1.0),
     "repeat": one_cycle_off,
     "copied_cycles": copied_cycle,
     "repeated_samples": lambda: each_row(2),
@@ -307,6 +326,8 @@ BAD: dict[str, Bad] = {
     ),
     "drive_torque_agreement": lambda: both_torques(gain=1.25),
     "drive_torque_gap": lambda: both_torques(lag_s=0.4),
+    "drive_angle_agreement": lambda: changed(angle_in_rad=repeating(GOOD.angle_in_rad, 60.0 * ARC, 8.0)),
+    "drive_angle_repeat": lambda: changed(angle_in_rad=late_once(0.05)),
     "locked_compliance": lambda: changed(angle_out_rad=-GOOD.angle_out_rad),
 }
 """What makes each check fail."""

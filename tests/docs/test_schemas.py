@@ -12,8 +12,9 @@ from json_schema import differences
 from old_runs import CONCLUDED, run_of, unpack
 
 from docs.schemas import DIALECT, FILES
+from station.documents.entries import plain
 from station.documents.manifest import Manifest
-from station.documents.reading import of_plain, plain
+from station.documents.reading import of_plain
 from station.documents.result import Result
 from station.records.run_record import RunRecord
 from station.results.judged import judged_in

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
 
-from definitions.plain_data import exact
+from definitions.profiles.can import CanProfile
+from definitions.profiles.drive import DriveProfile
+from definitions.profiles.modbus import ModbusProfile
 from drivers.config import DriveConfig, ModbusConfig
-from drivers.profile import DriveProfile, ModbusProfile
-from recipes.schema.modbus_profile_schema import ModbusProfileFile
-from recipes.schema.profile_schema import DriveProfileFile
+from recipes.text.section import reader
 
 PROFILES = Path(__file__).parents[2] / "drivers" / "profiles"
 PERIOD_NS = 1_000_000
@@ -22,12 +23,16 @@ def raw_profile(name: str) -> Any:
 
 
 def drive_profile(raw: Any) -> DriveProfile:
-    """Check a profile as its file is checked, and return it as the drivers want it."""
-    return exact(DriveProfile, DriveProfileFile.model_validate(raw).model_dump(mode="json"))
+    """Read a profile as its file is read."""
+    return reader(DriveProfile).validate_json(json.dumps(raw))
 
 
 def modbus_profile(raw: Any) -> ModbusProfile:
-    return exact(ModbusProfile, ModbusProfileFile.model_validate(raw).model_dump(mode="json"))
+    return reader(ModbusProfile).validate_json(json.dumps(raw))
+
+
+def can_profile(raw: Any) -> CanProfile:
+    return reader(CanProfile).validate_json(json.dumps(raw))
 
 
 def drive_config(**changes: Any) -> DriveConfig:

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from drivers_support import PROFILES, drive_profile, modbus_profile, raw_profile
+from drivers_support import PROFILES, can_profile, drive_profile, modbus_profile, raw_profile
 from pydantic import ValidationError
 
-READERS = {"cia402-drive": drive_profile, "modbus": modbus_profile}
+READERS = {"cia402-drive": drive_profile, "modbus": modbus_profile, "can": can_profile}
 
 
 @pytest.mark.parametrize("path", sorted(PROFILES.glob("*.yaml")), ids=lambda path: path.stem)
@@ -43,7 +43,7 @@ DRIVE_MISTAKES = [
     (lambda raw: raw["receive_pdos"].pop(), "not mapped: target_velocity"),
     (_set("profile", "vendor_id", "0x12"), "valid integer"),
     (_set("scaling", "velocity_counts_per_rad_s", 0.0), "greater than 0"),
-    (_set("comment", "x"), "Extra inputs are not permitted"),
+    (_set("comment", "x"), "Unexpected keyword argument"),
     (
         lambda raw: raw["transmit_pdos"][1]["objects"].append(raw["transmit_pdos"][0]["objects"][3]),
         "PDO 2 maps 9 bytes; a frame holds 8",

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from definitions.number_formats import LETTERS, RANGES, SIZES
-from drivers.profile import ReceivePdo, TransmitPdo
+from definitions.profiles.drive import ReceivePdo, TransmitPdo
 from drivers.servo_drive.data_types import to_integer
 from drivers.servo_drive.emcy import EMCY_CLASSES, EMCY_TEXTS, explain_emcy
 from drivers.servo_drive.pdo import PdoCodec, rpdo_cob_id, tpdo_cob_id
@@ -53,8 +53,8 @@ def test_set_point_pdo_on_the_wire() -> None:
 
 
 def test_cob_ids_of_the_predefined_connection_set() -> None:
-    receive = ReceivePdo(1, 1, (), timeout=False)
-    transmit = TransmitPdo(1, 1, ())
+    receive = ReceivePdo(number=1, transmission_type=1, objects=(), timeout=False)
+    transmit = TransmitPdo(number=1, transmission_type=1, objects=())
     assert [rpdo_cob_id(replace(receive, number=n), 5) for n in range(1, 5)] == [0x205, 0x305, 0x405, 0x505]
     assert [tpdo_cob_id(replace(transmit, number=n), 5) for n in range(1, 5)] == [0x185, 0x285, 0x385, 0x485]
     assert rpdo_cob_id(replace(receive, number=5, cob_id=0x225), 5) == 0x225

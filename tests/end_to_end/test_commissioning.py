@@ -6,6 +6,7 @@ The virtual bench is a process of its own, as a bench is, and what hands do ther
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ from station.commissioning.on_wires import on_wires
 from station.commissioning.steps_done import write_down
 
 pytestmark = pytest.mark.wires
+CAN_SENSORS = ROOT / "tests" / "data" / "benches" / "can-sensors.yaml"
 PATIENT = {
     **{part: {"timeout": "500 ms"} for part in ("amplifier", "brake", "remote_io")},
     "drive": {"controller_heartbeat_timeout": "400 ms", "setpoint_timeout": "200 ms"},
@@ -31,10 +33,12 @@ PATIENT = {
 class Bench:
     """A virtual bench that somebody started, and the file by which a technician reaches it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, template: Path = VIRTUAL_BENCH) -> None:
         self.file = folder / "bench.yaml"
         self.folder = folder
         words = ("virtual-bench", "--hands", "--seed", "1", "--can", "127.0.0.1:0", "--modbus", "127.0.0.1:0")
+        if template != VIRTUAL_BENCH:
+            words += ("--bench", str(template))
         self._process = subprocess.Popen(
             [*COMMAND, *words],
             cwd=ROOT,
@@ -45,9 +49,10 @@ class Bench:
         )
         assert self._process.stdout is not None
         ready = json.loads(self._process.stdout.readline())
-        at = {part: {key: ready[part][key] for key in ("host", "port")} for part in ("amplifier", "brake", "remote_io")}
-        at["can"] = {key: ready["can"][key] for key in ("host", "port")}
-        write_changed(VIRTUAL_BENCH, self.file, PATIENT, at, {"bench": {"embedded": False}, "pace": ready["pace"]})
+        parts = [part for part in ("amplifier", "brake", "remote_io") if part in ready]
+        at = {part: {key: ready[part][key] for key in ("host", "port")} for part in (*parts, "can")}
+        patient = {part: change for part, change in PATIENT.items() if part in (*parts, "drive")}
+        write_changed(template, self.file, patient, at, {"bench": {"embedded": False}, "pace": ready["pace"]})
 
     def hand(self, *lines: str) -> None:
         """Do something at the bench."""
@@ -137,6 +142,33 @@ def test_a_wrong_word_order_is_found_by_registers(bench: Bench) -> None:
     bench.profile("virtual-amplifier", {"byte_order: big ": "word_order: little\nbyte_order: big "})
     assert bench.step("probe").exit_code == 0, "numbers all the same"
     assert "'word_order: big'" in refused(bench.guided("registers", PUSHED), "registers")
+
+
+def test_sensors_on_can_are_probed_and_their_frames_browsed(tmp_path: Path) -> None:
+    """Objects and live values without a write; torques that are pressed on; a byte order that is the other one."""
+    shutil.copytree(CAN_SENSORS.parent / "profiles", tmp_path / "profiles")
+    shutil.copy(DRIVER_PROFILES / "can-torque.yaml", tmp_path / "profiles")
+    bench = Bench(tmp_path, CAN_SENSORS)
+    try:
+        told = bench.step("probe").json
+        outcomes = {one["place"]: one["outcome"] for one in told["objects"] if one["place"].startswith("flange")}
+        assert outcomes == {
+            "flange 1018:01": "holds", "flange 1018:02": "holds", "flange 6125:01": "will be written",
+            "flange 1017:00": "will be written",
+        }  # fmt: skip
+        live = {one["channel"]: one for one in told["live"] if "flange" in one["source"] or "encoders" in one["source"]}
+        assert set(live) == {"torque_out", "torque_in", "cycle", "input_counts", "output_counts"}
+        assert all(one["age_ms"] < 1000.0 for one in live.values())
+        assert told["passed"], told["findings"]
+        told = bench.guided("registers", PUSHED).json
+        assert (told["passed"], told["moved"]) == (True, ["torque_in_nm", "torque_out_nm"]), told["findings"]
+        profile = tmp_path / "profiles" / "can-torque.yaml"
+        text = profile.read_text(encoding="utf-8")
+        profile.write_text(text.replace("bytes: 8", "bytes: 8\n    byte_order: big"), encoding="utf-8")
+        bench.passed_before("registers")
+        assert "'byte_order: little'" in refused(bench.guided("registers", PUSHED), "registers")
+    finally:
+        bench.close()
 
 
 def test_an_emergency_stop_at_the_wrong_contact_is_found_by_io(bench: Bench) -> None:

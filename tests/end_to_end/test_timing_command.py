@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from pathlib import Path
 
 import pytest
 from kills import LASTS_S
 from patient import patient_bench, short_recipe
 
 from station.cli.bench.timing import explain, lines
-from station.documents.timing import Realtime
+from station.documents.reading import of_plain
+from station.documents.scan_report import Realtime
+from station.timing.report import TimingReport
 
 pytestmark = [pytest.mark.wires, pytest.mark.wall_clock]
 SECONDS = 1.5
@@ -41,8 +44,9 @@ def test_every_period_is_counted_or_missed_and_the_figures_are_explained(lostmot
     assert sum(gap["missed"] for gap in found["gaps"]) == found["missed"] or found["gaps_in_all"] > len(found["gaps"])
     assert found["counters"], "the bench was not talked to"
     assert found["latest_scans"][0]["lateness_us"] == found["lateness_us"]["max"], "the worst scan has a name"
-    assert found["explanation"] == explain(found)
-    text = "\n".join(lines(found))
+    report = of_plain(TimingReport, found, Path("lostmotion timing --json"))
+    assert found["explanation"] == explain(report)
+    text = "\n".join(lines(report))
     for word in (
         "wake-up latency",
         "read",

@@ -50,6 +50,12 @@ def test_what_once_passed_with_a_wrong_value_is_refused_or_in_its_uncertainty(
     assert found.verdict == "NOT DECIDABLE" or 0.05 < found.largest_en <= 1.0
 
 
+def test_an_angle_that_lags_for_a_part_of_a_cycle_is_seen_by_the_drive() -> None:
+    # 2.5 ms for 3.9 s: the backlash was off by 2.6 of its U, and the verdict PASS.
+    found = measure(pair_of(7, 18))
+    assert found.verdict == "NOT DECIDABLE"
+
+
 def test_a_verdict_on_a_value_that_is_not_true_is_wrong() -> None:
     # No run can tell the gain of a sensor: the bench's master part does.
     found = measure(one_fault("sensor.torque_out", "scale", 1.005, "lock"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoAbortedError
 
 from definitions.faults import FAULT_BY_ID
+from definitions.profiles.modbus import ModbusProfile
 from drivers.servo_drive.emcy import EMCY_TEXTS, explain_emcy
 from drivers.servo_drive.sdo import SDO_ABORTS, explain_abort
 from faultlab.rows import ROWS
@@ -20,8 +22,9 @@ from station.bench.request import DRIVER_PROFILES
 from station.run.faults.machine_faults import DEEDS, Traces
 from virtual_bench.devices import pdo_parameters, pdo_service
 from virtual_bench.drive import cia402_tables
-from virtual_bench.faults.frame_faults import FrameFaults
+from virtual_bench.faults.frame_faults import Frame, FrameFaults
 from virtual_bench.faults.modbus_faults import ModbusFaults
+from virtual_bench.faults.names import VOCABULARY, Vocabulary
 from virtual_bench.faults.scenario import Fault, Scenario
 from virtual_bench.faults.schedule import FaultSchedule
 from virtual_bench.faults.vocabulary import (
@@ -32,7 +35,10 @@ from virtual_bench.faults.vocabulary import (
     NOT_BY_WALL_CLOCK,
     ONCE,
     ONLY_OVER_WIRES,
+    faults_of_devices,
     on_the_wire,
+    only_over_wires,
+    vocabulary_of,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -73,10 +79,11 @@ PROOFS = {
 }
 
 
-def schedule(target: str, verb: str, value: float | None) -> FaultSchedule:
-    row = FAULTS[target, verb]
-    fault = Fault(target=target, verb=verb, value=value if row.value else None, when={"time_s": 0})
-    found = FaultSchedule(Scenario(scenario={"name": "test"}, faults=(fault,)))
+def schedule(target: str, verb: str, value: float | None, known: Vocabulary = FAULTS) -> FaultSchedule:
+    row = known[target, verb]
+    given = {"target": target, "verb": verb, "value": value if row.value else None, "when": {"time_s": 0}}
+    scenario = {"scenario": {"name": "test"}, "faults": (given,)}
+    found = FaultSchedule(Scenario.model_validate(scenario, context={VOCABULARY: known}))
     found.step(0)
     return found
 
@@ -127,21 +134,60 @@ MODBUS_ROWS = [key for key in FAULTS if key[0].startswith("modbus.")]
 
 @pytest.mark.parametrize(("target", "verb"), MODBUS_ROWS)
 def test_every_fault_of_modbus_answers_changes_them(target: str, verb: str) -> None:
+    assert target.split(".")[1] in DEVICES
+    answers_change(target, verb, MAPS, FAULTS)
+
+
+def answers_change(target: str, verb: str, maps: Mapping[str, ModbusProfile], known: Vocabulary) -> None:
     device = target.split(".")[1]
-    assert device in DEVICES
-    registers = MAPS[device]
-    faults = schedule(target, verb, 2.0)
-    modbus = ModbusFaults(faults, MAPS)
+    registers = maps[device]
+    faults = schedule(target, verb, 2.0, known)
+    modbus = ModbusFaults(faults, maps)
     out, sent = [], []
     for number in range(1, 4):
         request = number.to_bytes(2, "big") + bytes.fromhex("0000 0006 01 04 0000") + bytes([0, registers.read.count])
-        words = bytes(17 * number + place for place in range(2 * registers.read.count))
+        words = bytes(17 * number + place & 0xFF for place in range(2 * registers.read.count))
         response = number.to_bytes(2, "big") + bytes([0, 0, 0, 3 + len(words), 1, 4, len(words)]) + words
         sent.append((0.0, response))
         pieces = modbus.in_place(device, request)
         out += modbus.answer(device, request, response) if pieces is None else pieces
     assert out != sent or modbus.is_cut(device) or modbus.takes_reset(device)
     assert faults.unseen() == []
+
+
+SENSOR = {"flange": 0x18B, "flange.heartbeat": 0x70B}
+NAMED = faults_of_devices({"torques": [field.name for field in MAPS["amplifier"].read.fields]}, {"flange": True})
+
+
+@pytest.mark.parametrize(("target", "verb"), [key for key in NAMED if key[0].startswith("can.")])
+def test_every_fault_of_a_named_sensor_changes_what_arrives(target: str, verb: str) -> None:
+    faults = schedule(target, verb, 1.0, NAMED)
+    frames = FrameFaults(faults, NODE, CONTROLLER)
+    frames.add_sensor("flange", [SENSOR["flange"]], SENSOR["flange.heartbeat"] - 0x700)
+    of_another = [Frame(0, 0x18C, bytes([n])) for n in range(4)]
+    assert [frame for sent in of_another for frame in frames.pass_on(sent.cob_id, sent.data)] == of_another
+    sent = [Frame(0, SENSOR.get(target.removeprefix("can."), 0x18B), bytes([n, 0, 7, 1])) for n in range(4)]
+    arrived = [frame for one in sent for frame in frames.pass_on(one.cob_id, one.data)]
+    assert (arrived != sent) == (verb != "reset")
+    assert frames.takes_reset("flange") == (verb == "reset")
+    assert not frames.takes_reset("flange"), "once"
+    assert faults.unseen() == []
+
+
+@pytest.mark.parametrize(("target", "verb"), [key for key in NAMED if key[0].startswith("modbus.")])
+def test_every_fault_of_a_named_device_changes_its_answers(target: str, verb: str) -> None:
+    answers_change(target, verb, {"torques": MAPS["amplifier"]}, NAMED)
+
+
+def test_what_one_bench_can_do_is_named_by_its_devices_and_nothing_else() -> None:
+    both = vocabulary_of({"torques": MAPS["amplifier"], "brake": MAPS["brake"]}, {"box": False})
+    targets = {target for target, _ in both}
+    assert {"modbus.torques", "modbus.torques.sample_counter", "modbus.brake", "can.box", "sensor.angle_in"} <= targets
+    lacking = ("modbus.amplifier", "modbus.amplifier.sample_counter", "can.box.node", "can.box.heartbeat")
+    assert not targets & set(lacking)
+    assert set(FAULTS) < set(vocabulary_of(MAPS, {"box": True}))
+    assert all(only_over_wires(*key) == (key in ONLY_OVER_WIRES) for key in FAULTS)
+    assert all(only_over_wires(*key) for key in NAMED)
 
 
 def test_an_undisturbed_wire_passes_everything_on() -> None:

@@ -18,6 +18,7 @@ from station.cli.faults import faults as command_faults
 
 pytestmark = pytest.mark.wires
 ROOT = Path(__file__).parents[2]
+BENCHES = ROOT / "tests" / "data" / "benches"
 
 
 def patient_run(folder: Path, bench: Path) -> command_faults.How:
@@ -45,6 +46,50 @@ def test_a_drive_that_lies_is_refused_before_anything_moves(tmp_path, capsys):
     assert said["wrong"] == []
     assert "6072:00" in said["refused"]
     assert said["states"] == []
+
+
+SILENT_ENCODERS = """
+scenario: {name: silent encoders}
+faults:
+  - {target: can.encoders, verb: off, when: {state: ramp_pos, after_scans: 100}}
+expect:
+  - {event: sample_late, within_scans: 22}
+  - {event: sample_stale, within_scans: 42}
+  - {reaction: hold, within_scans: 0}
+  - {reaction: quick_stop, within_scans: 21}
+  - {torque_below_nm: 33, within_s: 0.5}
+  - {final_state: fault}
+  - {latched: true}
+never:
+  - {torque_above_nm: 260}
+  - {order_after_fault: enable_operation}
+"""
+
+STANDING_COUNTER = """
+scenario: {name: counter that stands still}
+faults:
+  - {target: modbus.torques.cycle, verb: freeze, when: {state: lock, after_scans: 50}}
+expect:
+  - {event: sample_stale, within_scans: 42}
+  - {reaction: quick_stop, within_scans: 0}
+  - {final_state: fault}
+"""
+
+
+@pytest.mark.parametrize(
+    ("bench", "scenario"),
+    [("can-sensors", SILENT_ENCODERS), ("two-amplifiers", STANDING_COUNTER)],
+    ids=["silence", "counter"],
+)
+def test_a_device_that_has_a_name_in_the_bench_file_is_made_wrong_by_it(tmp_path, capsys, bench, scenario):
+    """CAN encoders that fall silent in the middle of a ramp; a counter that stands still while its torques go on."""
+    path = tmp_path / "scenario.yaml"
+    path.write_text(scenario, encoding="utf-8")
+    recipe = str(brisk_recipe(tmp_path))
+    how = command_faults.How(recipe, wires=True, bench=str(BENCHES / f"{bench}.yaml"), data=tmp_path / "runs")
+    code = command_faults.run(path, how, as_json=True)
+    said = json.loads(capsys.readouterr().out)
+    assert (code, said["wrong"]) == (0, []), said["wrong"]
 
 
 def test_a_row_of_the_matrix_holds_over_wires(tmp_path):

@@ -10,7 +10,8 @@ import pytest
 
 from faultlab.bench_under_test import BenchUnderTest
 from recipes import RecipeError
-from station.bench.assemble_virtual import parse_scenario
+from station.bench.assemble_virtual import parse_scenario, vocabulary_on
+from station.bench.request import load_job
 from virtual_bench.faults.names import (
     COMMAND_NAMES,
     EVENT_NAMES,
@@ -23,6 +24,7 @@ from virtual_bench.faults.names import (
 from virtual_bench.faults.scenario import EXPECT_KINDS
 from virtual_bench.faults.vocabulary import FAULTS, ONLY_OVER_WIRES
 
+ROOT = Path(__file__).parents[2]
 HEAD = "scenario: {name: x}\n"
 FAULT = "faults:\n  - {target: io.guard, verb: open, when: {state: lock}}\n"
 SPARSE = 9
@@ -50,6 +52,27 @@ def problems_of(text: str) -> list[str]:
     with pytest.raises(RecipeError) as refused:
         parse_scenario(text.encode(), "mine.yaml")
     return str(refused.value).splitlines()
+
+
+@pytest.mark.parametrize(
+    ("bench", "wrong", "meant"),
+    [
+        ("can-sensors", "can.encodrs", "can.encoders"),
+        ("can-sensors", "can.flange.hartbeat", "can.flange.heartbeat"),
+        ("can-sensors", "modbus.amplifier", "modbus.brake"),
+        ("two-amplifiers", "modbus.torqes", "modbus.torques"),
+        ("two-amplifiers", "modbus.torques.cycl", "modbus.torques.cycle"),
+    ],
+)
+def test_a_device_that_the_bench_does_not_have_is_refused_with_those_that_it_has(bench, wrong, meant):
+    job = load_job("rv-40e-121-quick", str(ROOT / "tests" / "data" / "benches" / f"{bench}.yaml"))
+    text = f"{HEAD}faults:\n  - {{target: {wrong}, verb: freeze, {LOCK}}}\n"
+    with pytest.raises(RecipeError) as refused:
+        parse_scenario(text.encode(), "mine.yaml", vocabulary_on(job.bench, job.profile_sources))
+    (said,) = str(refused.value).splitlines()
+    assert said.startswith("mine.yaml:3:")
+    assert f"'{wrong}', which is not a target" in said
+    assert f" {meant}," in said or f" {meant}." in said
 
 
 @pytest.mark.parametrize(("target", "verb"), FAULTS)

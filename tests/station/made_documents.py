@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from station.documents.entries import plain as plain_of
 from station.documents.events import Alarm, LeftState
 from station.documents.manifest import Manifest
 from station.documents.reading import Document, of_plain
-from station.documents.reading import plain as plain_of
 from station.documents.result import CheckValue, MetricValue, Result, StageRow
 from station.documents.timing import Timing
 

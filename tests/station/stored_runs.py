@@ -10,8 +10,8 @@ from typing import Any
 
 from station_samples import SETUP
 
+from station.documents.entries import plain
 from station.documents.manifest import RecipeSource, Unit
-from station.documents.reading import plain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import fingerprint, seal
@@ -64,7 +64,8 @@ def store_run(
     sha = {part: fingerprint(run.folder / f"{part}.yaml").sha256 for part in ("recipe", "bench")}
     verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS" if failed is None else "FAIL"
     shown = [
-        dict(one) | ({} if verdict == "PASS" else {"verdict": None if failed is None else "FAIL"}) for one in metrics
+        dict(one) | ({"verdict": None if failed is None else "FAIL"} if verdict != one.get("verdict") else {})
+        for one in metrics
     ]
     result = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
     result |= {

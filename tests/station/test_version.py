@@ -16,8 +16,8 @@ from lostmotion_command import ROOT
 from setuptools_scm import get_version
 
 from controller.decisions import DECISIONS, DECISIONS_VERSION, changes_since
-from station.documents.reading import plain
-from station.version import DECIDING, PACKAGES, checkout, files_sha256, software, version
+from station.documents.entries import plain
+from station.version import DECIDING, PACKAGES, checkout, files_sha256, program_seen, software, version
 
 
 def git(root: Path, *words: str) -> None:
@@ -107,6 +107,19 @@ def test_a_run_names_its_software(golden_run: Any) -> None:
     assert all(said["dependencies"].values())
     assert (said["host"], said["user"]) == (platform.node(), pwd.getpwuid(os.geteuid()).pw_name)
     assert said["decisions"] == DECISIONS_VERSION
+
+
+def test_a_process_sees_that_the_program_was_changed_since_it_was_loaded(copy: Path) -> None:
+    before = program_seen(copy)
+    file = copy / PACKAGES[0] / "one.py"
+    (copy / PACKAGES[0]).mkdir(exist_ok=True)
+    file.write_text("x = 1\n")
+    added = program_seen(copy)
+    (copy / PACKAGES[0] / "__pycache__").mkdir(exist_ok=True)
+    (copy / PACKAGES[0] / "__pycache__" / "one.o").write_text("made while it runs")
+    assert program_seen(copy) == added != before
+    file.write_text("x = 22\n")
+    assert program_seen(copy) != added
 
 
 def test_versions_of_the_decisions_follow_each_other() -> None:

@@ -13,7 +13,7 @@ import pytest
 from pymodbus.client import AsyncModbusSerialClient
 from pymodbus.exceptions import ModbusIOException
 
-from drivers.profile import IdentityRegister, ModbusProfile, ModbusProfileHeader, ReadBlock, ReadField
+from definitions.profiles.modbus import IdentityRegister, ModbusProfile, ModbusProfileHeader, ReadBlock, ReadField
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import CanBus, ModbusPort
 from virtual_bench.devices.modbus_rtu import RtuLine
@@ -75,6 +75,14 @@ def test_each_device_of_a_line_answers_its_own_unit_only(unit_id: int, found: li
     time = bench_time()
     line = RtuLine([server(time, 2, 17), server(time, 3, 23)], "", quiet, time)
     assert asyncio.run(asked(line, unit_id, 0.3 if found is None else 10.0)) == found
+
+
+def test_the_bytes_that_a_scan_waits_for_are_those_of_the_line() -> None:
+    """Unit, function, count, two registers and check sum: an answer on a line has no header as on TCP."""
+    time = bench_time()
+    there = server(time, 2, 17)
+    assert asyncio.run(asked(RtuLine([there], "", quiet, time), 2)) == [0x4C42, 17]
+    assert there.bytes_sent == 1 + 1 + 1 + 2 * 2 + 2
 
 
 @pytest.mark.parametrize("verb", ["off", "silence", "exception", "truncate", "wrong_unit"])

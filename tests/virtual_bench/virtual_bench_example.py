@@ -6,15 +6,14 @@ from dataclasses import replace
 from math import pi
 from pathlib import Path
 
+from drivers.config import DriveConfig
 from station.bench.assemble import drive_profile, modbus_profile
 from station.bench.files import FileAt
 from virtual_bench.config import (
     AngleSensor,
     BenchConfig,
     BrakeConfig,
-    DriveConfig,
     ModbusPort,
-    Protections,
     ServerConfig,
     TorqueSensor,
 )
@@ -37,7 +36,16 @@ def example_bench_config() -> BenchConfig:
             gear_ratio=1.0,
             rated_torque_nm=5.0,
             profile=drive_profile(profile("virtual-drive")),
-            protections=Protections(max_torque_nm=5.5, max_speed_rad_s=4 * pi, torque_slope_nm_s=50.0),
+            max_torque_nm=5.5,
+            max_speed_rad_s=4 * pi,
+            torque_slope_nm_s=50.0,
+            controller_heartbeat_s=0.02,
+            controller_heartbeat_timeout_s=0.1,
+            drive_heartbeat_s=0.02,
+            setpoint_timeout_s=0.05,
+            abort_connection_option=2,
+            quick_stop_option=2,
+            fault_reaction_option=2,
         ),
         brake=BrakeConfig(torque_constant_nm_per_a=100.0, max_current_a=10.0, time_constant_s=0.08),
         torque_in=TorqueSensor(5.0),
@@ -50,11 +58,7 @@ def example_bench_config() -> BenchConfig:
 def example_output_config() -> BenchConfig:
     """Return a bench with servo and gearbox at the output, brake at the input."""
     bench_config = example_bench_config()
-    drive = replace(
-        bench_config.drive,
-        gear_ratio=100.0,
-        protections=Protections(max_torque_nm=5.5, max_speed_rad_s=100.0, torque_slope_nm_s=50.0),
-    )
+    drive = replace(bench_config.drive, gear_ratio=100.0, max_speed_rad_s=100.0)
     brake = BrakeConfig(torque_constant_nm_per_a=1.0, max_current_a=10.0, time_constant_s=0.08)
     return replace(bench_config, loading="output", drive=drive, brake=brake, torque_in=None)
 

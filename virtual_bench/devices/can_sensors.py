@@ -1,7 +1,7 @@
 """Sensors on the CAN bus of the virtual bench: they send frames in their own time, or with every SYNC.
 
-A CANopen node among them is silent until NMT has started it. What its frames hold is told by data: fields, and the
-channel that each shows.
+A CANopen node among them has an object dictionary, which durand serves, says its state where 0x1017 asks for that, and
+sends no values until NMT has started it. What its frames hold is told by data: fields, and the channel that each shows.
 """
 
 from __future__ import annotations
@@ -10,13 +10,29 @@ import struct
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from drivers.profile import CanField, CanFrame
+from durand import Node
+from durand.datatypes import DatatypeEnum
+from durand.node import NodeCapabilities
+from durand.object_dictionary import ObjectDictionary, Record, Variable
+from durand.services.nmt import StateEnum
+
+from definitions.number_formats import IntegerType
+from definitions.profiles.can import CanField, CanFrame
+from definitions.profiles.drive import StartupObject
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import CanSensorPort
+from virtual_bench.devices.canopen_node import Heartbeat, NodeNetwork
 
-SYNC_COB, NMT_COB = 0x080, 0x000
-NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL, NMT_RESETS = 0x01, 0x02, 0x80, (0x81, 0x82)
-ALL_NODES = 0
+SYNC_COB = 0x080
+
+DATA_TYPES: Mapping[IntegerType, DatatypeEnum] = {
+    "u8": DatatypeEnum.UNSIGNED8,
+    "i8": DatatypeEnum.INTEGER8,
+    "u16": DatatypeEnum.UNSIGNED16,
+    "i16": DatatypeEnum.INTEGER16,
+    "u32": DatatypeEnum.UNSIGNED32,
+    "i32": DatatypeEnum.INTEGER32,
+}
 
 
 class CanSensor:
@@ -30,24 +46,49 @@ class CanSensor:
         time: BenchTime,
     ) -> None:
         self._config, self._read, self._send, self._time = config, read, send, time
-        self._operational = config.node_id is None
+        self.name = config.name
         self._begun = 0
+        self._node: Node | None = None
+        self._heartbeat: Heartbeat | None = None
+        if config.node_id is not None:
+            self._network = NodeNetwork(send)
+            self._node = Node(self._network, config.node_id, capabilities=NodeCapabilities(1, 0, 0))
+            self._heartbeat = Heartbeat(self._node, time)
+            self._add_objects(self._node.object_dictionary)
+            self._node.nmt.set_state(StateEnum.PRE_OPERATIONAL)
+
+    def _add_objects(self, dictionary: ObjectDictionary) -> None:
+        identity = self._config.identity
+        for subindex, number in enumerate((identity.vendor_id, identity.product_code) if identity else (), start=1):
+            dictionary[0x1018][subindex].value = number
+        for row in self._config.startup:
+            _add_object(dictionary, row)
+
+    def reset(self) -> None:
+        """Start anew, as after a failure of its supply: what was set in it is gone, and it waits to be started."""
+        if self._node is not None:
+            self._node.nmt.reset()
+            for index, subindex in ((0x1017, 0), *((row.index, row.subindex) for row in self._config.startup)):
+                self._node.object_dictionary.write(index, subindex, 0)
+
+    @property
+    def _operational(self) -> bool:
+        return self._node is None or self._node.nmt.state == StateEnum.OPERATIONAL
 
     def receive(self, cob_id: int, data: bytes) -> None:
-        """Take a frame from the bus: SYNC and NMT mean something to it."""
+        """Take a frame from the bus: SYNC means something to it, and to a node NMT and SDO."""
         if cob_id == SYNC_COB and self._config.every_s is None:
             self._send_frames()
-        elif cob_id == NMT_COB and self._config.node_id is not None and len(data) == 2:
-            command, node_id = data
-            if node_id in (ALL_NODES, self._config.node_id):
-                if command == NMT_START:
-                    self._operational = True
-                elif command in (NMT_STOP, NMT_PRE_OPERATIONAL, *NMT_RESETS):
-                    self._operational = False
+        elif self._node is not None:
+            receiver = self._network.subscriptions.get(cob_id)
+            if receiver is not None:
+                receiver(cob_id, data)
 
     def begin(self) -> None:
         """Send from now on, the first time with the next piece of time that passes."""
         self._begun += 1
+        if self._heartbeat is not None:
+            self._heartbeat.begin()
         if self._config.every_s is not None:
             self._time.after(0.0, partial(self._tick, self._begun, self._config.every_s))
 
@@ -61,6 +102,17 @@ class CanSensor:
             values = self._read()
             for frame in self._config.frames:
                 self._send(frame.identifier, encode_frame(frame, values))
+
+
+def _add_object(dictionary: ObjectDictionary, row: StartupObject) -> None:
+    """Add an object that is written at start-up; as delivered it holds nothing."""
+    variable = Variable(DATA_TYPES[row.type], "rw", 0, name=row.meaning)
+    if not row.subindex:
+        dictionary[row.index] = variable
+        return
+    if row.index not in dictionary:
+        dictionary[row.index] = Record(name=row.meaning)
+    dictionary[row.index][row.subindex] = variable
 
 
 def encode_frame(frame: CanFrame, values: Mapping[str, float]) -> bytes:

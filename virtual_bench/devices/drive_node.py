@@ -11,12 +11,12 @@ from functools import partial
 from typing import Any
 
 from durand import Node
-from durand.network import NetworkABC
 from durand.node import NodeCapabilities
 from durand.services.nmt import StateEnum
 
+from drivers.config import DriveConfig
 from virtual_bench.bench_time import BenchTime
-from virtual_bench.config import DriveConfig
+from virtual_bench.devices.canopen_node import Heartbeat, NodeNetwork, Receiver
 from virtual_bench.devices.drive_dictionary import DriveDictionary
 from virtual_bench.devices.pdo_parameters import SETPOINT_PDO
 from virtual_bench.devices.pdo_service import PdoService
@@ -28,30 +28,6 @@ from virtual_bench.physics.plant import Plant
 
 SYNC_COB = 0x080
 NMT_COB, NMT_RESET_COMMUNICATION = 0x000, 0x82
-HEARTBEAT_COB, HEARTBEAT_TIME = 0x700, (0x1017, 0)
-
-Receiver = Callable[[int, bytes], None]
-
-
-class NodeNetwork(NetworkABC):  # type: ignore[misc]
-    """The bus as durand sees it: subscriptions in a table, frames out through a function."""
-
-    def __init__(self, send: Callable[[int, bytes], None]) -> None:
-        self.subscriptions: dict[int, Receiver] = {}
-        self._send = send
-
-    def add_subscription(self, cob_id: int, callback: Receiver) -> None:
-        """Have a function called with every frame of one identifier."""
-        self.subscriptions[cob_id] = callback
-
-    def remove_subscription(self, cob_id: int, callback: Receiver | None = None) -> None:
-        """End a subscription; durand names the function in some places and not in others."""
-        del callback
-        self.subscriptions.pop(cob_id, None)
-
-    def send(self, cob_id: int, msg: bytes) -> None:
-        """Put a frame on the bus."""
-        self._send(cob_id, bytes(msg))
 
 
 class DriveNode:
@@ -73,17 +49,13 @@ class DriveNode:
         self._time = time
         self._ready = False
         self._booted = False
-        self._heartbeat_s = 0.0
-        self._heartbeats_begun = 0
         self.axis = DriveAxis(plant, config, self._emcy)
         self.faults = FaultInjector(scenario, plant, self.axis, (config.node_id, config.controller_node_id), report)
         self._network = NodeNetwork(self._send)
         self.node = Node(self._network, config.node_id, capabilities=NodeCapabilities(1, 0, 0))
         self._dictionary = DriveDictionary(self.node, self.axis, self.faults, plant, config)
         self._pdo = PdoService(self.node, self._dictionary.mappable(), self._send_pdo, self._pdo_length)
-        written = self.node.object_dictionary.update_callbacks[HEARTBEAT_TIME]
-        written.remove(self.node.heartbeat_producer._update_interval)  # noqa: SLF001 - by the wall clock
-        written.add(self._take_heartbeat_time)
+        self.heartbeat = Heartbeat(self.node, time)
         self._restore()
         self.node.nmt.state_callbacks.add(self._nmt_changed)
         self._network.add_subscription(SYNC_COB, self._sync)
@@ -143,24 +115,6 @@ class DriveNode:
                 self._time.after(frame.delay_ns * 1e-9, partial(way, frame.cob_id, frame.data))
             else:
                 way(frame.cob_id, frame.data)
-
-    def begin_heartbeats(self) -> None:
-        """Send heartbeats from now on, the first one with the next piece of time that passes."""
-        self._heartbeats_begun += 1
-        if self._heartbeat_s:
-            self._time.after(0.0, partial(self._beat, self._heartbeats_begun))
-
-    def _take_heartbeat_time(self, milliseconds: int) -> None:
-        """Take 0x1017: the first heartbeat comes at once."""
-        self._heartbeat_s = milliseconds * 1e-3
-        self._heartbeats_begun += 1
-        if milliseconds:
-            self._beat(self._heartbeats_begun)
-
-    def _beat(self, begun: int) -> None:
-        if begun == self._heartbeats_begun:  # otherwise its time was written anew, and others are on their way
-            self._network.send(HEARTBEAT_COB + self._config.node_id, bytes([self.node.nmt.state]))
-            self._time.after(self._heartbeat_s, partial(self._beat, begun))
 
     def _emcy(self, code: int, register: int) -> None:
         if self._ready:

@@ -20,7 +20,7 @@ from typing import Any
 import can
 
 from drivers.can.bus import CanLink, open_can
-from drivers.config import CanConfig
+from drivers.config import CanConfig, CanSensorConfig
 from virtual_bench.devices.modbus_gateway import HOST, ModbusGateway, ModbusTarget
 from virtual_bench.devices.process_lines import NOT_SEEN, LogLine, ParentInput, log_line, print_ready, tell_acted
 from virtual_bench.errors import VirtualBenchError
@@ -42,7 +42,8 @@ class GatewayConfig:
     can: CanConfig
     node_id: int
     controller_node_id: int
-    devices: dict[str, ModbusTarget]  # amplifier, brake, remote_io
+    devices: dict[str, ModbusTarget]  # by their names in the bench file
+    can_sensors: tuple[CanSensorConfig, ...] = ()
     end_with_parent: bool = False
 
 
@@ -66,6 +67,8 @@ class CanGateway:
 
     def __init__(self, config: GatewayConfig, schedule: FaultSchedule, log: LogLine) -> None:
         self.frames = FrameFaults(schedule, config.node_id, config.controller_node_id)
+        for sensor in config.can_sensors:
+            self.frames.add_sensor(sensor.name, [frame.identifier for frame in sensor.frames], sensor.node_id)
         self.server = SocketcandServer(config.can.channel, self._from_controller, log)
         self._config = config
         self._log = log

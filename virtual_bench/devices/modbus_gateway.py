@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass
 
-from drivers.profile import ModbusProfile
+from definitions.profiles.modbus import ModbusProfile
 from virtual_bench.faults.modbus_faults import ModbusFaults, Piece
 
 HOST = "127.0.0.1"

@@ -16,7 +16,7 @@ from durand.datatypes import DatatypeEnum
 from durand.object_dictionary import Array, Record, Variable
 from durand.services.sdo.server import SDODomainAbort
 
-from drivers.profile import ReceivePdo, TransmitPdo
+from definitions.profiles.drive import ReceivePdo, TransmitPdo
 
 INVALID = 1 << 31
 NO_RTR = 1 << 30

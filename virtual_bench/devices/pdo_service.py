@@ -12,7 +12,7 @@ from collections.abc import Callable
 from durand import Node
 from durand.services.nmt import StateEnum
 
-from drivers.profile import ReceivePdo, TransmitPdo
+from definitions.profiles.drive import ReceivePdo, TransmitPdo
 from virtual_bench.devices.pdo_parameters import SYNCHRONOUS, TRANSMIT_COMMUNICATION, Channel, Mappable, PdoParameters
 
 COB_MASK = 0x7FF

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from virtual_bench.faults.names import VOCABULARY, Vocabulary
 from virtual_bench.faults.scenario import Fault
 from virtual_bench.faults.schedule import Acted, FaultSchedule
 
@@ -53,8 +54,11 @@ class Hands:
     presses on a sensor. The vocabulary is that of scenarios.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, faults: FaultSchedule, log: LogLine) -> None:
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, faults: FaultSchedule, log: LogLine, vocabulary: Vocabulary
+    ) -> None:
         self._loop, self._faults, self._log = loop, faults, log
+        self._context = {VOCABULARY: vocabulary}
         self._rest = b""
 
     def read(self) -> None:
@@ -75,8 +79,9 @@ class Hands:
                     self._log("not_understood", f"{target} {verb} is not active")
                 return
             (value,) = more or ("",)
-            fault = {"target": target, "verb": verb, "when": {"time_s": 0.0}}
-            self._faults.inject([Fault.model_validate(fault | ({"value": float(value)} if value else {}))])
+            fault: dict[str, object] = {"target": target, "verb": verb, "when": {"time_s": 0.0}}
+            fault |= {"value": float(value)} if value else {}
+            self._faults.inject([Fault.model_validate(fault, context=self._context)])
         except ValueError as error:
             self._log("not_understood", f"{' '.join(words)[:80]!r}: {' '.join(str(error).split())}")
 

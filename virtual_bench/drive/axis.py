@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import pi
 
-from virtual_bench.config import DriveConfig, Protections
+from drivers.config import DriveConfig
+from virtual_bench.config import sign, torque_unit_nm
 from virtual_bench.drive.cia402_machine import Cia402Machine
 from virtual_bench.physics.motor_stop import Demand
 from virtual_bench.physics.plant import Plant
@@ -19,9 +20,9 @@ class DriveAxis:
     def __init__(self, plant: Plant, config: DriveConfig, on_emcy: Callable[[int, int], None] | None = None) -> None:
         self.machine = Cia402Machine(config.profile.scaling.position_counts_per_motor_rev, on_emcy)
         self._plant = plant
-        self._torque_unit_nm = config.torque_unit_nm
-        self._sign = config.sign
-        self._counts_per_rad_s = config.sign * config.profile.scaling.velocity_counts_per_rad_s
+        self._torque_unit_nm = torque_unit_nm(config)
+        self._sign = sign(config)
+        self._counts_per_rad_s = self._sign * config.profile.scaling.velocity_counts_per_rad_s
         self._limit_until_ns = -1
         self._applied: Demand | None = None
         self.apply_limits()
@@ -57,16 +58,16 @@ class DriveAxis:
         if self.machine.motion.demand is not self._applied:
             self.apply()
 
-    def protect(self, protections: Protections, controller_node_id: int) -> None:
+    def protect(self, config: DriveConfig) -> None:
         """Write a controller's protections as it would over SDO, rounded as the objects round them."""
         objects, unit = self.machine.objects, self._torque_unit_nm
-        objects.max_torque_permille = round(protections.max_torque_nm / unit)
-        objects.max_speed_rpm = round(protections.max_speed_rad_s * 60.0 / (2.0 * pi))
-        objects.torque_slope_permille_s = round(protections.torque_slope_nm_s / unit)
-        objects.setpoint_timeout_ms = round(protections.setpoint_timeout_s * 1e3)
-        objects.abort_connection = protections.abort_connection_option
-        objects.quick_stop_option = protections.quick_stop_option
-        objects.fault_reaction_option = protections.fault_reaction_option
-        timeout_ms = round(protections.controller_heartbeat_timeout_s * 1e3)
-        self.machine.consume_heartbeats_of(controller_node_id, timeout_ms)
+        objects.max_torque_permille = round(config.max_torque_nm / unit)
+        objects.max_speed_rpm = round(config.max_speed_rad_s * 60.0 / (2.0 * pi))
+        objects.torque_slope_permille_s = round(config.torque_slope_nm_s / unit)
+        objects.setpoint_timeout_ms = round(config.setpoint_timeout_s * 1e3)
+        objects.abort_connection = config.abort_connection_option
+        objects.quick_stop_option = config.quick_stop_option
+        objects.fault_reaction_option = config.fault_reaction_option
+        timeout_ms = round(config.controller_heartbeat_timeout_s * 1e3)
+        self.machine.consume_heartbeats_of(config.controller_node_id, timeout_ms)
         self.apply_limits()

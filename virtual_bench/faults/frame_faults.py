@@ -6,6 +6,7 @@ are known here: no sockets, no clock.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from virtual_bench.faults.schedule import LOST, FaultSchedule
@@ -46,8 +47,24 @@ class FrameFaults:
             EMCY_BASE + node_id: "can.drive.emcy",
             SDO_ANSWER_BASE + node_id: SDO,
         }
+        self._nodes: set[str] = set()  # of sensors that have started anew
         self._held: dict[int, bytes] = {}  # of reordered frames, by identifier
         self._last: dict[int, bytes] = {}  # of stuck frames, by identifier
+
+    def add_sensor(self, name: str, identifiers: Iterable[int], node_id: int | None) -> None:
+        """Let the frames of a sensor on CAN be targets, by its name."""
+        self._targets |= dict.fromkeys(identifiers, f"can.{name}")
+        if node_id is not None:
+            self._targets[HEARTBEAT_BASE + node_id] = f"can.{name}.heartbeat"
+
+    def takes_reset(self, name: str) -> bool:
+        """Tell, once, that a sensor starts anew."""
+        target = f"can.{name}.node"
+        if self._schedule.value(target, "reset") is None or name in self._nodes:
+            return False
+        self._nodes.add(name)
+        self._schedule.seen(target)
+        return True
 
     def fate(self, target: str) -> int:
         """Return what becomes of a frame whose bytes nobody changes: `LOST`, or the delay in ns."""

@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from drivers.profile import ModbusProfile, ReadField
+from definitions.profiles.modbus import ModbusProfile, ReadField
 from virtual_bench.faults.schedule import FaultSchedule
 
 HEADER_BYTES = 7  # up to and with the unit
 DATA_AT = 9  # of the registers in the answer to a read: after unit, function and byte count
-READS = (3, 4)
+REGISTER_TABLES = {3: "holding", 4: "input"}
+"""Tables that are read by each function code for registers."""
+BIT_READS = (1, 2)
 EXCEPTION_BIT, DEVICE_FAILURE = 0x80, 4
 SPLIT_S = 0.0015
 WORD = 2
@@ -90,19 +92,23 @@ class ModbusFaults:
 
     def _registers_changed(self, device: str, request: bytes, response: bytes, active: set[str]) -> bytes:
         """Return a response with its registers changed; answers that carry none stay as they are."""
-        if response[HEADER_BYTES] not in READS:
+        function = response[HEADER_BYTES]
+        if function not in (*REGISTER_TABLES, *BIT_READS):
             return response
         key = (device, request[6:])
         if "freeze" in active:
             kept = self._kept.setdefault(key, response)
             return response[:2] + kept[2:]
+        if function in BIT_READS:
+            return response
         data = bytearray(response)
         if "garbage" in active:  # but for the first register: a device that is not itself is another fault
             data[DATA_AT + WORD :] = self._schedule.dice.randbytes(len(data) - DATA_AT - WORD)
         registers = self._registers.get(device)
-        if registers is not None and request[8:10] == registers.read.address.to_bytes(2, "big"):
-            for row in registers.read.fields:
-                self._change_register(device, row, data, swap="swap" in active)
+        for block in () if registers is None else (registers.read, *registers.read_also):
+            if block.table == REGISTER_TABLES[function] and request[8:10] == block.address.to_bytes(2, "big"):
+                for row in block.fields:
+                    self._change_register(device, row, data, swap="swap" in active)
         return bytes(data)
 
     def _change_register(self, device: str, row: ReadField, data: bytearray, *, swap: bool) -> None:

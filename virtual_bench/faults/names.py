@@ -5,21 +5,26 @@ A misspelt name must never be taken for something that did not happen: `never: {
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from functools import partial
 from typing import Annotated
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from definitions.faults import FAULT_BY_ID
 from definitions.image import Command, DriveCommand, State
 from virtual_bench.faults.reactions import REACTION_NAMES, REACTIONS, reaction_of
-from virtual_bench.faults.vocabulary import FAULTS
+from virtual_bench.faults.vocabulary import FAULTS, Verb
 
 LONGEST_EXCERPT = 60
 """Characters of a name that are repeated in a message."""
+
+Vocabulary = Mapping[tuple[str, str], Verb]
+
+VOCABULARY = "faults"
+"""Key of the validation context with the vocabulary of the bench that a scenario is for; without it `FAULTS`."""
 
 TARGETS = tuple(sorted({target for target, _ in FAULTS}))
 STATE_NAMES = tuple(state.name.lower() for state in State)
@@ -53,11 +58,17 @@ def did_you_mean(name: str, names: Sequence[str]) -> str:
     return f"Did you mean '{close[0]}'?" if close else ""
 
 
-def verb_of(target: str, verb: str) -> str:
+def vocabulary_in(info: ValidationInfo) -> Vocabulary:
+    """Return the faults that a scenario may name."""
+    found: Vocabulary = (info.context or {}).get(VOCABULARY, FAULTS)
+    return found
+
+
+def verb_of(target: str, verb: str, vocabulary: Vocabulary) -> str:
     """Return a verb that a target has. Raises PydanticCustomError with all that it has for any other."""
-    if (target, verb) in FAULTS:
+    if (target, verb) in vocabulary:
         return verb
-    verbs = sorted(known for of, known in FAULTS if of == target)
+    verbs = sorted(known for of, known in vocabulary if of == target)
     raise refusal(f"{excerpt(verb)}, which is not a fault of {target}", one_of(verbs), did_you_mean(verb, verbs))
 
 
@@ -72,6 +83,10 @@ def _checked(kind: str, names: tuple[str, ...]) -> AfterValidator:
     return AfterValidator(partial(_one_name, kind=kind, names=names))
 
 
+def _target(name: str, info: ValidationInfo) -> str:
+    return _one_name(name, "a target", tuple(sorted({target for target, _ in vocabulary_in(info)})))
+
+
 def _order(name: str) -> str:
     """Check an order, and know a reaction: people read those names first, in messages and reports."""
     if name in ORDER_NAMES or name not in REACTION_NAMES:
@@ -82,7 +97,7 @@ def _order(name: str) -> str:
     raise refusal(f"{excerpt(name)}, which is a reaction", one_of(ORDER_NAMES), hint)
 
 
-Target = Annotated[str, _checked("a target", TARGETS)]
+Target = Annotated[str, AfterValidator(_target)]
 StateName = Annotated[str, _checked("a state", STATE_NAMES)]
 EventName = Annotated[str, _checked("a fault of the fault table", EVENT_NAMES)]
 ReactionName = Annotated[str, _checked("a reaction", REACTION_NAMES)]

@@ -34,8 +34,9 @@ from virtual_bench.faults.names import (
     Target,
     refusal,
     verb_of,
+    vocabulary_in,
 )
-from virtual_bench.faults.vocabulary import BY_STATION, FAULTS, ONCE
+from virtual_bench.faults.vocabulary import BY_STATION, ONCE
 
 OF_THE_RECORD = ("found_as", "record", "verdict")
 """What can be expected of the kept record of a run over wires; a run in virtual time need not have one."""
@@ -105,12 +106,13 @@ class Fault(Strict):
     @classmethod
     def _of_target(cls, verb: str, info: ValidationInfo) -> str:
         target = info.data.get("target")  # missing where it is wrong itself, and reported there
-        return verb if target is None else verb_of(target, verb)
+        return verb if target is None else verb_of(target, verb, vocabulary_in(info))
 
     @model_validator(mode="after")
-    def _known(self) -> Self:
-        key = (self.target, self.verb)
-        name, row = " ".join(key), FAULTS[key]
+    def _known(self, info: ValidationInfo) -> Self:
+        vocabulary, key = vocabulary_in(info), (self.target, self.verb)
+        verb_of(self.target, self.verb, vocabulary)  # a fault of another bench that is put into a scenario of this one
+        name, row = " ".join(key), vocabulary[key]
         if row.value and self.value is None:
             raise refusal("no value", f"{name} needs value: {row.value}", "Add it.")
         if self.value is not None and not row.value:

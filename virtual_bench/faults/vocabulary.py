@@ -1,12 +1,16 @@
 """The vocabulary of faults: what the virtual bench can do wrong, one row per target and verb.
 
 A scenario names a row, gives its value where it has one, and says when it starts. `acts_on` is what a controller finds
-changed: a fault counts as seen only once that has happened.
+changed: a fault counts as seen only once that has happened. `FAULTS` has what every bench can do; what the devices of
+one bench can do by their names stands in `faults_of_devices`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
+
+from definitions.profiles.modbus import ModbusProfile
 
 INF = float("inf")
 DEVICES = ("amplifier", "brake", "remote_io")
@@ -57,41 +61,69 @@ def _frames() -> dict[tuple[str, str], Verb]:
         rows[target, "drop"] = Verb("share of the frames that is lost, 0 to 1", 0.0, 1.0, "frames are missing")
     for target in ("can.drive.tpdo1", "can.setpoint"):
         rows[target, "drop_next"] = Verb("number of frames that are lost", 1, 1_000_000, "frames are missing")
-    target = "can.drive.tpdo1"
-    rows[target, "delay"] = Verb("ms by which frames are late", 0.0, 10_000.0, "frames are late")
-    rows[target, "jitter"] = Verb(
-        "ms by which frames are late at most", 0.0, 10_000.0, "each frame is late by a random time"
-    )
-    rows[target, "duplicate"] = _plain("every frame comes twice")
-    rows[target, "reorder"] = _plain("every second frame comes before the one that was sent first")
-    rows[target, "truncate"] = Verb("bytes that are missing at the end, 1 to 8", 1, 8, "frames are too short")
-    rows[target, "corrupt"] = _plain("frames carry wrong data with a valid check sum")
-    rows[target, "stuck"] = _plain("frames repeat old data")
-    return rows
+    return rows | {("can.drive.tpdo1", verb): row for verb, row in BYTES_OF_FRAMES.items()}
+
+
+BYTES_OF_FRAMES: dict[str, Verb] = {
+    "delay": Verb("ms by which frames are late", 0.0, 10_000.0, "frames are late"),
+    "jitter": Verb("ms by which frames are late at most", 0.0, 10_000.0, "each frame is late by a random time"),
+    "duplicate": _plain("every frame comes twice"),
+    "reorder": _plain("every second frame comes before the one that was sent first"),
+    "truncate": Verb("bytes that are missing at the end, 1 to 8", 1, 8, "frames are too short"),
+    "corrupt": _plain("frames carry wrong data with a valid check sum"),
+    "stuck": _plain("frames repeat old data"),
+}
+"""What becomes of the frames of one identifier that arrive."""
+
+OF_A_DEVICE: dict[str, Verb] = {
+    "off": _plain("connections are closed and refused"),
+    "reset": _plain("connections are closed once"),
+    "exception": _plain("every answer is an exception"),
+    "silence": _plain("requests stay without answer"),
+    "slow": Verb("ms by which answers are late", 0.0, 10_000.0, "answers come late"),
+    "freeze": _plain("the registers keep their values"),
+    "truncate": _plain("answers lack their last register"),
+    "wrong_id": _plain("answers carry another transaction's number"),
+    "wrong_unit": _plain("answers come from another unit"),
+}
+"""What a device on Modbus can do wrong."""
+
+OF_A_MEASURING_DEVICE: dict[str, Verb] = {
+    "jitter": Verb("ms by which answers are late at most", 0.0, 10_000.0, "each answer is late by a random time"),
+    "split": _plain("answers come in two pieces"),
+    "garbage": _plain("registers hold random values, except the identity"),
+    "swap": _plain("the words of 32-bit values are swapped"),
+}
+"""What one that measures can do wrong besides."""
+
+REGISTER_FREEZE = _plain("this register keeps its value, the others change")
 
 
 def _devices() -> dict[tuple[str, str], Verb]:
+    rows = {(f"modbus.{device}", verb): row for device in DEVICES for verb, row in OF_A_DEVICE.items()}
+    rows |= {("modbus.amplifier", verb): row for verb, row in OF_A_MEASURING_DEVICE.items()}
+    return rows | {(f"modbus.{register}", "freeze"): REGISTER_FREEZE for register in REGISTERS}
+
+
+def faults_of_devices(modbus: Mapping[str, Iterable[str]], sensors: Mapping[str, bool]) -> dict[tuple[str, str], Verb]:
+    """Return what the devices of a bench that measure can do wrong, by their names; all of it over wires only.
+
+    `modbus`: devices on Modbus with their fields. `sensors`: those on CAN, and whether each is a CANopen node.
+    """
     rows = {}
-    for device in DEVICES:
-        target = f"modbus.{device}"
-        rows[target, "off"] = _plain("connections are closed and refused")
-        rows[target, "reset"] = _plain("connections are closed once")
-        rows[target, "exception"] = _plain("every answer is an exception")
-        rows[target, "silence"] = _plain("requests stay without answer")
-        rows[target, "slow"] = Verb("ms by which answers are late", 0.0, 10_000.0, "answers come late")
-        rows[target, "freeze"] = _plain("the registers keep their values")
-        rows[target, "truncate"] = _plain("answers lack their last register")
-        rows[target, "wrong_id"] = _plain("answers carry another transaction's number")
-        rows[target, "wrong_unit"] = _plain("answers come from another unit")
-    target = "modbus.amplifier"
-    rows[target, "jitter"] = Verb(
-        "ms by which answers are late at most", 0.0, 10_000.0, "each answer is late by a random time"
-    )
-    rows[target, "split"] = _plain("answers come in two pieces")
-    rows[target, "garbage"] = _plain("registers hold random values, except the identity")
-    rows[target, "swap"] = _plain("the words of 32-bit values are swapped")
-    for register in REGISTERS:
-        rows[f"modbus.{register}", "freeze"] = _plain("this register keeps its value, the others change")
+    for device, fields in modbus.items():
+        for verb, row in (OF_A_DEVICE | OF_A_MEASURING_DEVICE).items():
+            rows[f"modbus.{device}", verb] = row
+        for field in fields:
+            rows[f"modbus.{device}.{field}", "freeze"] = REGISTER_FREEZE
+    for sensor, is_node in sensors.items():
+        target = f"can.{sensor}"
+        rows[target, "off"] = _plain("no frames of this sensor")
+        rows[target, "drop"] = Verb("share of the frames that is lost, 0 to 1", 0.0, 1.0, "frames are missing")
+        rows |= {(target, verb): row for verb, row in BYTES_OF_FRAMES.items()}
+        if is_node:
+            rows[f"{target}.heartbeat", "off"] = _plain("no heartbeat of this sensor")
+            rows[f"{target}.node", "reset"] = _plain("the sensor restarts: what was set in it is lost")
     return rows
 
 
@@ -180,6 +212,28 @@ ONLY_OVER_WIRES = (
 """Needs bytes, a set-up, or a process of its own: what virtual time has none of."""
 
 
+BY_NAME = faults_of_devices({"NAME": ("FIELD",)}, {"NAME": True})
+"""The same with NAME and FIELD in place of what a bench file and a profile say: for pages and lists."""
+
+
+def vocabulary_of(devices: Mapping[str, ModbusProfile], sensors: Mapping[str, bool]) -> dict[tuple[str, str], Verb]:
+    """Return all that can be made wrong on a bench with these devices on Modbus and these sensors on CAN, by name."""
+    fields = {
+        name: [field.name for block in (profile.read, *profile.read_also) for field in block.fields]
+        for name, profile in devices.items()
+        if name not in DEVICES
+    }
+    lacking = () if "amplifier" in devices else ("modbus.amplifier",)
+    everywhere = {key: row for key, row in FAULTS.items() if not key[0].startswith(lacking)}
+    return everywhere | faults_of_devices(fields, sensors)
+
+
+def only_over_wires(target: str, verb: str) -> bool:
+    """Tell whether a fault needs wires; those of single devices do, for virtual time has none of these."""
+    return (target, verb) in ONLY_OVER_WIRES or (target, verb) not in FAULTS
+
+
 def on_the_wire(target: str, verb: str) -> bool:
     """Tell whether a fault acts on the wire alone, so that a gateway can bring it to a bench on a cable."""
-    return target.split(".", 1)[0] in ("can", "modbus") and (target, verb) != ("can.drive.node", "reset")
+    restarts = target.startswith("can.") and target.endswith(".node") and verb == "reset"
+    return target.split(".", 1)[0] in ("can", "modbus") and not restarts

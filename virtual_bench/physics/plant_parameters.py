@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from virtual_bench.config import BenchConfig
+from virtual_bench.config import BenchConfig, sign, torque_unit_nm
 from virtual_bench.physics.elastic import elastic_windup_arcmin
 from virtual_bench.physics.plant_numbers import ARCMIN_RAD, FloatArray, P
 from virtual_bench.physics.units import Unit
@@ -54,7 +54,7 @@ def parameters(unit: Unit, config: BenchConfig) -> FloatArray:
     drives_input = config.loading == "input"
     driven_ratio, locked_ratio = (unit.ratio, 1.0) if drives_input else (1.0, unit.ratio)
     unit_inertia = unit.input_inertia_kgm2 if drives_input else unit.output_inertia_kgm2
-    inertia = drive.motor_inertia_kgm2 * gear**2 + unit_inertia
+    inertia = config.motor.inertia_kgm2 * gear**2 + unit_inertia
     values = {
         P.DRIVEN_RATIO: driven_ratio,
         P.LOCKED_RATIO: locked_ratio,
@@ -71,16 +71,16 @@ def parameters(unit: Unit, config: BenchConfig) -> FloatArray:
         P.BRAKE_HYSTERESIS: brake.hysteresis_fraction,
         P.BRAKE_HOLDS: unit.lock_holds,
         P.GEAR_RATIO: gear,
-        P.TORQUE_LOOP_RAD_S: 2.0 * pi * drive.torque_bandwidth_hz,
+        P.TORQUE_LOOP_RAD_S: 2.0 * pi * config.motor.torque_bandwidth_hz,
         P.TABLE_START_ARCMIN: -TABLE_HALF_ARCMIN,
         P.TABLE_STEP_ARCMIN: TABLE_STEP_ARCMIN,
-        P.TORQUE_UNIT_NM: drive.sign * drive.torque_unit_nm,
-        P.COUNTS_PER_RAD: drive.sign * drive.profile.scaling.position_counts_per_motor_rev / (2.0 * pi),
-        P.COUNTS_S_PER_RAD_S: drive.sign * drive.profile.scaling.velocity_counts_per_rad_s,
+        P.TORQUE_UNIT_NM: sign(drive) * torque_unit_nm(drive),
+        P.COUNTS_PER_RAD: sign(drive) * drive.profile.scaling.position_counts_per_motor_rev / (2.0 * pi),
+        P.COUNTS_S_PER_RAD_S: sign(drive) * drive.profile.scaling.velocity_counts_per_rad_s,
     }
     values |= _friction(unit) if drives_input else _gearbox_friction(inertia)
     values |= _lock(unit, drives_input=drives_input)
-    values |= _velocity_loop(inertia / gear**2, drive.velocity_bandwidth_rad_s)
+    values |= _velocity_loop(inertia / gear**2, config.motor.velocity_bandwidth_rad_s)
     torque_lags = tuple(
         MIN_LAG_S if s is None else max(s.lag_s, MIN_LAG_S) for s in (config.torque_in, config.torque_out)
     )

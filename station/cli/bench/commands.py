@@ -97,7 +97,7 @@ def timing(
     lost; 2 bad input.
     """
     from station.cli.bench import timing as command_timing
-    from station.timing.run import Asked
+    from station.timing.report import Asked
 
     asked = Asked(
         seconds,

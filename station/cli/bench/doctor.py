@@ -6,6 +6,7 @@ import json
 import sys
 
 from station.cli.say import Grid, say
+from station.documents.entries import plain
 from station.scan.machine import look
 
 IN_THE_WAY = 1
@@ -16,7 +17,7 @@ def doctor(*, as_json: bool) -> int:
     findings = look()
     wrong = [one for one in findings if not one.in_order]
     if as_json:
-        sys.stdout.write(json.dumps([one._asdict() for one in findings], ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(findings), ensure_ascii=False) + "\n")
         return IN_THE_WAY if wrong else 0
     rows = [("ok" if one.in_order else "MEND", one.name, one.found) for one in findings]
     blocks: list[str | Grid] = [Grid(("", "", ""), rows)]

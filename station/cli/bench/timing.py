@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from station.bench.request import load_job
+from station.documents.entries import plain
+from station.documents.scan_report import ScanRow
 from station.records.scan_times import CAUSES, PARTS
 from station.timing.rates import HEAD, MISSED_ALLOWED, Rate, limit, measured
-from station.timing.run import Asked, measure
+from station.timing.report import Asked, TimingReport
+from station.timing.run import measure
 
 DEFAULT_RECIPE = "rv-40e-121-quick"
 BINS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 100_000)
@@ -33,12 +36,12 @@ def timing(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool
     """
     job = load_job(recipe or DEFAULT_RECIPE, bench)
     report = measure(job, asked)
-    report["explanation"] = explain(report)
+    report = replace(report, explanation=tuple(explain(report)))
     if as_json:
-        sys.stdout.write(json.dumps(report, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(report), ensure_ascii=False) + "\n")
     else:
         sys.stdout.write("\n".join(lines(report)) + "\n")
-    return 1 if report["missed"] > MISSED_ALLOWED * report["periods"] or lost_records(report) else 0
+    return 1 if report.missed > MISSED_ALLOWED * report.periods or lost_records(report) else 0
 
 
 def rates(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool) -> int:
@@ -68,33 +71,33 @@ def rates(recipe: str | None, bench: str | None, asked: Asked, *, as_json: bool)
     return 0 if found[0].holds else 1
 
 
-def lost_records(report: dict[str, Any]) -> str:
+def lost_records(report: TimingReport) -> str:
     """Return what is wrong with the records that came out of the ring; empty when none is missing or damaged."""
-    records = report["records"]
-    if records["problem"]:
-        return str(records["problem"])
-    missing = report["scans"] - records["checked"]
-    return f"{missing} of {report['scans']} records never came out of the ring" if missing else ""
+    records = report.records
+    if records.problem:
+        return records.problem
+    missing = report.scans - records.checked
+    return f"{missing} of {report.scans} records never came out of the ring" if missing else ""
 
 
-def explain(report: dict[str, Any]) -> list[str]:
+def explain(report: TimingReport) -> list[str]:
     """Return what the figures mean, in plain words."""
-    period_us = report["period_ns"] / 1000.0
-    late, work = report["lateness_us"], report["work_us"]
-    used = work["p50"] / period_us
+    period_us = report.period_ns / 1000.0
+    late, work = report.lateness_us, report.work_us
+    used = work.p50 / period_us
     told = [
-        f"A scan takes {work['p50']:.0f} µs of {period_us:.0f} µs ({used:.0%}), 1 in 1000 over {work['p999']:.0f} µs.",
-        f"It starts {late['p50']:.0f} µs after its deadline, 1 in 100 later than {late['p99']:.0f} µs.",
+        f"A scan takes {work.p50:.0f} µs of {period_us:.0f} µs ({used:.0%}), 1 in 1000 over {work.p999:.0f} µs.",
+        f"It starts {late.p50:.0f} µs after its deadline, 1 in 100 later than {late.p99:.0f} µs.",
         "The amplifier stamps its samples, so a late scan does not distort the curve; it adds to the reaction time.",
     ]
-    if report["missed"] == 0:
-        told.append(f"No period was missed in {report['periods']}.")
+    if report.missed == 0:
+        told.append(f"No period was missed in {report.periods}.")
     else:
-        causes = [gap["before"]["cause"] for gap in report["gaps"]]
+        causes = [gap.before.cause for gap in report.gaps]
         most = max(dict.fromkeys(causes), key=causes.count)
-        share = report["missed"] / report["periods"]
+        share = report.missed / report.periods
         told.append(
-            f"{report['missed']} of {report['periods']} periods were missed ({share:.3%}; recipes allow about 0.1 %). "
+            f"{report.missed} of {report.periods} periods were missed ({share:.3%}; recipes allow about 0.1 %). "
             f"Before {causes.count(most)} of {len(causes)} gaps, {CAUSES[most]}.",
         )
     every_ms = _rhythm_ms(report)
@@ -103,18 +106,18 @@ def explain(report: dict[str, Any]) -> list[str]:
             f"The gaps repeat every {every_ms} ms: the processor time is limited by the host of a "
             "virtual machine or by a container. Change that limit; no setting of this program helps.",
         )
-    if late["p999"] > 0.5 * period_us:
+    if late.p999 > 0.5 * period_us:
         told.append("The wake-up latency is sometimes too long for this period: see the list of causes.")
     if used > 0.5:
         told.append("More than half of the period is work: choose a longer period, or a faster processor.")
-    if report["embedded"] and report["missed"]:
+    if report.embedded and report.missed:
         told.append("The virtual bench uses the same processor; with a real bench the scan has it alone.")
     return told
 
 
-def _rhythm_ms(report: dict[str, Any]) -> int:
+def _rhythm_ms(report: TimingReport) -> int:
     """Return the period at whose fixed phase the gaps lie [ms], 0 when they lie anywhere."""
-    times_ms = [gap["before"]["scan"] * report["period_ns"] * 1e-6 for gap in report["gaps"]]
+    times_ms = [gap.before.scan * report.period_ns * 1e-6 for gap in report.gaps]
     if len(times_ms) < RHYTHM_GAPS:
         return 0
     phases = [(time_ms - times_ms[0] + RATION_MS / 2) % RATION_MS - RATION_MS / 2 for time_ms in times_ms]
@@ -122,7 +125,7 @@ def _rhythm_ms(report: dict[str, Any]) -> int:
     return RATION_MS if inside >= 0.8 * len(times_ms) else 0
 
 
-def histogram(edges: list[list[float]]) -> list[str]:
+def histogram(edges: Sequence[tuple[float, int]]) -> list[str]:
     """Return a histogram as rows of text; `edges` are pairs of upper edge [µs] and count."""
     total = sum(count for _, count in edges)
     rows, low = [], 0.0
@@ -136,59 +139,61 @@ def histogram(edges: list[list[float]]) -> list[str]:
     return rows
 
 
-def lines(report: dict[str, Any]) -> list[str]:
+def lines(report: TimingReport) -> list[str]:
     """Return the report for a person."""
-    seconds = report["periods"] * report["period_ns"] * 1e-9
-    bench = f"{report['bench']}{' (embedded)' if report['embedded'] else ''}"
+    seconds = report.periods * report.period_ns * 1e-9
+    bench = f"{report.bench}{' (embedded)' if report.embedded else ''}"
     out = [
-        f"{report['scans']} scans of {report['period_ns'] / 1e6:g} ms in {seconds:.1f} s on bench {bench}",
-        f"controller idle, busy-wait before each deadline {report['spin_ns'] // 1000} µs",
+        f"{report.scans} scans of {report.period_ns / 1e6:g} ms in {seconds:.1f} s on bench {bench}",
+        f"controller idle, busy-wait before each deadline {report.spin_ns // 1000} µs",
         "",
         f"{'µs':17}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>10}",
     ]
-    rows = {"wake-up latency": report["lateness_us"], "work": report["work_us"], **report["parts_us"]}
+    rows = {"wake-up latency": report.lateness_us, "work": report.work_us, **report.parts_us}
     for name, row in rows.items():
         label = f"  {name}" if name in PARTS else name
-        out.append(f"{label:17}{row['p50']:>9.1f}{row['p99']:>9.1f}{row['p999']:>9.1f}{row['max']:>10.1f}")
-    out += ["", "wake-up latency", *histogram(report["histograms_us"]["lateness"])]
-    out += ["", "work", *histogram(report["histograms_us"]["work"])]
-    out += ["", f"missed periods: {report['missed']}"]
-    for gap in report["gaps"][:GAPS_SHOWN]:
-        before = gap["before"]
-        told = f"scan {before['scan']} was {before['lateness_us']:.0f} µs late, {_parts(before)}"
-        out.append(f"  {gap['missed']} before scan {gap['scan']}: {told} ({CAUSES[before['cause']]})")
-    if report["gaps_in_all"] > GAPS_SHOWN:
-        out.append(f"  and {report['gaps_in_all'] - GAPS_SHOWN} more gaps (--json lists up to 256)")
+        out.append(f"{label:17}{row.p50:>9.1f}{row.p99:>9.1f}{row.p999:>9.1f}{row.max:>10.1f}")
+    out += ["", "wake-up latency", *histogram(report.histograms_us["lateness"])]
+    out += ["", "work", *histogram(report.histograms_us["work"])]
+    out += ["", f"missed periods: {report.missed}"]
+    for gap in report.gaps[:GAPS_SHOWN]:
+        before = gap.before
+        told = f"scan {before.scan} was {before.lateness_us:.0f} µs late, {_parts(before)}"
+        out.append(f"  {gap.missed} before scan {gap.scan}: {told} ({CAUSES[before.cause]})")
+    if report.gaps_in_all > GAPS_SHOWN:
+        out.append(f"  and {report.gaps_in_all - GAPS_SHOWN} more gaps (--json lists up to 256)")
     out += ["", "longest scans"]
-    for one in report["longest_scans"][:LONG_SHOWN]:
-        out.append(f"  scan {one['scan']}: {_parts(one)}, {one['lateness_us']:.0f} µs late")
+    for one in report.longest_scans[:LONG_SHOWN]:
+        out.append(f"  scan {one.scan}: {_parts(one)}, {one.lateness_us:.0f} µs late")
     out += ["", "latest scans"]
-    for one in report["latest_scans"][:LONG_SHOWN]:
-        out.append(f"  scan {one['scan']}: {one['lateness_us']:.0f} µs late, {_parts(one)}")
+    for one in report.latest_scans[:LONG_SHOWN]:
+        out.append(f"  scan {one.scan}: {one.lateness_us:.0f} µs late, {_parts(one)}")
     out += ["", *footing(report)]
-    realtime = report["realtime"]
+    realtime = report.realtime
     out += ["", "requested from the system"]
-    out += [f"  {'granted' if realtime[name] else 'refused'}  {name}: {d}" for name, d in realtime["details"].items()]
+    out += [
+        f"  {'granted' if realtime.granted(name) else 'refused'}  {name}: {d}" for name, d in realtime.details.items()
+    ]
     out += ["", "what stands in the way"]
-    against = [row for row in report["machine"] if not row["in_order"]]
-    out += [f"  {row['found']}; remedy: {row['mend']}" for row in against] or ["  nothing"]
-    return [*out, "", *report["explanation"]]
+    against = [row for row in report.machine if not row.in_order]
+    out += [f"  {row.found}; remedy: {row.mend}" for row in against] or ["  nothing"]
+    return [*out, "", *report.explanation]
 
 
-def footing(report: dict[str, Any]) -> list[str]:
+def footing(report: TimingReport) -> list[str]:
     """Return what the scan needs beside time: every record, memory that does not grow, room on the bus."""
-    memory, period_us, bus = report["resident_kb"], report["period_ns"] / 1000.0, report["bus_us"]
+    memory, period_us, bus = report.resident_kb, report.period_ns / 1000.0, report.bus_us
     wrong = lost_records(report)
     sequence = wrong or "no gap in sequence or scan numbers, every CRC right"
-    grown_kb = memory["after"] - memory["before"]
-    resident = f"{memory['before'] / 1024:.1f} MiB at its start, {memory['after'] / 1024:.1f} MiB at its end"
-    wire = f"{bus:.0f} µs of {period_us:g} µs at {report['bitrate'] / 1e6:g} Mbit/s ({bus / period_us:.0%})"
+    grown_kb = memory.after - memory.before
+    resident = f"{memory.before / 1024:.1f} MiB at its start, {memory.after / 1024:.1f} MiB at its end"
+    wire = f"{bus:.0f} µs of {period_us:g} µs at {report.bitrate / 1e6:g} Mbit/s ({bus / period_us:.0%})"
     return [
-        f"records: {report['records']['checked']} checked, {sequence}",
+        f"records: {report.records.checked} checked, {sequence}",
         f"memory of the scan process: {resident} (grown by {grown_kb} KiB)",
         f"bus: the frames of a scan take {wire}; {1e6 / bus:.0f} Hz at most",
     ]
 
 
-def _parts(scan: dict[str, Any]) -> str:
-    return ", ".join(f"{part} {scan[f'{part}_us']:.0f}" for part in PARTS) + " µs"
+def _parts(scan: ScanRow) -> str:
+    return ", ".join(f"{part} {getattr(scan, f'{part}_us'):.0f}" for part in PARTS) + " µs"

@@ -23,7 +23,7 @@ from station.bench.request import trace_file
 from station.cli.bench.torque_ratio_lines import FlaggedPoint, Line, OtherLine, Target
 from station.cli.bench.torque_ratio_text import line_blocks
 from station.cli.say import say
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store

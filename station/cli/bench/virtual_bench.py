@@ -8,7 +8,8 @@ from pathlib import Path
 import uvloop
 
 from recipes import Bench, find_bench, load_bench
-from station.bench.assemble_virtual import load_scenario, server_config
+from station.bench.assemble_virtual import load_scenario, server_config, vocabulary_on
+from station.bench.files import FileAt
 from station.bench.request import find_profile
 from station.bench.virtual_bench_process import play_hardware
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
@@ -72,7 +73,8 @@ def virtual_bench(
     path = find_bench(bench_name or DEFAULT_BENCH)
     bench = load_bench(path)
     profiles = {name: find_profile(name, path) for name in bench.profile_names}
-    faults = None if scenario is None else load_scenario(scenario)
+    files = {name: FileAt(at) for name, at in profiles.items()}
+    faults = None if scenario is None else load_scenario(scenario, vocabulary_on(bench, files))
     chosen = VirtualUnit(unit or DEFAULT_UNIT, drawn_seed() if seed is None else seed)
     find_unit(chosen.name)
     log_line("noise_seed", f"noise of the sensors: --seed {chosen.seed}", seed=chosen.seed)

@@ -20,7 +20,7 @@ from faultlab.run import run_scenario
 from recipes import RecipeError, find_bench, load_bench
 from recipes.text.problems import Source
 from recipes.text.yaml_source import read_source
-from station.bench.assemble_virtual import check_clock, choose_unit, load_scenario
+from station.bench.assemble_virtual import check_clock, choose_unit, load_scenario, load_start, vocabulary_on
 from station.bench.request import find_profile, load_job
 from station.cli.faults.scenario_result import say_result
 from station.cli.out_file import refuse_early, writing
@@ -28,7 +28,7 @@ from station.errors import StationError
 from station.records.clocks import VIRTUAL, Pacing
 from station.run.pacing import pacing_of
 from virtual_bench.faults.scenario import OF_THE_RECORD, Scenario
-from virtual_bench.faults.vocabulary import FAULTS, NOT_BY_WALL_CLOCK, ONLY_OVER_WIRES, on_the_wire
+from virtual_bench.faults.vocabulary import BY_NAME, FAULTS, NOT_BY_WALL_CLOCK, on_the_wire, only_over_wires
 
 
 def gateway(bench_name: str, scenario_path: Path) -> int:
@@ -62,7 +62,7 @@ def list_faults(*, as_json: bool) -> int:
                 "low": row.low if isfinite(row.low) else None,
                 "high": row.high if isfinite(row.high) else None,
                 "acts_on": row.acts_on,
-                "in_virtual_time": (target, verb) not in ONLY_OVER_WIRES,
+                "in_virtual_time": not only_over_wires(target, verb),
                 "over_wires": True,
                 "by_wall_clock": (target, verb) not in NOT_BY_WALL_CLOCK,
                 "by_gateway": on_the_wire(target, verb),
@@ -71,10 +71,10 @@ def list_faults(*, as_json: bool) -> int:
         ]
         sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
         return 0
-    for (target, verb), row in FAULTS.items():
+    for (target, verb), row in (FAULTS | BY_NAME).items():
         value = f"; value: {row.value}" if row.value else ""
-        only = {" (not by the wall clock)": NOT_BY_WALL_CLOCK, " (over wires only)": ONLY_OVER_WIRES}
-        where = next((words for words, rows in only.items() if (target, verb) in rows), "")
+        where = " (over wires only)" if only_over_wires(target, verb) else ""
+        where = " (not by the wall clock)" if (target, verb) in NOT_BY_WALL_CLOCK else where
         sys.stdout.write(f"{target + ' ' + verb:32} {row.acts_on}{value}{where}\n")
     return 0
 
@@ -103,8 +103,8 @@ def run(path: Path, how: How, *, as_json: bool) -> int:
         StationError: the record cannot be kept below `data`.
 
     """
-    scenario, source = load_scenario(path), read_source(path)
-    job = load_job(how.recipe or scenario.start.recipe or RECIPE, how.bench)
+    job = load_job(how.recipe or load_start(path).recipe or RECIPE, how.bench)
+    scenario, source = load_scenario(path, vocabulary_on(job.bench, job.profile_sources)), read_source(path)
     pacing = pacing_of(job, scenario, wall_clock=how.wall_clock, fast=True) if how.wires else Pacing(VIRTUAL)
     _check_targets(source, path, scenario, pacing.clock)
     chosen = choose_unit(how.unit or scenario.start.unit or None, job.recipe, how.seed)

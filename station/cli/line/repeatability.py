@@ -14,7 +14,7 @@ from rich.text import Text
 from analysis.line.spread import LEAST_RUNS, Repeatability, repeatability
 from recipes import Selection
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Evaluation, MetricValue
 from station.errors import StationError
 from station.records.data_folder import Store

@@ -11,9 +11,9 @@ from definitions.program import Program
 from recipes import Recipe
 from station.bench.request import Job, load_job
 from station.cli.terminal_plot import plot
+from station.documents.entries import plain
 from station.documents.manifest import RecipeHead
 from station.documents.ratio import BenchHead
-from station.documents.reading import plain
 from station.documents.result import Limits
 from station.plain_text import knows_braille
 from station.reports.result_text import limits_text

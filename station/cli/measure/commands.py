@@ -49,6 +49,7 @@ def check(recipe: RecipeArgument, bench: BenchOption = None, as_json: JsonOption
 
 
 def run(
+    context: typer.Context,
     recipe: RecipeArgument,
     serial: Annotated[
         str | None,
@@ -105,7 +106,8 @@ def run(
         wall_clock=wall_clock,
         fast=pace is Pace.fast,
     )
-    raise typer.Exit(command_run.run(options))
+    ahead = context.find_object(dict)
+    raise typer.Exit(command_run.run(options, ahead))
 
 
 def line(
@@ -149,6 +151,13 @@ def recover(
     yes: Annotated[
         bool, typer.Option("--yes", help="Skip the question. Only after you have checked the bench.")
     ] = False,
+    by_signal: Annotated[
+        bool,
+        typer.Option(
+            "--by-signal", help="Without a terminal, as the station does it: SIGUSR1 answers yes, SIGINT leaves it."
+        ),
+    ] = False,
+    operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Who recovers the bench.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Recover the bench after a fault: show its state, acknowledge, bring the torque to zero, open the lock.
@@ -158,7 +167,9 @@ def recover(
     """
     from station.cli.measure import recover as command_recover
 
-    raise typer.Exit(command_recover.recover(bench, data, yes=yes, as_json=as_json))
+    raise typer.Exit(
+        command_recover.recover(bench, data, yes=yes, as_json=as_json, by_signal=by_signal, operator=operator)
+    )
 
 
 def conclude(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from recipes import RecipeError
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord

@@ -9,18 +9,20 @@ from __future__ import annotations
 import os
 import select
 import signal
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 from station.errors import StationError
 from station.reports.result_text import VERDICT_STYLES
+from station.run.next_run import NextRun
 from station.web.mes.previous_step import PreviousStep, previous_step
 from station.web.mes.settings import load_mes
 from station.web.models import Models, load_models
 from station.web.people.database import StationDatabase
-from station.web.permission import Situation, Wanted, refusals, situation_of, unconfirmed, unverified_note
+from station.web.permission import Situation, Wanted, likely_first, refusals, situation_of, unconfirmed, unverified_note
 from station.web.scanner import ScanError, serial_of
 
 NOK = "NOK"
@@ -57,6 +59,8 @@ class Line:
         self._run, self._say = run, say
         self._confirmed: frozenset[str] = frozenset()
         self._needs_reason = ""
+        self.likely = likely_first(data, models)
+        """Recipe and bench of the unit that is likely to come next: those of the newest one."""
         self.has_run = False
         """Whether the newest scan has led to a run: what came meanwhile is refused, and not kept for later."""
 
@@ -108,7 +112,7 @@ class Line:
             for _, text in why:
                 self._say(f"REFUSED  {text}")
             return
-        self.has_run = True
+        self.has_run, self.likely = True, now.likely
         verdict = ENDINGS.get(self._run(self._options(now)), "")
         if verdict:
             self._say(f"{verdict}  {wanted.serial}  {DO[verdict]}")
@@ -168,21 +172,22 @@ def line(data: Path, models: Path | None, operator: str | None, extra: Sequence[
         data.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StationError(f"--data {data}: cannot be made: {error.strerror}. Choose another") from error
-    scans = Scans(sys.stdin.fileno())
-    loop = Line(
-        data, load_models(data, models), operator, lambda options: _ran([*options, *extra]), _told, _mes_of(data)
-    )
-    loop.begin()
-    while True:
-        try:
-            scanned = scans.next()
-        except KeyboardInterrupt:
-            return 0
-        if scanned is None:
-            return 0
-        loop.take(scanned)
-        if loop.has_run:
-            loop.refuse(scans.dropped())
+    scans, table = Scans(sys.stdin.fileno()), load_models(data, models)
+    with closing(NextRun(own_session=False)) as next_run:
+        run = partial(_ran, next_run, extra)
+        loop = Line(data, table, operator, run, _told, _mes_of(data))
+        loop.begin()
+        while True:
+            next_run.get_ready(*loop.likely)
+            try:
+                scanned = scans.next()
+            except KeyboardInterrupt:
+                return 0
+            if scanned is None:
+                return 0
+            loop.take(scanned)
+            if loop.has_run:
+                loop.refuse(scans.dropped())
 
 
 def _mes_of(data: Path) -> AskMes:
@@ -199,14 +204,12 @@ def _mes_of(data: Path) -> AskMes:
     return ask
 
 
-def _ran(options: Sequence[str]) -> int:
+def _ran(next_run: NextRun, extra: Sequence[str], options: Sequence[str]) -> int:
     """Run as a process of its own, which alone is asked to stop by Ctrl-C."""
     # a handler, and not SIG_IGN, which the process would inherit
     before = signal.signal(signal.SIGINT, lambda *_: None)
     try:
-        return subprocess.call([sys.executable, "-m", "station", "run", *options], stdin=subprocess.DEVNULL)  # noqa: S603
-    except OSError as error:
-        raise StationError(f"the run cannot be started: {error.strerror}") from error
+        return next_run.start([*options, *extra], stdout=sys.stdout.fileno(), stderr=sys.stderr.fileno()).wait()
     finally:
         signal.signal(signal.SIGINT, before)
 

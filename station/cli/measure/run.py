@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from recipes import Recipe
 from station.bench.request import Job, Source, load_job
 from station.bench.virtual_unit import VirtualUnit
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
@@ -24,6 +24,7 @@ from station.records.data_folder import Store, check_note, check_operator, check
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
 from station.reports.stored_result import stored_result
+from station.run.ahead import Ahead
 from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude, load_ahead
 from station.run.disk_space import refuse_full_disk
 from station.run.new_record import Wanted, new_record
@@ -80,8 +81,8 @@ def exit_code(result: Result) -> int:
     return EXIT_CODES[result.verdict]
 
 
-def run(options: Options) -> int:
-    """Run a recipe; return the exit code.
+def run(options: Options, ahead: Mapping[str, Ahead] | None = None) -> int:
+    """Run a recipe; return the exit code. ahead: processes that were started before and wait, by their modules.
 
     Raises:
         StationError, RecipeError, VirtualBenchError: bad input, before anything has moved.
@@ -119,7 +120,7 @@ def run(options: Options) -> int:
                 progress.say(f"{progress.title}: {record.id}")
                 if options.virtual_time and not job.bench.bench.embedded:
                     progress.say(f"virtual time: bench {job.bench.bench.name} is simulated, its devices are not used")
-                conclusion = _conclude(pacing, job, record, unit, progress)
+                conclusion = _conclude(pacing, job, record, unit, progress, ahead)
         except BaseException as error:
             with contextlib.suppress(OSError, RecordError):
                 log.exception("run failed", kind=type(error).__name__)
@@ -293,10 +294,10 @@ def _faults_and_clock(options: Options, job: Job) -> tuple[Source | None, Pacing
     """Return the scenario, if any, and the clock of the run; RecipeError for faults that this clock cannot have."""
     if options.scenario is None:
         return None, _pacing(options, job)
-    from station.bench.assemble_virtual import check_clock, parse_scenario  # noqa: PLC0415 - brings the virtual bench
+    from station.bench.assemble_virtual import check_clock, parse_scenario, vocabulary_on  # noqa: PLC0415 - brings the virtual bench
 
     source = Source.read(options.scenario)
-    scenario = parse_scenario(source.content, str(source.path))
+    scenario = parse_scenario(source.content, str(source.path), vocabulary_on(job.bench, job.profile_sources))
     pacing = _pacing(options, job, scenario)
     check_clock(source.path, scenario, pacing.clock)
     return source, pacing
@@ -314,12 +315,13 @@ def _pacing(options: Options, job: Job, scenario: Scenario | None = None) -> Pac
     return pacing
 
 
-def _conclude(
+def _conclude(  # noqa: PLR0917 - a run with everything that belongs to it
     pacing: Pacing,
     job: Job,
     record: RunRecord,
     unit: VirtualUnit | None,
     progress: Progress,
+    ahead: Mapping[str, Ahead] | None,
 ) -> Conclusion:
     scenario = record.folder / "scenario.yaml" if record.has("scenario.yaml") else None
     if pacing.clock == VIRTUAL and unit is not None:
@@ -329,10 +331,10 @@ def _conclude(
     else:
         from station.run.supervisor import Supervisor  # noqa: PLC0415 - not needed in virtual time
 
-        companion = None if scenario is None else _companion(scenario)
+        companion = None if scenario is None else _companion(scenario, job)
         try:
             outcome = Supervisor(
-                job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead
+                job, record, progress.show, progress.say, companion, pacing=pacing, meanwhile=load_ahead, ahead=ahead
             ).run(unit, scenario)
         except BenchFaultError as error:
             record.samples.touch()
@@ -342,8 +344,8 @@ def _conclude(
     return conclude(record, job, outcome)
 
 
-def _companion(scenario: Path) -> Companion:
-    from station.bench.assemble_virtual import load_scenario  # noqa: PLC0415 - brings the virtual bench
+def _companion(scenario: Path, job: Job) -> Companion:
+    from station.bench.assemble_virtual import load_scenario, vocabulary_on  # noqa: PLC0415 - brings the virtual bench
     from station.run.faults.companion import Companion  # noqa: PLC0415 - for runs with faults only
 
-    return Companion(load_scenario(scenario), judged=False)
+    return Companion(load_scenario(scenario, vocabulary_on(job.bench, job.profile_sources)), judged=False)

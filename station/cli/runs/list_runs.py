@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.errors import StationError
 from station.records.run_record import NOT_CONCLUDED, RunRecord
 from station.run.run_list import RunRow, print_runs, row

@@ -16,8 +16,9 @@ from recipes import RecipeError
 from station.bench.request import Job, stored_job
 from station.cli.measure.run import EXIT_CODES
 from station.cli.runs.what_if import Answer, Question, what_if_lines
+from station.documents.entries import left_out, plain
 from station.documents.events import EventRow
-from station.documents.reading import document_in, left_out, plain
+from station.documents.reading import document_in
 from station.errors import RecordError, StationError
 from station.records.data_folder import Store
 from station.records.program_file import PROGRAM, program_differences

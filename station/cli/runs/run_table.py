@@ -7,13 +7,13 @@ import io
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from station.cli.out_file import refuse_records, writing
 from station.cli.say import Grid, say
 from station.documents.manifest import VERDICTS
 from station.errors import StationError
 from station.reports.result_text import number
+from station.results.csv_cells import MARK, figure_cell, text_cell
 from station.results.export import LOCALES, CsvStyle
 from station.store.run_table import RUN_COLUMNS, RunTableRow, columns_of, run_table
 from station.store.stored_runs import Wanted
@@ -21,9 +21,6 @@ from station.store.view import look_at, without_collector
 
 SHOWN = ("run", "serial", "attempt", "recipe", "verdict")
 """Columns on the screen; the CSV has all."""
-
-MARK = "\ufeff"
-"""By this a spreadsheet knows the file for UTF-8."""
 
 
 def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: bool, as_json: bool) -> int:
@@ -55,7 +52,12 @@ def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: b
     if as_csv and out is None:
         sys.stdout.write(csv_of(rows, LOCALES[locale]))
         return 0
-    return 0 if as_csv else say(_document(rows), _blocks(rows), as_json=as_json)
+    runs = [
+        {name: getattr(row.run, name) for name in RUN_COLUMNS}
+        | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
+        for row in rows
+    ]
+    return 0 if as_csv else say({"runs": runs}, _blocks(rows), as_json=as_json)
 
 
 def moment_of(text: str, option: str = "--since") -> str:
@@ -80,32 +82,12 @@ def csv_of(rows: list[RunTableRow], style: CsvStyle) -> str:
         heads += [f"{column.name}{unit}", f"U({column.name}){unit}"]
     writer.writerow(heads)
     for row in rows:
-        cells = [_text(getattr(row.run, name)) for name in RUN_COLUMNS]
+        cells = [text_cell(getattr(row.run, name)) for name in RUN_COLUMNS]
         for column in columns:
             found = row.values.get(column)
-            cells += [_figure(part, style) for part in ((None, None) if found is None else found[:2])]
+            cells += [figure_cell(part, style) for part in ((None, None) if found is None else found[:2])]
         writer.writerow(cells)
     return stream.getvalue()
-
-
-def _text(value: object) -> str:
-    """Return an entry for a spreadsheet: one line, and nothing that it would take for a formula."""
-    text = "" if value is None else str(value).replace("\n", "; ")
-    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
-
-
-def _figure(value: float | None, style: CsvStyle) -> str:
-    return "" if value is None else f"{value:.9g}".replace(".", style.decimal)
-
-
-def _document(rows: list[RunTableRow]) -> dict[str, Any]:
-    return {
-        "runs": [
-            {name: getattr(row.run, name) for name in RUN_COLUMNS}
-            | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
-            for row in rows
-        ]
-    }
 
 
 def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
@@ -114,6 +96,6 @@ def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
         bad = [(column, value) for column, value in row.values.items() if value.verdict == "FAIL"]
         why = ", ".join(f"{column.name} {number(value.value, value.uncertainty)}" for column, value in bad)
         shown.append(
-            [*(_text(getattr(row.run, name)) for name in SHOWN), why or str(row.run.altered or row.run.objection)]
+            [*(text_cell(getattr(row.run, name)) for name in SHOWN), why or str(row.run.altered or row.run.objection)]
         )
     return [Grid((*SHOWN, "problems"), shown, right=(2,)), f"{len(rows)} runs"]

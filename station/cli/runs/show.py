@@ -11,8 +11,8 @@ from rich.box import HEAVY
 from rich.panel import Panel
 from rich.text import Text
 
+from station.documents.entries import plain
 from station.documents.manifest import attempt_text
-from station.documents.reading import plain
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
 from station.records.seal import EXIT_ALTERED, is_sealed, vouched_for

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import httpx
 from sqlalchemy import Connection, func, insert, select, update
 
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.chain_file import CHAIN
@@ -108,7 +108,9 @@ def _content(data: Path, offset: int) -> bytes:
     try:
         with (data / CHAIN).open("rb") as file:
             if file.seek(0, 2) < offset:
-                raise StationError(f"{data / CHAIN}: is shorter than it was. The MES is told nothing until it is whole")
+                raise StationError(
+                    f"{data / CHAIN}: is shorter than before. No results go to the MES until it is restored"
+                )
             file.seek(offset)
             return file.read()
     except FileNotFoundError:

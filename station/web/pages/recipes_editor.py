@@ -13,6 +13,7 @@ from urllib.parse import quote
 from fastapi import Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from nicegui import ui
+from pydantic import JsonValue
 
 from recipes import RecipeError
 from recipes.editing import Group, changed, limits_of, load_of
@@ -23,7 +24,9 @@ from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_
 from station.records.recipe_revisions import History, Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
-from station.web.actions import ACTIONS, OK, Answer, Station, perform
+from station.web.action_values import RecipeChanged
+from station.web.actions import ACTIONS, Answer, Station, perform
+from station.web.languages import ENGLISH, words_of
 from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.recipes_diff import diff_html
@@ -102,6 +105,8 @@ class _Editor:
                     self._chart = ui.echart(_chart_options()).classes("lm-recipe-chart")
                     self._build_tabs(opened)
         self._editor.set_enabled(self._may_write())
+        # What cannot be written has no cursor to scroll with.
+        ui.run_javascript(f"getHtmlElement({self._editor.id}).querySelector('.cm-scroller').tabIndex = 0")
         ui.run_javascript(f"document.querySelector('.cm-content')?.setAttribute('aria-label', '{TEXT_LABEL}')")
         self._show_head()
         ui.timer(LOOK_EVERY_S, self._look)
@@ -203,7 +208,7 @@ class _Editor:
         self._messages.clear()
         with self._messages:
             if looked.job is not None:
-                ui.label("✓ The recipe is in order.").classes("lm-in-order")
+                ui.label("✓ No errors found.").classes("lm-in-order")
             for one in looked.messages:
                 with ui.element("div").classes("lm-warning" if one.is_warning else "lm-problem"):
                     if one.line:
@@ -280,10 +285,10 @@ class _Editor:
             return
         self._changes.set_content(diff_html(before, self._text))
 
-    async def _perform(self, action: str, values: dict[str, Any]) -> Answer:
+    async def _perform(self, action: str, values: dict[str, JsonValue]) -> Answer:
         session, key = self._session, secrets.token_hex(16)
         answer = await asyncio.to_thread(perform, self._station, action, session.token, session.csrf, key, values)
-        self._say([one["text"] for one in answer.body.get("refused", [])])
+        self._say([one.text for one in answer.refused])
         return answer
 
     def _say(self, refused: list[str]) -> None:
@@ -294,21 +299,21 @@ class _Editor:
         found = self._found
         replaces = "" if found is None else found.sha256
         answer = await self._perform("save_recipe", {"text": self._text, "replaces": replaces})
-        if answer.status == OK:
-            self._leave_to(answer)
+        self._leave_to(answer)
 
     async def _release(self, action: str) -> None:
         assert self._found is not None  # noqa: S101 - the button is there for a revision only
         found = self._found
-        values = {"name": found.name, "revision": found.revision, "sha256": found.sha256}
+        values: dict[str, JsonValue] = {"name": found.name, "revision": found.revision, "sha256": found.sha256}
         answer = await self._perform(action, values)
-        if answer.status == OK:
-            self._leave_to(answer)
+        self._leave_to(answer)
 
     @staticmethod
     def _leave_to(answer: Answer) -> None:
-        ui.run_javascript("window.onbeforeunload = null")
-        ui.navigate.to(address_of(answer.body["name"], answer.body["revision"]))
+        """Go to the revision that was changed; stay where it was refused."""
+        if isinstance(answer.said, RecipeChanged):
+            ui.run_javascript("window.onbeforeunload = null")
+            ui.navigate.to(address_of(answer.said.name, answer.said.revision))
 
     async def _start_dry_run(self) -> None:
         await self._perform("try_recipe", {"text": self._text})
@@ -324,7 +329,9 @@ class _Editor:
 
 def _dry_run_html(now: DryRun, stage: str) -> str:
     if stage == IDLE:
-        return "<p>A unit of the catalogue values of this model is measured by this text. Nothing of it is kept.</p>"
+        return (
+            "<p>Runs this text with a virtual unit that has the catalogue values of the model. Nothing is stored.</p>"
+        )
     if stage == TRYING:
         return f"<p>{escape(now.title)} is being tried. {escape(now.said)}</p>"
     if stage == FAILED or now.result is None:
@@ -334,7 +341,7 @@ def _dry_run_html(now: DryRun, stage: str) -> str:
     word = shown.word if result.state == "complete" else result.state.upper()
     reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(result)[:4])
     tile = f'<div class="lm-tile lm-small {shown.style}">{shown.shape}<b>{escape(word)}</b></div>'
-    return f"{tile}{reasons}{metrics_table(result)}<p>Tried in {now.took_s:.0f} s.</p>"
+    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>Tried in {now.took_s:.0f} s.</p>"
 
 
 def _history_html(history: History, name: str) -> str:

@@ -30,7 +30,20 @@ class Head(NamedTuple):
     sha256: str
 
 
-def write(connection: Connection, name: str, action: str, outcome: str, detail: Mapping[str, Any]) -> Head:
+class Line(NamedTuple):
+    """A line of the trail; `detail`: what was done or refused, as JSON."""
+
+    number: int
+    at: str
+    name: str
+    action: str
+    outcome: str
+    detail: str
+    before_sha256: str
+    sha256: str
+
+
+def write(connection: Connection, name: str, action: str, outcome: str, detail: Mapping[str, object]) -> Head:
     """Add a line; it is kept together with what it tells of, in one transaction."""
     head = head_of(connection)
     row = {
@@ -54,10 +67,10 @@ def head_of(connection: Connection) -> Head:
     return Head(0, FIRST) if found is None else Head(found.number, found.sha256)
 
 
-def lines_of(connection: Connection, newest: int) -> list[dict[str, Any]]:
+def lines_of(connection: Connection, newest: int) -> list[Line]:
     """Return the newest lines, newest first."""
     wanted = select(AUDIT).order_by(AUDIT.c.number.desc()).limit(newest)
-    return [dict(row._mapping) for row in connection.execute(wanted)]  # noqa: SLF001 - SQLAlchemy's public name for it
+    return [Line(**row._mapping) for row in connection.execute(wanted)]  # noqa: SLF001 - SQLAlchemy's public name
 
 
 def problems_of(connection: Connection) -> list[str]:

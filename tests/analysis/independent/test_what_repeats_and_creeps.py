@@ -61,6 +61,26 @@ def test_an_error_of_the_encoder_that_comes_often_in_its_turn_is_seen(
     assert result.verdict is Verdict.NOT_DECIDABLE
 
 
+@pytest.mark.parametrize(("arcmin", "per_turn"), [(20.0, 36.0), (-20.0, 36.0)])
+def test_half_a_wave_in_the_loading_branch_is_seen(arcmin: float, per_turn: float) -> None:
+    """20 arcmin, 36 in a turn: a backlash of 1.14 read 0.93 and passed, for a cubic follows less than a wave."""
+    assert "angle_waves" in failed(rippled(arcmin, per_turn, drive=False))
+
+
+@pytest.mark.parametrize(("arcmin", "per_turn"), [(60.0, 8.0), (-60.0, 8.0), (30.0, 16.0)])
+def test_a_slow_wave_is_seen_by_the_drive_alone(arcmin: float, per_turn: float) -> None:
+    """Less than half a wave bends the loop into that of another unit: only a second encoder can tell."""
+    assert "drive_angle_agreement" in failed(rippled(arcmin, per_turn))
+    assert not failed(rippled(arcmin, per_turn, drive=False))
+
+
+def rippled(arcmin: float, per_turn: float, *, drive: bool = True) -> Result:
+    bench = Bench(cycles=2)
+    defect = Defect(ripple_arcmin=arcmin, ripple_per_turn=per_turn)
+    trace = measured(RV40, course_of(RV40, bench), bench, np.random.default_rng(1), defect)
+    return judged(trace if drive else replace(trace, drive_angle_rad=None), bench)
+
+
 def test_angles_that_are_coarse_or_noisy_are_no_waves() -> None:
     """Rounding to a fortieth of the wind-up is a wave too, as long as a step; the uncertainty has it."""
     bench = Bench(cycles=2, dwell_s=0.0)

@@ -22,7 +22,7 @@ def without(role: str) -> Trace:
     """The good run without the segments of a role."""
     kept = np.isin(GOOD.segment, [index for index, info in GOOD.segments.items() if info.role != role])
     names = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad", "temperature_c", "segment",
-             "drive_torque_nm")  # fmt: skip
+             "drive_torque_nm", "drive_angle_rad")  # fmt: skip
     return dataclasses.replace(GOOD, **{name: getattr(GOOD, name)[kept] for name in names})
 
 

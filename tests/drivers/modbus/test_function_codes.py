@@ -9,11 +9,11 @@ from drivers_support import modbus_config, modbus_profile, raw_profile
 from pymodbus.framer import FramerSocket
 from pymodbus.pdu import DecodePDU
 
+from definitions.profiles.modbus import COIL_TABLES
 from drivers.config import ModbusConfig
 from drivers.modbus.device import ModbusDevice
 from drivers.modbus.frames import Outcome, reply_to
 from drivers.modbus.line import ModbusLine
-from drivers.profile import COIL_TABLES
 from drivers.wire_image import WireImage
 from virtual_bench.config import ModbusPort
 from virtual_bench.devices.modbus_servers import Device

@@ -10,9 +10,9 @@ from typing import Any, get_args, get_type_hints
 import pytest
 from drivers_support import PERIOD_NS, drive_config, drive_profile, raw_profile
 
+from definitions.profiles.drive import DriveProtections
 from definitions.protections import BY_NAME, DRIVE_PROTECTIONS, NONE
 from drivers.config import DriveConfig
-from drivers.profile import DriveProtections
 from drivers.servo_drive.mapping import mapping_groups
 from drivers.servo_drive.objects import (
     HOMING_MODE,
@@ -27,7 +27,6 @@ from drivers.servo_drive.objects import (
     synchronisation_rows,
 )
 from drivers.servo_drive.units import drive_units
-from recipes.schema.profile_schema import DriveProtections as FileProtections
 
 
 def with_profile(**options: Any) -> DriveConfig:
@@ -112,13 +111,12 @@ def test_a_set_point_without_time_out_and_a_drive_without_bit_12_are_missing_pro
 
 
 def test_every_way_of_the_table_is_one_of_the_profile_and_has_its_objects() -> None:
-    for model in (DriveProtections, FileProtections):
-        hints = get_type_hints(model)
-        for row in DRIVE_PROTECTIONS:
-            if row.name in hints:
-                ways = [way for way, _ in row.ways]
-                assert get_args(hints[row.name]) == (*ways, NONE)
-        assert {name for name in hints if name != "model_config"} <= {row.name for row in DRIVE_PROTECTIONS}
+    hints = get_type_hints(DriveProtections)
+    for row in DRIVE_PROTECTIONS:
+        if row.name in hints:
+            ways = [way for way, _ in row.ways]
+            assert get_args(hints[row.name]) == (*ways, NONE)
+    assert set(hints) <= {row.name for row in DRIVE_PROTECTIONS}
     written = {(row.name, row.way) for row in PROTECTIONS}
     in_pdos_and_words = {("setpoint_timeout", "rpdo_timeout"), ("follows_command", "status_bit_12")}
     assert {(row.name, way) for row in DRIVE_PROTECTIONS for way, _ in row.ways} == written | in_pdos_and_words

@@ -7,8 +7,8 @@ import struct
 from collections.abc import Callable
 
 from definitions.number_formats import LETTERS, SIZES
+from definitions.profiles.modbus import ModbusProfile
 from drivers.config import ModbusConfig
-from drivers.profile import ModbusProfile
 from drivers.servo_drive.data_types import to_integer
 
 BendReply = Callable[[bytes, "DeviceEnd"], list[bytes]]

@@ -13,17 +13,18 @@ from hypothesis import strategies as st
 from drivers.can.sensors import SensorFrame
 from recipes import RecipeError, load_bench, load_recipe
 from recipes.checks.bus_load import BusFrame
+from recipes.schema.channel_schema import CanSensor
 from station.bench.assemble import drive_profile
 from station.bench.bus_traffic import bus_frames
-from station.bench.can_profile import can_frames
+from station.bench.can_profile import can_sensor
 from station.bench.files import FileAt
 from station.bench.measuring import can_sensors
-from station.bench.request import load_job
+from station.bench.request import DRIVER_PROFILES, load_job
 from virtual_bench.devices.can_sensors import encode_frame
 
 TESTS = Path(__file__).parents[2]
 BENCHES = TESTS / "data" / "benches"
-DBC = BENCHES / "profiles" / "sensor-box.dbc"
+DBC = DRIVER_PROFILES / "sensor-box.dbc"
 QUICK = TESTS.parent / "recipes" / "rv-40e-121-quick.yaml"
 NAMED = {"Torques.OutputTorque", "Angles.InputAngle"}
 
@@ -38,7 +39,8 @@ def test_a_frame_of_a_dbc_file_means_what_cantools_says(torque: int, small: int,
     database = cantools.database.load_file(DBC)
     torques = {"OutputTorque": torque * 0.0005, "InputTorque": small * 0.00002 + 0.5, "Cycle": cycle}
     angles = {"InputAngle": angle, "OutputAngle": -angle}
-    for frame, values in zip(can_frames(FileAt(DBC), None, NAMED), (torques, angles), strict=True):
+    sensor = can_sensor(FileAt(DBC), CanSensor(name="box", profile="sensor-box"), NAMED)
+    for frame, values in zip(sensor.frames, (torques, angles), strict=True):
         message = database.get_message_by_frame_id(frame.identifier)
         data = message.encode(values)
         seen = SensorFrame(frame)
@@ -54,6 +56,8 @@ def test_a_frame_of_a_dbc_file_means_what_cantools_says(torque: int, small: int,
 
 def bench_with(folder: Path, name: str, file: str, old: str, new: str) -> str:
     shutil.copytree(BENCHES, folder / "benches")
+    for shipped in (DBC, DRIVER_PROFILES / "can-torque.yaml"):
+        shutil.copy(shipped, folder / "benches" / "profiles")
     path = folder / "benches" / file
     text = path.read_text(encoding="utf-8")
     assert old in text
@@ -62,6 +66,11 @@ def bench_with(folder: Path, name: str, file: str, old: str, new: str) -> str:
 
 
 REFUSED = {
+    "outputs that no PDO has": (
+        "can-dbc", "can-dbc.yaml", "profile: drive-with-outputs", "profile: virtual-drive", r"digital_outputs \(60FE",
+    ),
+    "two brakes": ("can-dbc", "can-dbc.yaml", "drive_brake: ", "brake: {transport: tcp}\ndrive_brake: ", "brake"),
+    "no brake": ("can-dbc", "can-dbc.yaml", "drive_brake: ", "pace: {port: 1}\n# ", "neither brake nor drive_brake"),
     "signal that is not there": ("can-dbc", "can-dbc.yaml", "Torques.InputTorque", "Torques.InTorque", "InputTorque"),
     "proof in another frame": (
         "can-dbc", "can-dbc.yaml", "alive: noise, still: 50 ms", "alive: counter, alive_field: Angles.InputAngle",
@@ -76,7 +85,18 @@ REFUSED = {
     "two sensors of one identifier": (
         "can-sensors", "can-sensors.yaml", "node_id: 12", "node_id: 11", "flange on CAN, node 11; allowed: a free one",
     ),
-    "a node id that is not given": ("can-sensors", "can-sensors.yaml", "node_id: 11, ", "", "'node_id' at the sensor"),
+    "a node id that is not given": (
+        "can-sensors", "can-sensors.yaml", "profile: can-encoders, node_id: 12", "profile: can-encoders",
+        "'node_id' at the sensor",
+    ),
+    "set up without a node id": (
+        "can-sensors", "can-sensors.yaml", "node_id: 11, update_every: 1 ms, heartbeat: 50 ms", "update_every: 1 ms",
+        "identity; allowed: 'node_id' at the sensor",
+    ),
+    "a heartbeat without a node id": ("can-sensors", "can-sensors.yaml", "node_id: 11, ", "", "heartbeat without node"),
+    "the controller's node id": (
+        "can-sensors", "can-sensors.yaml", "can-encoders, node_id: 12", "can-encoders, node_id: 126", "the controller",
+    ),
     "field outside its frame": (
         "can-sensors", "profiles/can-torque.yaml", "offset: 6", "offset: 7", "outside the 8 bytes of the frame",
     ),

@@ -9,7 +9,7 @@ from drivers_support import drive_profile
 from eds_drives import DRIVES, Drive, Entry, eds_text
 from ruamel.yaml import YAML
 
-from drivers.profile import DriveProfile
+from definitions.profiles.drive import DriveProfile
 from drivers.servo_drive.objects import missing_protections
 from recipes import RecipeError
 from station.bench.eds_profile import Draft, draft, eds_files

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple, get_args, get_type_hints
 import pytest
 from station_samples import SETUP
 
+from station.documents.entries import plain
 from station.documents.manifest import CLOCK_NAMES, Manifest
-from station.documents.reading import document_in, plain
+from station.documents.reading import document_in
 from station.errors import RecordError
 from station.records.clocks import CLOCKS, clock_of
 from station.records.data_folder import Store

@@ -36,8 +36,8 @@ def test_a_gap_names_its_scans_and_what_the_scan_before_it_spent() -> None:
     scan(times, 7, missed=1)
     assert (times.missed, times.gaps) == (3, 2)
     first, second = times.gap_list()
-    assert (first["scan"], first["missed"], first["before"]["scan"], first["before"]["cause"]) == (4, 2, 1, "write")
-    assert (second["scan"], second["before"]["scan"], second["before"]["cause"]) == (7, 5, "waking")
+    assert (first.scan, first.missed, first.before.scan, first.before.cause) == (4, 2, 1, "write")
+    assert (second.scan, second.before.scan, second.before.cause) == (7, 5, "waking")
 
 
 def test_the_longest_scans_are_kept_and_no_others() -> None:
@@ -58,9 +58,8 @@ def test_the_latest_scans_are_kept_though_their_work_was_short() -> None:
     assert (kept[0].scan, kept[0].cause, kept[0].lateness_ns) == (100, "waking", 1_019_000)
     assert [one.lateness_ns for one in kept[1:]] == [1000 * us for us in range(199, 199 - LONGEST_KEPT + 1, -1)]
     assert max(one.lateness_ns for one in times.longest()) < 1_000_000
-    told = times.to_dict()
-    assert told["latest_scans"][0]["scan"] == 100
-    assert told["latest_scans"][0]["lateness_us"] == times.counts["lateness"].to_dict()["max"]
+    latest = times.counted().latest_scans[0]
+    assert (latest.scan, latest.lateness_us) == (100, times.counts["lateness"].percentiles().max)
 
 
 def test_few_scans_are_looked_at_closely() -> None:

@@ -16,7 +16,7 @@ from run_samples import as_recorded, flip
 from station_samples import SETUP
 
 from station.atomic_file import as_json
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import MetricValue
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.walk import walk

@@ -10,7 +10,7 @@ from station_samples import IMAGE, ORDERS
 
 from definitions.image import Image, Orders, State
 from station.atomic_file import as_json
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.records.left_state import left_state
 from station.records.program_file import ProgramEntries, StoredProgram
 from station.records.samples.check import check_bytes, sound_table

@@ -15,7 +15,7 @@ from made_documents import checks, metric, result
 from rich.console import Console
 
 from definitions.checks import CHECKS
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.reports.content import checks_line
 from station.reports.headline import remaining_reasons
 from station.reports.html_page import rule_text
@@ -45,6 +45,17 @@ def test_checks_are_counts() -> None:
     assert checks_line([]) == ""
     assert checks_line(checks(*GATES)) in summary_lines(result(metrics=[metric()], gates=GATES))
     assert summary_lines(result(gates=GATES)) == []
+
+
+def test_what_the_checks_leave_open_is_said_with_its_size() -> None:
+    unseen = [
+        {"id": "ratio_agreement", "figure": 1.274, "unit": "%", "text": "gain"},
+        {"id": "torque_bend", "figure": None, "unit": "N·m", "text": "hysteresis"},
+    ]
+    (line,) = [one for one in summary_lines(result(metrics=[metric()], not_excluded=unseen)) if "Not excluded" in one]
+    assert "gain: up to 1.3 %" in line
+    assert "hysteresis: not checked" in line
+    assert not any("Not excluded" in one for one in summary_lines(result(metrics=[metric()])))
 
 
 def test_a_metric_on_screen_has_its_title_with_its_id_below() -> None:

@@ -13,7 +13,7 @@ from made_documents import made, manifest, result, timing
 from rich.console import Console
 from scan_marks import scan
 
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.documents.result import Result
 from station.documents.timing import Timing
 from station.records.run_record import RunRecord
@@ -38,7 +38,7 @@ def proof(gaps: int = 1) -> dict[str, Any]:
     for further in range(1, gaps):
         scan(times, 10 * further, lateness_us=1500 + further)
         scan(times, 10 * further + 2, missed=1)
-    counted = times.to_dict()
+    counted = {name: value for name, value in plain(times.counted()).items() if value is not None}
     return plain(timing(clock="real", scans=100, missed=times.missed, lateness_us=LATE, work_us=LATE, **counted))
 
 

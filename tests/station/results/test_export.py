@@ -22,8 +22,8 @@ from analysis.trace.trace_files import read_trace
 from definitions.faults import FAULTS
 from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, State
 from recipes import find_bench, load_bench
+from station.documents.entries import plain
 from station.documents.exported import ExportedRun
-from station.documents.reading import plain
 from station.records.program_file import SegmentRow
 from station.records.samples.scan_record import HEADER_FIELDS, pack
 from station.records.samples.table import Table, table_of

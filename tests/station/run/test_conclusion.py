@@ -20,7 +20,7 @@ import station.run.conclusion
 from recipes import load_recipe
 from station.bench.request import load_job
 from station.cli.measure.run import recipe_notes
-from station.documents.reading import plain
+from station.documents.entries import plain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.samples.scan_record import RECORD_BYTES

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import resource
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from station.documents.scan_report import Realtime
 from station.scan.machine import CHECKS, against, look, privilege
 from station.scan.realtime import request_affinity
 
@@ -98,10 +100,10 @@ def test_root_without_the_capabilities_has_no_privilege(tmp_path: Path, limited:
 @pytest.mark.usefixtures("limited")
 def test_what_was_refused_all_the_same_stands_in_the_way(tmp_path: Path) -> None:
     good = machine(tmp_path, GOOD | {"proc/self/status": BOTH})
-    given: dict[str, object] = {"fifo": True, "mlock": True, "details": {"fifo": "not permitted", "mlock": "all"}}
-    assert against(given, good) == []
-    (one,) = against(given | {"fifo": False}, good)
-    assert (one["name"], one["found"]) == ("privilege", "fifo refused: not permitted")
+    given = Realtime(fifo=True, mlock=True, details={"fifo": "not permitted", "mlock": "all"})
+    assert against(given, good) == ()
+    (one,) = against(replace(given, fifo=False), good)
+    assert (one.name, one.found) == ("privilege", "fifo refused: not permitted")
 
 
 def test_no_isolated_core_is_a_refusal_with_its_reason(tmp_path: Path) -> None:

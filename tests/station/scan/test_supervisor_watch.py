@@ -37,7 +37,7 @@ def test_a_supervisor_that_beats_is_never_given_up(ends: tuple[RingWriter, RingR
             watch.take_command()
         reader.beat()
     assert not stop.wanted
-    assert watch.notes() == []
+    assert watch.notes() == ()
 
 
 def test_a_silent_supervisor_stops_the_run_once_and_the_record_says_so(ends: tuple[RingWriter, RingReader]) -> None:
@@ -50,11 +50,11 @@ def test_a_silent_supervisor_stops_the_run_once_and_the_record_says_so(ends: tup
     assert not stop.wanted
     watch.take_command()
     assert stop.wanted
-    assert [note["scan"] for note in watch.notes()] == [41]
+    assert [note.scan for note in watch.notes()] == [41]
     writer.append(42, 0, 0, IMAGE, ORDERS)
     for _ in range(2 * LIMIT_SCANS):
         watch.take_command()
-    assert [note["scan"] for note in watch.notes()] == [41]
+    assert [note.scan for note in watch.notes()] == [41]
     reader.send(Command.QUICK_STOP)
     assert watch.take_command() == Command.QUICK_STOP
 
@@ -62,4 +62,4 @@ def test_a_silent_supervisor_stops_the_run_once_and_the_record_says_so(ends: tup
 def test_a_supervisor_that_was_gone_before_the_start_is_told_as_the_cause(ends: tuple[RingWriter, RingReader]) -> None:
     stop = Stop()
     stop.supervisor_gone = True
-    assert [note["text"] for note in SupervisorWatch(ends[0], stop, PERIOD_NS).notes()] == [SUPERVISOR_GONE]
+    assert [note.text for note in SupervisorWatch(ends[0], stop, PERIOD_NS).notes()] == [SUPERVISOR_GONE]

@@ -4,28 +4,31 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import made_reports
 import pytest
+from made_reports import gap
 from station_samples import IMAGE, ORDERS
 
 from recipes import load_bench, load_recipe
 from recipes.compiler.compiler import compile_program
 from station.bench.request import load_job
 from station.cli.bench.timing import lost_records
+from station.documents.scan_report import Realtime
 from station.records.samples.scan_record import RECORD_BYTES, pack
 from station.scan.machine import against, resident_kb
 from station.scan.realtime import Grant, spin_tail
 from station.timing.rates import Rate, highest, limit, measured
+from station.timing.report import TimingReport
 from station.timing.run import Gapless, with_period
 
 ROOT = Path(__file__).parents[3]
 MEGABIT, BUS_US = 1_000_000, 460.0
-GRANTED = {"fifo": True, "mlock": True, "details": {}}
+GRANTED = Realtime(fifo=True, mlock=True)
 
 
-def report(period_us: int, missed: int, cause: str = "read") -> dict:
-    gaps = [{"scan": 9, "missed": missed, "before": {"scan": 8, "cause": cause}}] if missed else []
-    head = {"period_ns": period_us * 1000, "periods": 10_000, "missed": missed, "gaps": gaps}
-    return head | {"work_us": {"p99": 90.0}, "virtual_bench_cpu_s": 1.0}
+def report(period_us: int, missed: int, cause: str = "read") -> TimingReport:
+    gaps = [gap(8, missed, cause)] if missed else []
+    return made_reports.report(period_ns=period_us * 1000, periods=10_000, missed=missed, gaps=gaps)
 
 
 def rate(period_us: int, *, holds: bool) -> Rate:
@@ -85,14 +88,18 @@ def records(scans: list[tuple[int, int, int]]) -> list[bytes]:
 GOOD = records([(0, 0, 0), (1, 1, 0), (2, 5, 3), (3, 6, 0)])
 
 
+def checked(count: int, scans: int, problem: str = "") -> TimingReport:
+    return made_reports.report(records={"checked": count, "problem": problem}, scans=scans)
+
+
 def test_records_without_a_gap_are_counted_over_several_drains() -> None:
     check = Gapless()
     check.take(GOOD[0] + GOOD[1])
     check.take(b"")
     check.take(GOOD[2] + GOOD[3])
     assert (check.checked, check.problem) == (4, "")
-    assert lost_records({"records": {"checked": 4, "problem": ""}, "scans": 4}) == ""
-    assert "1 of 5 records" in lost_records({"records": {"checked": 4, "problem": ""}, "scans": 5})
+    assert lost_records(checked(4, scans=4)) == ""
+    assert "1 of 5 records" in lost_records(checked(4, scans=5))
 
 
 @pytest.mark.parametrize(
@@ -107,7 +114,7 @@ def test_a_lost_or_damaged_record_is_told(content: bytes, said: str) -> None:
     check = Gapless()
     check.take(content)
     assert said in check.problem
-    assert lost_records({"records": {"checked": 2, "problem": check.problem}, "scans": 2}) == check.problem
+    assert lost_records(checked(2, scans=2, problem=check.problem)) == check.problem
 
 
 def test_another_period_reaches_the_controller() -> None:
@@ -134,5 +141,5 @@ def test_spinning_needs_fifo_and_says_so() -> None:
 def test_memory_of_this_process_and_what_is_against_a_machine_of_nothing(tmp_path: Path) -> None:
     assert 10_000 < resident_kb() < 10_000_000
     assert resident_kb(tmp_path / "absent") == 0
-    assert {"kernel", "isolated core"} <= {one["name"] for one in against(GRANTED, tmp_path)}
-    assert all(one["mend"] for one in against(GRANTED, tmp_path))
+    assert {"kernel", "isolated core"} <= {one.name for one in against(GRANTED, tmp_path)}
+    assert all(one.mend for one in against(GRANTED, tmp_path))

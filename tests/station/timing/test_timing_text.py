@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import made_reports
 import pytest
+from made_reports import gap
 
 from station.cli.bench.timing import explain, histogram
 from station.records.scan_times import ScanTimes
+from station.timing.report import TimingReport
 
 
-def report(missed: int, work_us: float = 160.0, late_us: float = 40.0, cause: str = "waking") -> dict:
-    gap = {"scan": 9, "missed": missed, "before": {"scan": 8, "cause": cause}}
+def report(missed: int, work_us: float = 160.0, late_us: float = 40.0, cause: str = "waking") -> TimingReport:
     late = {"p50": 12.0, "p99": late_us, "p999": 2 * late_us, "max": 900.0}
     work = {"p50": work_us, "p99": work_us, "p999": work_us, "max": work_us}
-    head = {"period_ns": 1_000_000, "periods": 1000, "embedded": True, "gaps": [gap] if missed else []}
-    return head | {"missed": missed, "lateness_us": late, "work_us": work}
+    gaps = [gap(8, missed, cause)] if missed else []
+    return made_reports.report(missed=missed, gaps=gaps, lateness_us=late, work_us=work)
 
 
 def test_a_calm_machine() -> None:
@@ -41,8 +43,7 @@ def test_too_much_work_and_late_waking_are_said() -> None:
     [((2353, 4753, 9153, 11453, 11653), True), ((2353, 4790, 9120, 11403, 11670), False), ((2353, 4753), False)],
 )
 def test_gaps_that_keep_a_rhythm_are_the_hosts(scans: tuple[int, ...], *, told: bool) -> None:
-    found = report(3)
-    found["gaps"] = [{"scan": n + 2, "missed": 1, "before": {"scan": n, "cause": "waking"}} for n in scans]
+    found = made_reports.report(missed=3, gaps=[gap(n, 1, "waking") for n in scans])
     assert ("repeat every 100 ms" in " ".join(explain(found))) == told
 
 
@@ -50,5 +51,5 @@ def test_histogram_rows_hold_every_scan() -> None:
     times = ScanTimes()
     for number in range(500):
         times.add(number, 0, number * 7000, (0, 1, 2, 3, 4))
-    rows = histogram(times.to_dict()["histograms_us"]["lateness"])
+    rows = histogram(times.histograms_us()["lateness"])
     assert sum(int(row.split("µs")[1].split()[0]) for row in rows) == 500

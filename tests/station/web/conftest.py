@@ -2,11 +2,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+from served import Served
 from station_support import station_in
 
 from station.web.actions import Station
+
+if TYPE_CHECKING:
+    from browser import Enter
 
 
 @pytest.fixture(scope="module")
@@ -22,3 +27,12 @@ def station(tmp_path: Path) -> Iterator[Station]:
     found = station_in(tmp_path / "runs")
     yield found
     found.close()
+
+
+@pytest.fixture(scope="module")
+def enter(station: Served) -> Iterator[Enter]:
+    """Open a page of the module's station for somebody, by their role: what they see first is the bench."""
+    from browser import opened  # noqa: PLC0415 - skips the tests of a browser where playwright is missing
+
+    with opened(station.url) as entered:
+        yield entered

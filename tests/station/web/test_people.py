@@ -86,19 +86,19 @@ def test_who_guesses_keeps_nobody_waiting(database: StationDatabase, monkeypatch
     with database.writing() as connection:
         accounts.add_person(connection, "Ada", "operator", FIRST)
     monkeypatch.setattr(accounts, "LONGEST_WAIT_S", 0.01)
-    checked = accounts._fits
+    checked = accounts.fits
 
     def slow(kept: str, password: str) -> bool:
         with database.writing():  # what others do meanwhile
             pass
         if password == "first":  # noqa: S105
-            assert accounts._CHECKS.acquire(timeout=0.0), "a second check may go beside"
+            assert accounts.CHECKS.acquire(timeout=0.0), "a second check may go beside"
             with pytest.raises(TooManyEntriesError):
                 enter(database, "Ada", FIRST)
-            accounts._CHECKS.release()
+            accounts.CHECKS.release()
         return checked(kept, password)
 
-    monkeypatch.setattr(accounts, "_fits", slow)
+    monkeypatch.setattr(accounts, "fits", slow)
     assert isinstance(entered(database, "Ada", "first"), EntryRefusedError)
     assert entered(database, "Ada", FIRST).person.name == "Ada"
 
@@ -214,6 +214,6 @@ def test_refused_starts_stand_in_the_trail(tmp_path: Path) -> None:
     client_of(station, "operator").post("start_run", {"scanned": "of no model"})
     with station.database.writing() as connection:
         (line,) = audit.lines_of(connection, 1)
-    assert (line["outcome"], line["name"]) == ("refused", "the operator")
-    assert "model_known" in line["detail"]
-    assert "of no model" in line["detail"]
+    assert (line.outcome, line.name) == ("refused", "the operator")
+    assert "model_known" in line.detail
+    assert "of no model" in line.detail

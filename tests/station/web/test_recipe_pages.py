@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
-from station_support import PASSWORD
 
 from recipes import parse_recipe
 
-playwright = pytest.importorskip("playwright.sync_api")
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = [
-    pytest.mark.wires,
-    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: the pages are not tried in a browser"),
-]
-LONGEST_MS = 60_000
-Enter = Callable[[str], "playwright.Page"]
+pytestmark = [pytest.mark.wires, needs_browser]
 MISTAKE = "\nbogus: 1"
 
 
@@ -32,25 +23,10 @@ def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield found
 
 
-@pytest.fixture(scope="module")
-def enter(station: Served) -> Iterator[Enter]:
-    """Open a browser of one's own for somebody, and log in."""
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-
-        def entered(role: str) -> playwright.Page:
-            page = browser.new_context(viewport={"width": 1920, "height": 1080}).new_page()
-            page.set_default_timeout(LONGEST_MS)
-            page.goto(f"{station.url}/enter")
-            page.fill("#name", f"the {role}")
-            page.fill("#password", PASSWORD)
-            page.keyboard.press("Enter")
-            page.wait_for_selector(".lm-word")
-            page.click("nav >> text=Recipes")
-            return page
-
-        yield entered
-        browser.close()
+def recipes_of(enter: Enter, role: str) -> playwright.Page:
+    page = enter(role)
+    page.click("nav >> text=Recipes")
+    return page
 
 
 def tab(page: playwright.Page, name: str) -> None:
@@ -70,7 +46,7 @@ def buttons(page: playwright.Page) -> set[str]:
 
 
 def test_a_limit_is_changed_by_one_person_released_by_another_and_used(station: Served, enter: Enter) -> None:
-    technician = enter("technician")
+    technician = recipes_of(enter, "technician")
     technician.click('a[aria-label="open good revision 1"]')
     state(technician, "released")
     assert buttons(technician) == {"New revision from this"}, "what is released cannot be changed"
@@ -99,7 +75,7 @@ def test_a_limit_is_changed_by_one_person_released_by_another_and_used(station: 
     state(technician, "release asked")
     assert "Release" not in buttons(technician)
 
-    quality = enter("quality")
+    quality = recipes_of(enter, "quality")
     quality.click('a[aria-label="open good revision 2"]')
     state(quality, "release asked")
     tab(quality, "Changes")
@@ -127,7 +103,7 @@ def _first(station: Served) -> str:
 
 
 def test_whoever_only_operates_may_read_and_change_nothing(enter: Enter) -> None:
-    page = enter("operator")
+    page = recipes_of(enter, "operator")
     assert page.locator(".lm-import").count() == 0
     page.click('a[aria-label="open good revision 1"]')
     page.wait_for_selector(".lm-in-order")
@@ -137,7 +113,7 @@ def test_whoever_only_operates_may_read_and_change_nothing(enter: Enter) -> None
 
 
 def test_a_file_is_taken_in_as_a_draft_and_given_out_as_it_came(station: Served, enter: Enter, tmp_path: Path) -> None:
-    page = enter("engineer")
+    page = recipes_of(enter, "engineer")
     file = tmp_path / "plant.yaml"
     file.write_text(_first(station).replace("name: good", "name: plant"), encoding="utf-8")
     page.set_input_files(".lm-import input[type=file]", file)

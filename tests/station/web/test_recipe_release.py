@@ -53,10 +53,10 @@ def test_a_second_person_releases_and_the_next_unit_is_measured_by_it(
     with station.database.reading() as connection:
         lines = audit.lines_of(connection, 20)
         assert audit.problems_of(connection) == []
-    done = {one["action"]: (one["name"], json.loads(one["detail"])) for one in lines if one["outcome"] == "done"}
+    done = {one.action: (one.name, json.loads(one.detail)) for one in lines if one.outcome == "done"}
     assert done["save_recipe"] == ("the engineer", draft)
     assert done["release_recipe"] == ("the quality", draft)
-    assert [one["outcome"] for one in lines if one["action"] == "release_recipe"].count("refused") == 3
+    assert [one.outcome for one in lines if one.action == "release_recipe"].count("refused") == 3
 
     (station.data / "models.yaml").write_text("models: [{model: P1, serial: 'SN-[0-9]+', recipe: good}]\n")
     listed = engineer.http.get("/api/recipes").json()["revisions"]

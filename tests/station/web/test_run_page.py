@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import Enter, needs_browser, playwright
 from lostmotion_command import ROOT, here
 from served import Served, prepared, served
-from station_support import GOLDEN, PASSWORD
+from station_support import GOLDEN
 from stored_runs import metric, store_run
 
 from station.records.data_folder import Store
@@ -20,8 +21,6 @@ from station.reports.loop_curves import loop_curves
 from station.web.pages.run import allowed_width, beside
 from station.web.pages.run_text import run_text
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-LONGEST_MS = 120_000
 SCRIPT = "<img src=x onerror=alert(1)>"
 QUICK = str(ROOT / "recipes" / "rv-40e-121-quick.yaml")
 
@@ -89,10 +88,6 @@ def test_an_altered_run_has_no_verdict_and_no_figures_and_keeps_its_mark(
     assert "VIRTUAL BENCH" in found.html
 
 
-playwright = pytest.importorskip("playwright.sync_api")
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: the page is not tried in it")
-
-
 @pytest.fixture(scope="module")
 def station(folder: Path) -> Iterator[Served]:
     with served(prepared(folder)) as found:
@@ -100,18 +95,8 @@ def station(folder: Path) -> Iterator[Served]:
 
 
 @pytest.fixture(scope="module")
-def page(station: Served) -> Iterator[playwright.Page]:
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1920, "height": 1080})
-        page.set_default_timeout(LONGEST_MS)
-        page.goto(f"{station.url}/enter")
-        page.fill("#name", "the quality")
-        page.fill("#password", PASSWORD)
-        page.keyboard.press("Enter")
-        page.wait_for_selector(".lm-word")
-        yield page
-        browser.close()
+def page(enter: Enter) -> playwright.Page:
+    return enter("quality")
 
 
 @pytest.mark.wires

@@ -25,6 +25,9 @@ VALUES = {
     "announce_unit": {"serial": "ä", "previous_step": "passed"},
     "stop_run": {},
     "confirm_nok": {"run": "R"},
+    "begin_recovery": {},
+    "acknowledge_fault": {"recovery": "R"},
+    "leave_recovery": {"recovery": "R"},
     "add_bypass": {"condition": "bench_free", "reason": "r", "hours": 1.0},
     "end_bypass": {"condition": "bench_free"},
     "save_recipe": {"text": "no recipe"},
@@ -32,6 +35,11 @@ VALUES = {
     "ask_release": {"name": "none", "revision": 1, "sha256": "0" * 64},
     "release_recipe": {"name": "none", "revision": 1, "sha256": "0" * 64},
     "add_person": {"name": " no", "role": "operator", "password": FIRST},
+    "assign_badge": {"name": "nobody of this name", "badge": "B-100001", "pin": "8305"},
+    "withdraw_badge": {"name": "nobody of this name"},
+    "change_pin": {"password": "wrong", "pin": "8"},
+    "test_scanner": {"scanned": "yz"},
+    "choose_language": {"language": "xx"},
     "disable_person": {"name": "nobody of this name"},
     "reset_person": {"name": "nobody of this name", "password": FIRST},
     "change_password": {"old_password": PASSWORD, "new_password": PASSWORD},
@@ -40,7 +48,7 @@ VALUES = {
 """What each action is asked with: allowed, it does nothing that another cell would see."""
 
 
-def newest_line(station: Station) -> dict[str, str]:
+def newest_line(station: Station) -> audit.Line:
     with station.database.writing() as connection:
         return audit.lines_of(connection, 1)[0]
 
@@ -52,6 +60,7 @@ def test_every_action_is_asked() -> None:
         assert row.roles <= set(ROLES)
         assert row.text
         assert set(row.audited) <= set(row.needs.model_fields)
+        assert set(row.tells) <= set(row.gives.model_fields)
 
 
 @pytest.mark.parametrize("role", ROLES)
@@ -62,8 +71,8 @@ def test_an_action_is_open_to_its_roles_alone(shared_station: Station, action: s
     assert ("role" not in refused) == (role in ACTIONS[action].roles)
     assert (answer.status_code == 403) == (role not in ACTIONS[action].roles)
     line = newest_line(shared_station)
-    assert (line["name"], line["action"]) == (f"the {role}", action)
-    assert line["outcome"] == ("done" if answer.status_code == 200 else "refused")
+    assert (line.name, line.action) == (f"the {role}", action)
+    assert line.outcome == ("done" if answer.status_code == 200 else "refused")
 
 
 @pytest.mark.parametrize("action", list(ACTIONS))
@@ -82,12 +91,15 @@ def test_a_request_needs_a_key_and_the_same_key_is_answered_the_same_once(shared
         answer = found.post("confirm_nok", {"run": "K"}, **{"Idempotency-Key": key})
         assert (answer.status_code, answer.json()["refused"][0]["id"]) == (422, "idempotency_key")
     first = found.post("add_person", {"name": "Ada", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
-    lines = newest_line(shared_station)["number"]
+    lines = newest_line(shared_station).number
     again = found.post("add_person", {"name": "Ada", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
     assert (first.status_code, first.json()) == (again.status_code, again.json()) == (200, again.json())
-    assert newest_line(shared_station)["number"] == lines, "it was not done twice"
+    assert newest_line(shared_station).number == lines, "it was not done twice"
     other = found.post("add_person", {"name": "Bea", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
     assert (other.status_code, other.json()["refused"][0]["id"]) == (409, "key_used")
+    refused = [found.post("confirm_nok", {"run": "K"}, **{"Idempotency-Key": "B"}) for _ in range(2)]
+    assert [one.status_code for one in refused] == [409, 409]
+    assert refused[0].json() == refused[1].json()
 
 
 @pytest.mark.parametrize(
@@ -120,7 +132,7 @@ def test_what_is_sent_must_be_what_the_action_needs(shared_station: Station) -> 
             "/api/actions/start_run", content=body, headers=headers | {"Idempotency-Key": f"o{number}"}
         )
         assert odd.status_code == 422, body[:20]
-        assert newest_line(shared_station)["outcome"] == "refused"
+        assert newest_line(shared_station).outcome == "refused"
     for name, password in (("\ud800", "x"), ("the admin", "\ud800"), ("x" * 65, "x")):
         body = json.dumps({"name": name, "password": password})
         odd = found.http.post("/api/enter", content=body, headers={"Content-Type": "application/json"})
@@ -145,7 +157,7 @@ def test_the_trail_is_for_those_who_look_after_it(shared_station: Station) -> No
 
 def test_reading_needs_a_session(shared_station: Station) -> None:
     nobody = client_of(shared_station).http
-    for path in ("/api/me", "/api/now", "/api/audit", "/api/runs/x"):
+    for path in ("/api/me", "/api/now", "/api/bench", "/api/audit", "/api/runs/x"):
         assert nobody.get(path).status_code == 401
     nobody.cookies.set(COOKIE, "of nobody")
     assert nobody.get("/api/me").status_code == 401

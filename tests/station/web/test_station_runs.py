@@ -2,26 +2,60 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from lostmotion_command import here
-from served import prepared, served
+from served import LONGEST_S, Served, prepared, served
+
+from station.records.run_record import RunRecord
+from station.run.next_run import SUPERVISOR
 
 pytestmark = pytest.mark.wires
+
+
+def wait_until(found: Callable[[], object], what: str) -> None:
+    until = time.monotonic() + LONGEST_S
+    while not found():
+        assert time.monotonic() < until, what
+        time.sleep(0.05)
+
+
+def command_of(pid: int) -> str:
+    """Return the command line of a process, '' of one that has ended."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+    except OSError:
+        return ""
+
+
+def next_supervisor(server: Served) -> int:
+    """Wait for the process that waits for the next run."""
+
+    def waiting() -> list[int]:
+        children = Path(f"/proc/{server.process.pid}/task").glob("*/children")
+        pids = [int(pid) for one in children for pid in one.read_text().split()]
+        return [pid for pid in pids if SUPERVISOR in command_of(pid)]
+
+    wait_until(waiting, "no process waits for the next run")
+    return waiting()[0]
 
 
 def test_a_killed_server_takes_nothing_with_it_and_a_bad_unit_is_put_away(tmp_path: Path) -> None:
     data = prepared(tmp_path / "runs")
     with served(data) as first:
         first.log_in("operator")
+        waiting = next_supervisor(first)
         with ThreadPoolExecutor(4) as pool:
             answers = list(pool.map(lambda n: first.post("start_run", {"scanned": f"BAD-{n}"}, f"key {n}"), range(4)))
         assert sorted(one.status_code for one in answers) == [200, 409, 409, 409], "one run of four starts"
         refused = next(one for one in answers if one.status_code == 409).json()["refused"]
         assert [one["id"] for one in refused] == ["bench_free"]
         running = first.wait("running")
+        assert RunRecord(data / running["run"]).manifest().desk.pid == waiting, "it is the process that waited for it"
         first.kill()
     with served(data) as second:
         second.log_in("operator")
@@ -54,5 +88,7 @@ def test_a_killed_server_takes_nothing_with_it_and_a_bad_unit_is_put_away(tmp_pa
         assert failed in " ".join(shown.split())
         refused = second.post("start_run", again, "a third time").json()["refused"]
         assert [one["id"] for one in refused] == ["bad_unit_put_away", "attempts_left"]
+        waiting = next_supervisor(second)
+    wait_until(lambda: not command_of(waiting), "it ends with the server")
     assert here("verify", "--data", str(data)).exit_code == 0
     assert here("audit", "verify", "--data", str(data)).exit_code == 0

@@ -1,41 +1,44 @@
-"""Files of Modbus profiles: the registers and coils of a device, what they mean and what is written.
-
-A profile is the data that makes another amplifier, brake or I/O work without other code. The models are strict, as
-those of drives; what they accept reaches the drivers as the dataclasses of `drivers.profile`.
-"""
+"""The register map of a Modbus device, as its profile says it: what is read, what it means, what is written."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from definitions.number_formats import BIT, RANGES, SIZES, FieldType, Limits
 
-from definitions.number_formats import BIT, RANGES, SIZES, FieldType
-from recipes.schema.profile_schema import ProfileSection
+Table = Literal["input", "holding", "discrete", "coil"]
+COIL_TABLES = frozenset({"discrete", "coil"})
+"""Tables of single bits."""
 
-MOST_READ = {"input": 125, "holding": 125, "discrete": 2000, "coil": 2000}
+Order = Literal["big", "little"]
+
+MOST_READ: Mapping[str, int] = {"input": 125, "holding": 125, "discrete": 2000, "coil": 2000}
 """Registers or bits of one read request (Modbus application protocol 1.1b3)."""
-MOST_WRITTEN = {"holding": 123, "coil": 1968}
+MOST_WRITTEN: Mapping[str, int] = {"holding": 123, "coil": 1968}
 """Registers or bits of one write request, likewise."""
-BIT_TABLES = frozenset({"discrete", "coil"})
 IDENTITY_REGISTERS = 32
 """Longest identity that is a text, in registers."""
 
 COUNTED = frozenset({"sample_counter", "life_counter"})
 """Fields that are taken as they are counted."""
 
+Address = Annotated[int, Limits(ge=0, le=0xFFFF)]
+Offset = Annotated[int, Limits(ge=0)]
+IdentityText = Annotated[str, Limits(min_length=1, max_length=2 * IDENTITY_REGISTERS, pattern=r"^[ -~]*$")]
 
-class ModbusProfileHeader(ProfileSection):
+
+@dataclass(frozen=True)
+class ModbusProfileHeader:
     """Which Modbus device this is."""
 
     name: str
     kind: Literal["modbus"]
 
 
-Address = Annotated[int, Field(ge=0, le=0xFFFF)]
-
-
-class IdentityRegister(ProfileSection):
+@dataclass(frozen=True)
+class IdentityRegister:
     """Registers whose value proves that this is the device, and that a reply belongs to its request.
 
     `value` of a number, `text` of a text: ASCII, two characters a register, filled up with zeros.
@@ -44,75 +47,84 @@ class IdentityRegister(ProfileSection):
     table: Literal["input", "holding"]
     address: Address
     type: Literal["u16", "u32", "text"]
-    value: int | None = Field(default=None, ge=0)
-    text: str | None = Field(default=None, min_length=1, max_length=2 * IDENTITY_REGISTERS, pattern=r"^[ -~]*$")
+    value: Annotated[int, Limits(ge=0)] | None = None
+    text: IdentityText | None = None
 
-    @model_validator(mode="after")
-    def _value_of_the_type(self) -> Self:
+    def __post_init__(self) -> None:
         key, other = ("text", "value") if self.type == "text" else ("value", "text")
         if getattr(self, key) is None or getattr(self, other) is not None:
             raise ValueError(f"an identity of type {self.type} has the key {key}, and no {other}")
         if self.type != "text" and self.value is not None and self.value > RANGES[self.type][1]:
             raise ValueError(f"the identity {self.value} is beyond {self.type}: at most {RANGES[self.type][1]}")
-        return self
+
+    @property
+    def count(self) -> int:
+        """How many registers the identity fills."""
+        return (len(self.text or "") + 1) // 2 if self.type == "text" else SIZES[self.type] // 2
+
+    @property
+    def shown(self) -> str:
+        """The identity as a person reads it."""
+        return repr(self.text) if self.type == "text" else f"0x{self.value:0{4 * self.count}X}"
 
 
-class ReadField(ProfileSection):
+@dataclass(frozen=True)
+class ReadField:
     """A value in the block that is read: register number × scale + zero, or one bit (0 = least significant).
 
     The scale is negative where the device counts the other way round. Of coils and discrete inputs the type is `bit`.
     """
 
     name: str
-    offset: int = Field(ge=0)
+    offset: Offset
     type: FieldType
-    scale: float | None = Field(default=None, allow_inf_nan=False)
-    bit: int | None = Field(default=None, ge=0, le=15)
-    zero: float | None = Field(default=None, allow_inf_nan=False)
+    scale: float | None = None
+    bit: Annotated[int, Limits(ge=0, le=15)] | None = None
+    zero: float | None = None
 
-    @model_validator(mode="after")
-    def _bit_of_a_register(self) -> Self:
-        if self.bit is not None and (self.type != "u16" or self.scale is not None or self.zero is not None):
+    def __post_init__(self) -> None:
+        as_it_is = self.scale is None and self.zero is None
+        if self.bit is not None and not (self.type == "u16" and as_it_is):
             raise ValueError(f"{self.name}: a bit is taken from a u16 without scale and zero")
-        if self.type == BIT and (self.scale is not None or self.zero is not None):
+        if self.type == BIT and not as_it_is:
             raise ValueError(f"{self.name}: a coil or discrete input has neither scale nor zero")
         if self.scale == 0:
             raise ValueError(f"{self.name}: the scale is 0; allowed is any other number, negative to turn the sign")
-        if self.name in COUNTED and (self.scale is not None or self.zero is not None):
+        if self.name in COUNTED and not as_it_is:
             raise ValueError(f"{self.name}: a counter has neither scale nor zero")
-        return self
 
 
-class WriteField(ProfileSection):
+@dataclass(frozen=True)
+class WriteField:
     """A value in the block that is written: register number = order / scale."""
 
     name: str
-    offset: int = Field(ge=0)
+    offset: Offset
     type: Literal["u16", "i16", "u32", "i32", "bit"]
-    scale: float | None = Field(default=None, gt=0)
+    scale: Annotated[float, Limits(gt=0)] | None = None
 
 
-class ReadBlock(ProfileSection):
+@dataclass(frozen=True)
+class ReadBlock:
     """The registers or bits read at every poll, in one request."""
 
-    table: Literal["input", "holding", "discrete", "coil"]
+    table: Table
     address: Address
-    count: int = Field(ge=1)
-    fields: tuple[ReadField, ...] = Field(min_length=1, strict=False)
+    count: Annotated[int, Limits(ge=1)]
+    fields: Annotated[tuple[ReadField, ...], Limits(min_length=1)]
 
-    @model_validator(mode="after")
-    def _fields_inside(self) -> Self:
+    def __post_init__(self) -> None:
         if self.count > MOST_READ[self.table]:
             raise ValueError(f"{self.count} read from table {self.table}; one request reads {MOST_READ[self.table]}")
         for field in self.fields:
             _check_table(field.name, field.type, self.table)
             if field.offset + _places(field.type) > self.count:
-                what = "bits" if self.table in BIT_TABLES else "registers"
+                what = "bits" if self.table in COIL_TABLES else "registers"
                 raise ValueError(f"{field.name} at offset {field.offset} lies outside the {self.count} {what} read")
-        return self
 
 
-class WriteBlock(ProfileSection):
+@dataclass(frozen=True)
+class WriteBlock:
     """The registers or coils written, without gaps, in one request.
 
     single: written by the request for a single register or coil (function code 6 or 5); else by that for several (16
@@ -121,11 +133,10 @@ class WriteBlock(ProfileSection):
 
     table: Literal["holding", "coil"]
     address: Address
-    fields: tuple[WriteField, ...] = Field(min_length=1, strict=False)
+    fields: Annotated[tuple[WriteField, ...], Limits(min_length=1)]
     single: bool = False
 
-    @model_validator(mode="after")
-    def _fields_adjoin(self) -> Self:
+    def __post_init__(self) -> None:
         _check_names([field.name for field in self.fields])
         offset = 0
         for field in self.fields:
@@ -137,10 +148,10 @@ class WriteBlock(ProfileSection):
             raise ValueError(f"{offset} written at once; Modbus allows {MOST_WRITTEN[self.table]}")
         if self.single and offset > 1:
             raise ValueError(f"single: true, though {offset} registers or coils are written; only one can be")
-        return self
 
 
-class ModbusProfileFile(ProfileSection):
+@dataclass(frozen=True)
+class ModbusProfile:
     """Profile of a Modbus device; `byte_order` inside a register, `word_order` of the registers of a 32-bit value.
 
     A device without an identity is taken for what the bench file says that it is. read_also: further blocks, each read
@@ -148,17 +159,15 @@ class ModbusProfileFile(ProfileSection):
     """
 
     profile: ModbusProfileHeader
-    byte_order: Literal["big", "little"] = "big"
-    word_order: Literal["big", "little"] = "big"
-    identity: IdentityRegister | None = None
     read: ReadBlock
+    byte_order: Order = "big"
+    word_order: Order = "big"
+    identity: IdentityRegister | None = None
     write: WriteBlock | None = None
-    read_also: tuple[ReadBlock, ...] = Field(default=(), strict=False)
+    read_also: tuple[ReadBlock, ...] = ()
 
-    @model_validator(mode="after")
-    def _names_once(self) -> Self:
+    def __post_init__(self) -> None:
         _check_names([field.name for block in (self.read, *self.read_also) for field in block.fields])
-        return self
 
 
 def _check_names(names: list[str]) -> None:
@@ -167,8 +176,8 @@ def _check_names(names: list[str]) -> None:
 
 
 def _check_table(name: str, type_name: FieldType, table: str) -> None:
-    if (type_name == BIT) != (table in BIT_TABLES):
-        allowed = "bit" if table in BIT_TABLES else "a register's"
+    if (type_name == BIT) != (table in COIL_TABLES):
+        allowed = "bit" if table in COIL_TABLES else "a register's"
         raise ValueError(f"{name}: found type {type_name} in table {table}; allowed is {allowed}")
 
 

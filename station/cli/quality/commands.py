@@ -1,0 +1,310 @@
+"""`lostmotion quality ...` on the command line."""
+
+# ruff: noqa: PLC0415, FBT002, PLR0917 - imports inside the commands keep --help fast; typer reads these signatures
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from station.cli.options import (
+    DEFAULT_DATA,
+    BranchOption,
+    DataOption,
+    JsonOption,
+    LevelOption,
+    RecipeFilter,
+    SideOption,
+)
+
+if TYPE_CHECKING:
+    from station.store.quality.lot import Lot
+
+quality_app = typer.Typer(
+    help="Quality of a production: yield, causes, capability, control charts, trends, type 1 study.",
+    no_args_is_help=True,
+)
+
+ModelFilter = Annotated[str | None, typer.Option("--model", metavar="NAME", help="Only units of this model.")]
+BenchFilter = Annotated[
+    str | None, typer.Option("--bench", metavar="NAME", help="Only runs on the bench of this name.")
+]
+SinceOption = Annotated[
+    str | None, typer.Option("--since", metavar="DATE", help="Only runs from then on, as 2026-01-31 or with a time.")
+]
+UntilOption = Annotated[str | None, typer.Option("--until", metavar="DATE", help="Only runs before then.")]
+VirtualOption = Annotated[
+    bool, typer.Option("--virtual", help="Units of the virtual bench. Default: real units, never both together.")
+]
+NewestOption = Annotated[
+    int, typer.Option("--newest", metavar="N", min=3, help="Values of so many newest first attempts.")
+]
+WantedMetric = Annotated[str, typer.Option("--metric", metavar="ID", help="Metric of the runs, as 'metrics' lists it.")]
+SubgroupOption = Annotated[
+    int, typer.Option("--subgroup", metavar="N", min=1, help="Values made together; 1: single values, moving range.")
+]
+ByOption = Annotated[
+    str | None,
+    typer.Option("--by", metavar="WHAT", help="bench, operator, recipe, revision, model, shift, day or month."),
+]
+NEWEST = 2000
+
+
+def _lot(
+    recipe: str | None,
+    model: str | None,
+    bench: str | None,
+    since: str | None,
+    until: str | None,
+    virtual: bool,  # noqa: FBT001 - as the options come
+    newest: int = NEWEST,
+) -> Lot:
+    """Return the runs that a command line means."""
+    from station.cli.runs.run_table import moment_of
+    from station.store.quality.lot import Lot
+
+    begin = None if since is None else moment_of(since)
+    end = None if until is None else moment_of(until, "--until")
+    return Lot(recipe, model, bench, begin, end, virtual, newest)
+
+
+@quality_app.command("yield")
+def yield_(
+    by: ByOption = None,
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    level: LevelOption = 0.95,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """First-pass yield and final yield, with their confidence intervals."""
+    from station.cli.quality import quality
+
+    raise typer.Exit(
+        quality.print_yield(data, _lot(recipe, model, bench, since, until, virtual), by, level, as_json=as_json)
+    )
+
+
+@quality_app.command()
+def pareto(
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """What hindered a lot, commonest first: metrics that failed by side, alarms, reasons of NOT DECIDABLE."""
+    from station.cli.quality import quality
+
+    raise typer.Exit(quality.print_causes(data, _lot(recipe, model, bench, since, until, virtual), as_json=as_json))
+
+
+@quality_app.command()
+def capability(
+    metric: Annotated[
+        list[str] | None,
+        typer.Option("--metric", metavar="ID", help="Metric, may be repeated. Default: all that have a limit."),
+    ] = None,
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    subgroup: SubgroupOption = 1,
+    level: LevelOption = 0.95,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Cp, Cpk, Pp and Ppk of every metric with a limit, over the side that judges, with confidence intervals."""
+    from station.cli.quality import quality
+
+    lot = _lot(recipe, model, bench, since, until, virtual, newest)
+    raise typer.Exit(quality.print_capability(data, lot, metric or [], subgroup, level, as_json=as_json))
+
+
+@quality_app.command()
+def chart(
+    metric: WantedMetric,
+    rules: Annotated[
+        list[str] | None,
+        typer.Option("--rules", metavar="NAME", help="shewhart (default), western-electric, nelson, or single rules."),
+    ] = None,
+    subgroup: SubgroupOption = 5,
+    baseline: Annotated[
+        int | None,
+        typer.Option("--baseline", metavar="N", min=2, help="First subgroups that make the limits. Default: all."),
+    ] = None,
+    units_per_hour: Annotated[
+        float, typer.Option("--units-per-hour", metavar="X", min=0.01, help="For the false alarms that are told.")
+    ] = 60.0,
+    side: SideOption = None,
+    branch: BranchOption = None,
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Control chart of a metric, and the average run length of its rules. Exit code: 0 in control, 1 not."""
+    from station.cli.quality import quality
+
+    lot = _lot(recipe, model, bench, since, until, virtual, newest)
+    asked = quality.ChartAsked(metric, tuple(rules or ("shewhart",)), subgroup, baseline, side, branch, units_per_hour)
+    raise typer.Exit(quality.print_chart(data, lot, asked, as_json=as_json))
+
+
+@quality_app.command()
+def trend(
+    metric: WantedMetric,
+    by: Annotated[
+        str, typer.Option("--by", metavar="WHAT", help="bench, operator, revision, model, shift, day or month.")
+    ] = "bench",
+    side: SideOption = None,
+    branch: BranchOption = None,
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    level: LevelOption = 0.95,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """A metric by groups of runs: which bench, shift, operator or day differs from the others."""
+    from station.cli.quality import quality
+
+    lot = _lot(recipe, model, bench, since, until, virtual)
+    raise typer.Exit(quality.print_trend(data, lot, metric, by, (side, branch), level, as_json=as_json))
+
+
+@quality_app.command("type1")
+def type1(
+    serial: Annotated[str, typer.Option("--serial", metavar="SN", help="Part of known value, as a master part.")],
+    metric: WantedMetric,
+    reference: Annotated[
+        float, typer.Option("--reference", metavar="X", help="Its known value, in the metric's unit.")
+    ],
+    tolerance: Annotated[
+        float | None,
+        typer.Option("--tolerance", metavar="X", help="Upper minus lower limit. Default: the recipe's."),
+    ] = None,
+    share: Annotated[
+        float, typer.Option("--share", metavar="P", min=1.0, max=100.0, help="Share of the tolerance, in per cent.")
+    ] = 20.0,
+    side: SideOption = None,
+    branch: BranchOption = None,
+    bench: BenchFilter = None,
+    virtual: VirtualOption = False,
+    level: LevelOption = 0.95,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Type 1 study: Cg and Cgk of a bench on one part of known value. Exit code: 0 capable, 1 not, 2 bad input."""
+    from station.cli.quality import quality
+    from station.quality.bench_ability import Part
+
+    part = Part(serial, metric, side, branch, bench, virtual)
+    raise typer.Exit(quality.print_type_one(data, part, reference, tolerance, share, level, as_json=as_json))
+
+
+@quality_app.command()
+def trial(
+    metric: WantedMetric,
+    lower: Annotated[float | None, typer.Option("--min", metavar="X", help="Lower limit to try; nan: none.")] = None,
+    upper: Annotated[float | None, typer.Option("--max", metavar="X", help="Upper limit to try; nan: none.")] = None,
+    guard_factor: Annotated[
+        float | None,
+        typer.Option("--guard-factor", metavar="R", min=0.0, max=3.0, help="Guard band r·U to try; 0: simple rule."),
+    ] = None,
+    branch: BranchOption = None,
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    draft: Annotated[
+        str | None,
+        typer.Option(
+            "--save-draft", metavar="PERSON", help="Save the recipe with what was tried as a draft of PERSON."
+        ),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Limits on trial: which verdicts of a lot would be others, and the risks of wrong decisions before and after."""
+    from station.cli.quality import trial as command_trial
+    from station.quality.limits_trial import Tried
+
+    lot = _lot(recipe, model, bench, since, until, virtual, newest)
+    tried = Tried(metric, branch, lower, upper, guard_factor)
+    raise typer.Exit(command_trial.print_trial(data, lot, tried, draft, as_json=as_json))
+
+
+@quality_app.command("dfq")
+def dfq(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write, such as lot.dfq.")],
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the values of a lot as AQDEF, first attempts and retests; 'export --format dfq' does that for one run."""
+    from station.cli.out_file import refuse_records
+    from station.cli.runs.export import program_name, write_dfq
+    from station.quality.dfq.write import dfq_of_lot
+    from station.store.quality.lot import production
+
+    refuse_records(out)
+    with production(data) as look:
+        found = dfq_of_lot(look, _lot(recipe, model, bench, since, until, virtual, newest), program_name())
+    raise typer.Exit(write_dfq(out, found, as_json=as_json))
+
+
+@quality_app.command("report")
+def report(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write to.")],
+    loops: Annotated[
+        int, typer.Option("--loops", metavar="N", min=0, max=1000, help="Newest loops to draw; each is evaluated anew.")
+    ] = 30,
+    locale: Annotated[
+        str,
+        typer.Option("--locale", metavar="L", help="Spreadsheet for the CSV: en or de (semicolons, decimal commas)."),
+    ] = "en",
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the report of a batch: page, PDF, and every table and the loops as CSV."""
+    from station.cli.quality import batch
+
+    lot = _lot(recipe, model, bench, since, until, virtual, newest)
+    raise typer.Exit(batch.write_report(data, lot, out, loops, locale, as_json=as_json))

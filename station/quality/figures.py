@@ -1,0 +1,284 @@
+"""Yield, causes, capability, control chart and trend of a lot: from the store through the statistics of a line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from analysis.line.capability import Capability, capability
+from analysis.line.control_chart import ControlChart, control_chart
+from analysis.line.groups import GroupsCompared, compare_groups
+from analysis.line.proportions import Cause, Proportion, pareto, proportion
+from analysis.line.run_rules import RunLength, average_run_length
+from analysis.trace.errors import AnalysisError
+from station.documents.result import Limits
+from station.errors import StationError
+from station.store.quality.counts import LotYield, alarms, failures, first_verdicts, sum_of, undecided, yields
+from station.store.quality.lot import Lot, Production
+from station.store.quality.values import (
+    Characteristic,
+    characteristic,
+    characteristics,
+    other_meanings,
+    sums,
+    values,
+)
+
+SHIFT_SIGMAS = 1.0
+"""Shift of the process, in standard deviations of what is plotted, for which a chart's delay is told."""
+
+WHOLE = "whole lot"
+
+
+@dataclass(frozen=True, slots=True)
+class YieldRow:
+    """Yield of a group: verdicts of first attempts and of units by their newest run, and the shares that passed."""
+
+    group: str
+    verdicts: LotYield
+    first_pass: Proportion
+    final: Proportion
+
+
+@dataclass(frozen=True, slots=True)
+class YieldFigure:
+    """Yields of a lot: of all of it, and of each group where a grouping was asked for."""
+
+    lot: Lot
+    by: str | None
+    whole: YieldRow
+    groups: tuple[YieldRow, ...]
+
+
+def yield_of(production: Production, lot: Lot, by: str | None = None, level: float = 0.95) -> YieldFigure:
+    """Return first-pass and final yield; StationError for a lot without runs."""
+    production.refuse_empty(lot)
+    groups = yields(production, lot, by)
+    whole = LotYield(*(sum_of(parts) for parts in zip(*groups.values(), strict=True)))
+    rows = () if by is None else tuple(_yield_row(name, one, level) for name, one in groups.items())
+    return YieldFigure(lot, by, _yield_row(WHOLE, whole, level), rows)
+
+
+def _yield_row(name: str, one: LotYield, level: float) -> YieldRow:
+    first, final = (proportion(part.passed, part.units, level) for part in (one.first, one.final))
+    return YieldRow(name, one, first, final)
+
+
+@dataclass(frozen=True, slots=True)
+class CausesFigure:
+    """Causes of a lot, commonest first: metrics that failed, alarms, and why runs have no verdict."""
+
+    lot: Lot
+    first_attempts: int
+    failed: tuple[Cause, ...]
+    alarms: tuple[Cause, ...]
+    undecided: tuple[Cause, ...]
+
+
+def causes_of(production: Production, lot: Lot) -> CausesFigure:
+    """Return what hindered a lot; StationError for one without runs."""
+    production.refuse_empty(lot)
+    failed = {one.name: number for one, number in failures(production, lot).items()}
+    return CausesFigure(
+        lot,
+        first_verdicts(production, lot).units,
+        pareto(failed),
+        pareto(alarms(production, lot)),
+        pareto(undecided(production, lot)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class CapabilityRow:
+    """Capability of a metric over the side that judges; `why` says why there is none. others: the other sides' Ppk."""
+
+    metric: Characteristic
+    side: str
+    found: Capability | None
+    others: tuple[tuple[str, float], ...] = ()
+    other_meanings: int = 0
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CapabilityFigure:
+    """Capability of every metric of a lot that has a limit."""
+
+    lot: Lot
+    subgroup: int
+    level: float
+    rows: tuple[CapabilityRow, ...]
+
+
+def capability_of(
+    production: Production,
+    lot: Lot,
+    names: Sequence[str] = (),
+    *,
+    subgroup: int = 1,
+    level: float = 0.95,
+    limits: Limits | None = None,
+) -> CapabilityFigure:
+    """Return the capability of metrics, by default of all that have a limit in the newest run of the lot.
+
+    limits: instead of those of the newest run, for the one metric that is named. Raises StationError for a lot without
+    valid runs, a metric that it does not have, or no limit at all.
+    """
+    lot = production.one_recipe(lot)
+    if names:
+        chosen = [characteristic(production, lot, name) for name in names]
+    else:
+        chosen = [one for one in characteristics(production, lot) if one.limited]
+    if limits is not None:
+        if len(chosen) != 1:
+            raise StationError("--min and --max are for one metric. Name it with --metric")
+        chosen = [chosen[0]._replace(limit_min=limits.min, limit_max=limits.max)]
+    without = [one.name for one in chosen if not one.limited]
+    if without or not chosen:
+        what = ", ".join(without) or "no metric of the newest run"
+        raise StationError(f"capability: {what} has {'no' if without else 'a'} limit; give --min X, --max X or both")
+    rows = tuple(_capability_row(production, lot, one, subgroup, level) for one in chosen)
+    return CapabilityFigure(lot, subgroup, level, rows)
+
+
+def _capability_row(
+    production: Production, lot: Lot, what: Characteristic, subgroup: int, level: float
+) -> CapabilityRow:
+    sides: dict[str, Capability] = {}
+    why = ""
+    for side in what.sides:
+        try:
+            row = values(production, lot, what, side)
+            sides[side] = capability([one.value for one in row], what.limit_min, what.limit_max, subgroup, level)
+        except AnalysisError as error:
+            why = str(error)
+    different = other_meanings(production, lot, what)
+    if not sides:
+        return CapabilityRow(what, what.sides[0], None, (), different, why)
+    judging = min(sides, key=lambda side: sides[side].overall.nearest)
+    others = tuple((side, one.overall.nearest) for side, one in sides.items() if side != judging)
+    return CapabilityRow(what, judging, sides[judging], others, different)
+
+
+def judging_side(production: Production, lot: Lot, what: Characteristic, side: str | None) -> str:
+    """Return the side that is asked for, or else the one nearer to the limits; StationError for one it does not have.
+
+    Nearer is the one with the smaller Ppk; of a metric without limits it is the first.
+    """
+    if side is not None:
+        if side not in what.sides:
+            raise StationError(f"--side: found '{side:.20}'; {what.name} has {' and '.join(what.sides)}")
+        return side
+    if len(what.sides) == 1 or not what.limited:
+        return what.sides[0]
+    return min(what.sides, key=lambda one: _nearest(production, lot, what, one))
+
+
+def _nearest(production: Production, lot: Lot, what: Characteristic, side: str) -> float:
+    """Return the Ppk of a side; infinite where it has none."""
+    row = [one.value for one in values(production, lot, what, side)]
+    try:
+        return capability(row, what.limit_min, what.limit_max).overall.nearest
+    except AnalysisError:
+        return math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class ChartFigure:
+    """Control chart of a metric.
+
+    run_length: points until a false alarm, on average, by the rules together; shifted: points until a shift of one
+    standard deviation of what is plotted is found. runs: the last run of each subgroup.
+    """
+
+    lot: Lot
+    metric: Characteristic
+    side: str
+    rules: tuple[str, ...]
+    chart: ControlChart
+    run_length: RunLength
+    shifted: RunLength
+    runs: tuple[str, ...]
+    started: tuple[str, ...]
+    other_meanings: int
+
+    def false_alarms_per_hour(self, units_per_hour: float, metrics: int = 1) -> float:
+        """Return how many false alarms an hour brings with so many metrics charted by these rules."""
+        return metrics * units_per_hour / self.chart.subgroup / self.run_length.points
+
+
+def chart_of(
+    production: Production,
+    lot: Lot,
+    name: str,
+    rules: tuple[str, ...],
+    *,
+    side: str | None = None,
+    branch: str | None = None,
+    subgroup: int = 5,
+    baseline: int | None = None,
+) -> ChartFigure:
+    """Return the chart of a metric over the first attempts of a lot, in the order of production.
+
+    Raises StationError and AnalysisError as `characteristic` and
+    `control_chart`.
+    """
+    lot = production.one_recipe(lot)
+    what = characteristic(production, lot, name, branch)
+    judging = judging_side(production, lot, what, side)
+    rows = values(production, lot, what, judging)
+    chart = control_chart([row.value for row in rows], subgroup, rules, baseline=baseline)
+    last = rows[subgroup - 1 : len(chart.means) * subgroup : subgroup]
+    return ChartFigure(
+        lot,
+        what,
+        judging,
+        rules,
+        chart,
+        average_run_length(rules),
+        average_run_length(rules, SHIFT_SIGMAS),
+        tuple(row.run for row in last),
+        tuple(row.started for row in last),
+        other_meanings(production, lot, what),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class TrendFigure:
+    """A metric by groups of runs."""
+
+    lot: Lot
+    metric: Characteristic
+    side: str
+    by: str
+    compared: GroupsCompared
+    other_meanings: int
+
+
+def trend_of(
+    production: Production,
+    lot: Lot,
+    name: str,
+    by: str,
+    *,
+    side: str | None = None,
+    branch: str | None = None,
+    level: float = 0.95,
+) -> TrendFigure:
+    """Return a metric by bench, shift, operator, day, ...; raises as `characteristic` and `compare_groups`."""
+    lot = production.one_recipe(lot)
+    what = characteristic(production, lot, name, branch)
+    judging = judging_side(production, lot, what, side)
+    origin = _origin(production, lot, what, judging)
+    found = sums(production, lot, what, judging, by, origin)
+    compared = compare_groups(found, origin, level)
+    return TrendFigure(lot, what, judging, by, compared, other_meanings(production, lot, what))
+
+
+def _origin(production: Production, lot: Lot, what: Characteristic, side: str) -> float:
+    """Return a value of the lot, which is near the mean of all as far as rounding is concerned."""
+    newest = values(production, lot._replace(newest=1), what, side)
+    if not newest:
+        raise StationError(f"{what.name} side {side}: no first attempt of this lot has a value")
+    return newest[0].value

@@ -1,0 +1,227 @@
+"""Counts of a lot: verdicts of first attempts and of units as they left, and the causes of what did not pass."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from datetime import datetime
+from typing import Any, NamedTuple
+
+from sqlalchemy import ColumnElement, func, literal, select
+
+from station.errors import StationError
+from station.store.projection import COMPLETE
+from station.store.quality.lot import FIRST_ATTEMPT, Lot, Production
+from station.store.tables import ALARMS, CHECKS, METRICS, RUNS
+
+FAIL, UNDECIDED = "FAIL", "NOT DECIDABLE"
+
+HOUR_DIGITS = len("2026-01-31T06")
+SHIFT_HOURS = 8
+SHIFTS_BEGIN = 6
+"""Shifts of eight hours by the computer's clock, the first from 06:00."""
+
+
+def _as_it_is(key: Any) -> str:
+    return "–" if key in (None, "") else str(key)
+
+
+def _day(hour: str) -> str:
+    return f"{_local(hour):%Y-%m-%d}"
+
+
+def _shift(hour: str) -> str:
+    number = (_local(hour).hour - SHIFTS_BEGIN) // SHIFT_HOURS % (24 // SHIFT_HOURS)
+    begin = SHIFTS_BEGIN + number * SHIFT_HOURS
+    return f"{begin % 24:02}:00 to {(begin + SHIFT_HOURS) % 24:02}:00"
+
+
+def _month(hour: str) -> str:
+    return f"{_local(hour):%Y-%m}"
+
+
+def _local(hour: str) -> datetime:
+    return datetime.fromisoformat(f"{hour}:00:00+00:00").astimezone()
+
+
+class Grouping(NamedTuple):
+    """How runs are put together: a column of a table of runs, and how what is in it is called.
+
+    Times are grouped by the hour first, and the hours by the computer's clock.
+    """
+
+    column: Callable[[Any], ColumnElement[Any]]
+    name: Callable[[Any], str]
+    text: str
+
+
+def _hour(runs: Any) -> ColumnElement[Any]:
+    return func.substr(runs.c.started, 1, HOUR_DIGITS)
+
+
+GROUPINGS: dict[str, Grouping] = {
+    "bench": Grouping(lambda runs: runs.c.bench, _as_it_is, "bench"),
+    "operator": Grouping(lambda runs: runs.c.operator, _as_it_is, "operator"),
+    "recipe": Grouping(lambda runs: runs.c.recipe, _as_it_is, "recipe"),
+    "revision": Grouping(lambda runs: runs.c.revision, _as_it_is, "revision of the recipe"),
+    "model": Grouping(lambda runs: runs.c.model, _as_it_is, "model"),
+    "shift": Grouping(_hour, _shift, "shift of eight hours from 06:00"),
+    "day": Grouping(_hour, _day, "day"),
+    "month": Grouping(_hour, _month, "month"),
+}
+"""What runs can be grouped by."""
+
+
+def grouping(name: str) -> Grouping:
+    """Return a way of grouping; StationError names those that there are."""
+    if name not in GROUPINGS:
+        raise StationError(f"--by: found '{name:.40}'; allowed are {', '.join(GROUPINGS)}")
+    return GROUPINGS[name]
+
+
+class Verdicts(NamedTuple):
+    """Units by verdict; ended_otherwise: measured, and stopped, interrupted or ended with a fault."""
+
+    passed: int = 0
+    failed: int = 0
+    undecided: int = 0
+    ended_otherwise: int = 0
+
+    @property
+    def units(self) -> int:
+        """All of them."""
+        return sum(self)
+
+    def plus(self, state: str, verdict: str | None, number: int) -> Verdicts:
+        """Return these with units of one state and verdict more."""
+        if state != COMPLETE:
+            return self._replace(ended_otherwise=self.ended_otherwise + number)
+        name = {"PASS": "passed", FAIL: "failed"}.get(verdict or "", "undecided")
+        return self._replace(**{name: getattr(self, name) + number})
+
+
+def sum_of(parts: Iterable[Verdicts]) -> Verdicts:
+    """Return the units of several groups together."""
+    return Verdicts(*(sum(column) for column in zip(*parts, strict=True)))
+
+
+class LotYield(NamedTuple):
+    """Units at their first attempt, and all units by the newest run of each, whichever attempt that was."""
+
+    first: Verdicts
+    final: Verdicts
+
+    @classmethod
+    def nothing(cls) -> LotYield:
+        """Return the yield of no unit."""
+        return cls(Verdicts(), Verdicts())
+
+
+def yields(production: Production, lot: Lot, by: str | None = None) -> dict[str, LotYield]:
+    """Return the verdicts of each group, in the order of their names; '' is the one group where none is asked for.
+
+    As few units are measured again, the units as they left are the first attempts, those of units with a later attempt
+    replaced by the newest of each.
+    """
+    group = None if by is None else grouping(by)
+    key = (literal("") if group is None else group.column(RUNS)).label("key")
+    found: dict[str, LotYield] = {}
+    names: dict[Any, str] = {}  # of a year there are 8760 hours, and few months
+
+    def add(value: Any, state: str, verdict: str | None, *numbers: int) -> None:
+        name = names.get(value)
+        if name is None:
+            name = names[value] = "" if group is None else group.name(value)
+        before = found.get(name, LotYield.nothing())
+        parts = (one.plus(state, verdict, number) for one, number in zip(before, numbers, strict=True))
+        found[name] = LotYield(*parts)
+
+    counted = (key, RUNS.c.state, RUNS.c.verdict)
+    first = production.of(select(*counted, func.count()).select_from(RUNS), lot).group_by(*counted)
+    for value, state, verdict, number in production.connection.execute(first):
+        add(value, state, verdict, number, number)
+    later = production.of(select(*counted, RUNS.c.serial).order_by(RUNS.c.run), lot, attempts=None)
+    later = later.where(RUNS.c.attempt > FIRST_ATTEMPT)
+    newest = {serial: row for *row, serial in production.connection.execute(later)}
+    if newest:
+        again = production.of(select(RUNS.c.serial), lot, attempts=None).where(RUNS.c.attempt > FIRST_ATTEMPT)
+        before = production.of(select(*counted, func.count()).select_from(RUNS), lot)
+        before = before.where(RUNS.c.serial.in_(again)).group_by(*counted)
+        for value, state, verdict, number in production.connection.execute(before):
+            add(value, state, verdict, 0, -number)
+        for value, state, verdict in newest.values():
+            add(value, state, verdict, 0, 1)
+    return {name: found[name] for name in sorted(found)}
+
+
+def first_verdicts(production: Production, lot: Lot) -> Verdicts:
+    """Return the verdicts of the first attempts alone."""
+    found = Verdicts()
+    asked = production.of(select(RUNS.c.state, RUNS.c.verdict, func.count()).select_from(RUNS), lot)
+    for state, verdict, number in production.connection.execute(asked.group_by(RUNS.c.state, RUNS.c.verdict)):
+        found = found.plus(state, verdict, number)
+    return found
+
+
+class FailedMetric(NamedTuple):
+    """A metric with its choices, on one branch and side."""
+
+    metric: str
+    choices: str
+    branch: str
+    side: str
+
+    @property
+    def name(self) -> str:
+        """Return how people call it."""
+        side = "" if self.side == "both" else f"side {self.side.replace('-', '−')}"
+        return " ".join(part for part in (self.metric, self.choices, self.branch, side) if part)
+
+
+def failures(production: Production, lot: Lot) -> Counter[FailedMetric]:
+    """Return how many first attempts failed by each metric and side; a run that fails by several counts for each."""
+    runs = production.chosen(lot, RUNS.c.verdict == FAIL)
+    columns = [METRICS.c[name] for name in FailedMetric._fields]
+    asked = select(*columns, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
+    rows = production.connection.execute(asked.where(METRICS.c.verdict == FAIL).group_by(*columns))
+    return Counter({FailedMetric(*(text or "" for text in row[:-1])): row[-1] for row in rows})
+
+
+def alarms(production: Production, lot: Lot) -> Counter[str]:
+    """Return in how many runs of any attempt each alarm came: alarms are of the bench, and it measures retests too."""
+    number = func.count(ALARMS.c.run.distinct())
+    asked = select(ALARMS.c.id, number).select_from(ALARMS).join(RUNS, _together(RUNS, ALARMS))
+    asked = production.of(asked, lot, attempts=None).where(ALARMS.c.chain == production.chain.id)
+    return Counter({str(name): number for name, number in production.connection.execute(asked.group_by(ALARMS.c.id))})
+
+
+def undecided(production: Production, lot: Lot) -> Counter[str]:
+    """Return why first attempts have no verdict, by how many: how they ended, a check, or a metric too near its limit.
+
+    A run counts once for each check that it did not pass, by its metrics only where all checks passed, and as an
+    invalid measurement where its record names no check.
+    """
+    states = production.of(select(RUNS.c.state, func.count()).select_from(RUNS), lot).where(RUNS.c.state != COMPLETE)
+    found = Counter({f"ended as {state}": number for state, number in _pairs(production, states, RUNS.c.state)})
+    runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.state == COMPLETE)
+    checks = select(CHECKS.c.id, func.count()).select_from(runs).join(CHECKS, _together(runs, CHECKS))
+    checks = checks.where(CHECKS.c.passed.is_(False))
+    found += Counter({f"check {name}": number for name, number in _pairs(production, checks, CHECKS.c.id)})
+    unnamed = select(func.count()).select_from(runs).join(RUNS, _together(runs, RUNS)).where(RUNS.c.objection != "")
+    named = select(CHECKS.c.run).where(CHECKS.c.chain == runs.c.chain, CHECKS.c.run == runs.c.run)
+    unnamed = unnamed.where(~named.where(CHECKS.c.passed.is_(False)).exists())
+    found += Counter({"measurement invalid": int(production.connection.execute(unnamed).scalar_one())})
+    runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.valid)
+    metrics = select(METRICS.c.metric, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
+    metrics = metrics.where(METRICS.c.main, METRICS.c.verdict == UNDECIDED)
+    near = _pairs(production, metrics, METRICS.c.metric)
+    return found + Counter({f"{name} too near its limit": number for name, number in near})
+
+
+def _pairs(production: Production, asked: Any, column: ColumnElement[Any]) -> list[tuple[str, int]]:
+    return [(str(name), int(number)) for name, number in production.connection.execute(asked.group_by(column))]
+
+
+def _together(runs: Any, table: Any) -> ColumnElement[bool]:
+    found: ColumnElement[bool] = (table.c.chain == runs.c.chain) & (table.c.run == runs.c.run)
+    return found

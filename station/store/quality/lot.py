@@ -1,0 +1,155 @@
+"""Which runs a statistic of the production is of.
+
+Never mixed are what would make a figure that is neither: products with master parts, real units with those of the
+virtual bench, whole runs with runs of injected faults, first attempts with retests. A run counts as far as it is
+believed: unaltered when its files were last compared, and signed by a known key. Unlike a look at the whole folder
+nothing is compared anew here, so that the answer does not wait for 200 000 folders; `lostmotion verify` does that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sqlalchemy import ColumnElement, Connection, Select, Subquery, func, or_, select
+
+from station.errors import StationError
+from station.records.chain.chain_file import Chain
+from station.records.chain.walk import trust_of
+from station.store.outbox import catch_up
+from station.store.stored_runs import is_trusted, values_of
+from station.store.tables import RUNS
+from station.store.view import opened
+
+FIRST_ATTEMPT = 1
+
+SAID_OF_A_VALUE = ("serial", "started", "bench", "operator", "recipe", "revision", "model")
+"""What is known of a value by the run it comes from."""
+
+NEWEST = 2000
+"""First attempts that values are of unless more are asked for: a chart and an index of the process as it is now."""
+
+NO_LIMIT = 2**62
+
+
+class Lot(NamedTuple):
+    """The runs that are meant; None takes all. since, until: moments in UTC. virtual: of the virtual bench, or real.
+
+    newest: of values only those of so many of the newest first attempts; counts and trends are of all runs.
+    """
+
+    recipe: str | None = None
+    model: str | None = None
+    bench: str | None = None
+    since: str | None = None
+    until: str | None = None
+    virtual: bool = False
+    newest: int | None = NEWEST
+
+
+@dataclass(frozen=True)
+class Production:
+    """An open look at the runs of a data folder; behind: runs of the folder that are not in the store yet."""
+
+    chain: Chain
+    connection: Connection
+    keys: tuple[str, ...]
+    unsigned_count: bool
+    behind: int
+
+    def of(self, asked: Select[Any], lot: Lot, *, attempts: Sequence[int] | None = (FIRST_ATTEMPT,)) -> Select[Any]:
+        """Return a statement on `RUNS` with the conditions of a lot; attempts: None takes all."""
+        asked = asked.where(RUNS.c.chain == self.chain.id, RUNS.c.in_production, RUNS.c.virtual.is_(lot.virtual))
+        asked = asked.where(self.trusted())
+        for name in ("recipe", "model", "bench"):
+            value = getattr(lot, name)
+            if value is not None:
+                asked = asked.where(RUNS.c[name] == value)
+        if lot.since is not None:
+            asked = asked.where(RUNS.c.started >= lot.since)
+        if lot.until is not None:
+            asked = asked.where(RUNS.c.started < lot.until)
+        return asked if attempts is None else asked.where(RUNS.c.attempt.in_(attempts))
+
+    def trusted(self) -> ColumnElement[bool]:
+        """Return the condition that somebody known signed a run."""
+        known = RUNS.c.key.in_(self.keys)
+        return or_(RUNS.c.key.is_(None), known) if self.unsigned_count else known
+
+    def one_recipe(self, lot: Lot) -> Lot:
+        """Return the lot with its recipe named: values of several recipes are not of one kind.
+
+        Raises:
+            StationError: the lot has runs of several recipes, or none.
+
+        """
+        self.refuse_empty(lot)
+        if lot.recipe is not None:
+            return lot
+        recipes = list(self.connection.execute(self.of(select(RUNS.c.recipe).distinct(), lot)).scalars())
+        if len(recipes) > 1:
+            raise StationError(
+                f"{self.chain.data}: this lot has runs of the recipes {', '.join(sorted(recipes))}; only runs of one "
+                "recipe are comparable. Choose it with --recipe NAME"
+            )
+        return lot._replace(recipe=recipes[0]) if recipes else lot
+
+    def chosen(self, lot: Lot, *conditions: ColumnElement[bool], newest: int | None = None) -> Subquery:
+        """Return the first attempts of a lot that fulfil conditions, as a table of their ids to join others with.
+
+        newest: only so many of the newest. The limit, which is none where all are meant, keeps a database from looking
+        for these runs once for each row of the other table.
+        """
+        columns = (RUNS.c.chain, RUNS.c.run, *(RUNS.c[name] for name in SAID_OF_A_VALUE))
+        asked = self.of(select(*columns), lot).where(*conditions)
+        asked = asked.order_by(RUNS.c.run.desc()) if newest is not None else asked
+        return asked.limit(NO_LIMIT if newest is None else newest).subquery()
+
+    def choices(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return all recipes and models of the folder."""
+        return values_of(self.connection, self.chain, "recipe"), values_of(self.connection, self.chain, "model")
+
+    def refuse_empty(self, lot: Lot) -> None:
+        """Refuse a lot without a run, saying whether there are runs of the other kind.
+
+        Raises:
+            StationError: no run is meant.
+
+        """
+        there = self.of(select(RUNS.c.run), lot, attempts=None).limit(1)
+        if self.connection.execute(there).first() is not None:
+            return
+        other = self.of(select(func.count()).select_from(RUNS), lot._replace(virtual=not lot.virtual), attempts=None)
+        count = self.connection.execute(other).scalar_one()
+        kinds = ("virtual", "real") if lot.virtual else ("real", "virtual")
+        hint = "" if not count else (
+            f" Of {kinds[1]} units there are {count}: "
+            + ("leave out --virtual" if lot.virtual else "choose them with --virtual")
+        )  # fmt: skip
+        raise StationError(f"{self.chain.data}: no run of a {kinds[0]} unit is in this lot.{hint}")
+
+
+@contextmanager
+def production(data: Path, *, most_s: float | None = None) -> Iterator[Production]:
+    """Yield a look at a data folder that sees one state of its store.
+
+    most_s: longest time for putting runs into the store that have come since; None: until all are there.
+
+    Raises:
+        StationError: no such folder. StoreError, RecordError: the store cannot be used, or the chain not be read.
+
+    """
+    if not data.is_dir():
+        raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
+    chain = Chain(data)
+    database = opened(data)
+    try:
+        behind = catch_up(database, chain, most_s=most_s)
+        trust = trust_of(chain)
+        with database.reading() as connection:
+            yield Production(chain, connection, tuple(trust.keys), is_trusted(None, chain, trust), behind)
+    finally:
+        database.close()

@@ -1,0 +1,191 @@
+"""Values of one metric over the first attempts of a lot, and the sums of them by group, which the database forms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from sqlalchemy import ColumnElement, Select, Subquery, func, or_, select
+
+from analysis.line.groups import Sums
+from station.errors import StationError
+from station.store.quality.counts import grouping
+from station.store.quality.lot import Lot, Production
+from station.store.tables import METRICS, RUNS
+
+MEANING = ("metric", "choices", "branch", "definition", "estimator", "band", "torque_nm", "unit")
+"""What must be the same of a metric in every run, or the numbers are not of one kind."""
+
+
+class Characteristic(NamedTuple):
+    """A metric as a recipe asks for it, with its limits in the newest run; the names are those of the columns.
+
+    sides: those that it has, the one that judged the newest run first; `both` for a metric without sides.
+    """
+
+    metric: str
+    choices: str
+    branch: str
+    definition: str
+    estimator: str
+    band: str
+    torque_nm: str
+    unit: str
+    limit_min: float | None
+    limit_max: float | None
+    sides: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Return how it is called and asked for."""
+        return " ".join(part for part in (self.metric, self.choices) if part)
+
+    @property
+    def limited(self) -> bool:
+        """Whether it has a limit."""
+        return self.limit_min is not None or self.limit_max is not None
+
+
+class ValueRow(NamedTuple):
+    """A value with the run it came from."""
+
+    run: str
+    serial: str
+    started: str
+    bench: str
+    value: float
+    uncertainty: float | None
+
+
+def newest_run(production: Production, lot: Lot) -> str:
+    """Return the newest valid first attempt of a lot; StationError where there is none."""
+    production.refuse_empty(lot)
+    run = production.connection.execute(select(production.chosen(lot, RUNS.c.valid, newest=1).c.run)).scalar()
+    if run is None:
+        raise StationError(f"{production.chain.data}: no first attempt of this lot came to its end with a valid result")
+    return str(run)
+
+
+def characteristics(production: Production, lot: Lot) -> tuple[Characteristic, ...]:
+    """Return the metrics of the newest run of a lot, in the order of its recipe; StationError as `newest_run`."""
+    return metrics_of_run(production, newest_run(production, lot))
+
+
+def metrics_of_run(production: Production, run: str) -> tuple[Characteristic, ...]:
+    """Return the metrics of a run, in the order of its recipe."""
+    asked = select(METRICS).where(METRICS.c.chain == production.chain.id, METRICS.c.run == run)
+    asked = asked.order_by(METRICS.c.position, METRICS.c.main.desc())
+    found: dict[int, Characteristic] = {}
+    for row in production.connection.execute(asked).mappings():
+        there = found.get(row["position"])
+        if there is None:
+            found[row["position"]] = Characteristic(
+                metric=row["metric"], choices=row["choices"], branch=row["branch"] or "",
+                definition=row["definition"] or "", estimator=row["estimator"] or "", band=row["band"] or "",
+                torque_nm=row["torque_nm"] or "", unit=row["unit"] or "",
+                limit_min=row["limit_min"], limit_max=row["limit_max"], sides=(row["side"],),
+            )  # fmt: skip
+        else:
+            found[row["position"]] = there._replace(sides=(*there.sides, row["side"]))
+    return tuple(
+        one._replace(sides=tuple(side for side in one.sides if side != "both") or one.sides) for one in found.values()
+    )
+
+
+def characteristic(production: Production, lot: Lot, name: str, branch: str | None = None) -> Characteristic:
+    """Return the metric of this name: its id, with its choices where the recipe has it more than once.
+
+    Raises:
+        StationError: there is none, or more than one; as `newest_run`.
+
+    """
+    return one_of(characteristics(production, lot), name, branch)
+
+
+def one_of(there: Sequence[Characteristic], name: str, branch: str | None = None) -> Characteristic:
+    """Return the metric of this name among those of a run; StationError as `characteristic`."""
+    words = name.split() or [""]
+    same = [one for one in there if one.metric == words[0] and branch in (None, one.branch)]
+    found = [one for one in same if set(words[1:]) <= set(one.choices.split())]
+    exact = [one for one in found if set(words[1:]) == set(one.choices.split())]
+    chosen = exact if len(found) > 1 else found
+    if len(chosen) == 1:
+        return chosen[0]
+    names = ", ".join(f"{one.name} ({one.branch})" if one.branch else one.name for one in (found or there))
+    if not found:
+        raise StationError(f"--metric: found '{name:.60}'; the newest run of this lot has {names}")
+    raise StationError(
+        f"--metric: {name} is there {len(found)} times in a run: {names}. Choose with its words or --branch"
+    )
+
+
+def values(production: Production, lot: Lot, what: Characteristic, side: str) -> list[ValueRow]:
+    """Return the values of one side in the newest valid first attempts that mean the same by it, oldest first."""
+    runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
+    columns = (
+        *(runs.c[name] for name in ("run", "serial", "started", "bench")),
+        METRICS.c.value,
+        METRICS.c.uncertainty,
+    )
+    asked = _of(select(*columns), runs, what, side).order_by(runs.c.run)
+    return [ValueRow._make(row) for row in production.connection.execute(asked).tuples()]
+
+
+def part_runs(production: Production, serial: str, bench: str | None, *, virtual: bool) -> Subquery:
+    """Return the valid runs of one unit, a master part or not, without injected faults; all its attempts."""
+    columns = (RUNS.c.chain, *(RUNS.c[name] for name in ("run", "serial", "started", "bench")))
+    asked = select(*columns).where(RUNS.c.chain == production.chain.id, RUNS.c.serial == serial, RUNS.c.valid)
+    asked = asked.where(RUNS.c.scenario.is_(None), RUNS.c.virtual.is_(virtual), production.trusted())
+    return (asked if bench is None else asked.where(RUNS.c.bench == bench)).subquery()
+
+
+def values_of_part(production: Production, runs: Subquery, what: Characteristic, side: str) -> list[ValueRow]:
+    """Return the values of one side in the runs of a part, oldest first."""
+    columns = (
+        *(runs.c[name] for name in ("run", "serial", "started", "bench")),
+        METRICS.c.value,
+        METRICS.c.uncertainty,
+    )
+    asked = _of(select(*columns), runs, what, side).order_by(runs.c.run)
+    return [ValueRow._make(row) for row in production.connection.execute(asked).tuples()]
+
+
+def sums(  # noqa: PLR0917 - what is asked for
+    production: Production, lot: Lot, what: Characteristic, side: str, by: str, origin: float
+) -> dict[str, Sums]:
+    """Return the sums of each group over the whole lot, about an origin near the mean, in the order of their names."""
+    group = grouping(by)
+    runs = production.chosen(lot, RUNS.c.valid)
+    away = METRICS.c.value - origin
+    columns = (group.column(runs).label("key"), func.count(), func.sum(away), func.sum(away * away))
+    found: dict[str, Sums] = {}
+    names: dict[Any, str] = {}
+    for key, number, first, second in production.connection.execute(
+        _of(select(*columns), runs, what, side).group_by("key")
+    ):
+        name = names.get(key) or names.setdefault(key, group.name(key))
+        before = found.get(name, Sums(0, 0.0, 0.0))
+        found[name] = Sums(before.number + number, before.first + first, before.second + second)
+    return {name: found[name] for name in sorted(found)}
+
+
+def other_meanings(production: Production, lot: Lot, what: Characteristic) -> int:
+    """Return how many of the newest valid first attempts mean something else by a metric of this name."""
+    runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
+    asked = select(func.count()).select_from(runs).join(METRICS, _together(runs)).where(METRICS.c.main)
+    asked = asked.where(METRICS.c.metric == what.metric, METRICS.c.choices == what.choices)
+    asked = asked.where(func.coalesce(METRICS.c.branch, "") == what.branch)
+    differs = [func.coalesce(METRICS.c[name], "") != getattr(what, name) for name in MEANING]
+    return int(production.connection.execute(asked.where(or_(*differs))).scalar_one())
+
+
+def _of(asked: Select[Any], runs: Subquery, what: Characteristic, side: str) -> Select[Any]:
+    asked = asked.select_from(runs).join(METRICS, _together(runs))
+    asked = asked.where(METRICS.c.side == side, METRICS.c.value.is_not(None))
+    for name in MEANING:
+        asked = asked.where(func.coalesce(METRICS.c[name], "") == getattr(what, name))
+    return asked
+
+
+def _together(runs: Subquery) -> ColumnElement[bool]:
+    return (METRICS.c.chain == runs.c.chain) & (METRICS.c.run == runs.c.run)

@@ -1,0 +1,283 @@
+"""The pictures and tables of the quality page, made of figures alone: yield over time, causes, charts, groups."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+from analysis.line.proportions import Cause, Proportion
+from analysis.line.run_rules import RULES
+from definitions.checks import CHECKS
+from definitions.metrics import METRICS
+from station.documents.result import Limits
+from station.quality.bench_ability import Due, PartFigure
+from station.quality.figures import CapabilityFigure, CapabilityRow, ChartFigure, TrendFigure, YieldFigure
+from station.reports.result_text import limits_text, minus, unit_text
+
+INK, QUIET, GRID_INK, BAD, LINE = "#23282b", "#5b646a", "#c2c7ca", "#b3201f", "#2f4a5e"
+CAPABLE = 1.33
+MOST_BARS = 8
+
+Options = dict[str, Any]
+
+
+def plain_axis(**more: Any) -> Options:
+    """Return an axis in the ink of the pages."""
+    return {
+        "axisLabel": {"fontSize": 14, "lineHeight": 18, "color": INK}, "nameTextStyle": {"fontSize": 14, "color": INK},
+        "splitLine": {"lineStyle": {"color": GRID_INK}},
+    } | more  # fmt: skip
+
+
+def title_of(metric: str, choices: str = "", side: str = "") -> str:
+    """Return how people call a metric, short, with its choices and its side."""
+    row = METRICS.get(metric)
+    name = metric if row is None else row.title.partition(" (")[0]
+    words = " ".join(part for part in (name, choices) if part)
+    return f"{words}, side {minus(side)}" if side in ("+", "-") else words
+
+
+def cause_title(name: str) -> str:
+    """Return a cause with the titles of metrics and checks in place of their ids."""
+    words = [METRICS[one].title.partition(" (")[0] if one in METRICS else one for one in name.split()]
+    return " ".join(CHECKS[one].title if one in CHECKS else one for one in words)
+
+
+def percent(share: float | None) -> str:
+    """Return a share in per cent."""
+    return "–" if share is None else f"{100 * share:.1f} %"
+
+
+def share_html(head: str, one: Proportion, words: str) -> str:
+    """Return a share as a large figure with its interval."""
+    interval = f"95 %: {100 * one.low:.1f} to {100 * one.high:.1f} %"
+    return (
+        f'<div class="lm-figure"><span>{escape(head)}</span><b>{percent(one.share)}</b>'
+        f"<span>{one.number} of {one.of} {escape(words)}<br>{interval}</span></div>"
+    )
+
+
+def yield_options(found: YieldFigure) -> Options:
+    """Return first-pass yield over time, with its interval, and the final yield."""
+    names = [row.group for row in found.groups]
+    low = [round(100 * row.first_pass.low, 3) for row in found.groups]
+    width = [round(100 * (row.first_pass.high - row.first_pass.low), 3) for row in found.groups]
+    first, final = (
+        [None if one.share is None else round(100 * one.share, 3) for one in shares]
+        for shares in ([row.first_pass for row in found.groups], [row.final for row in found.groups])
+    )
+    band = {"type": "line", "stack": "band", "symbol": "none", "silent": True, "lineStyle": {"opacity": 0}}
+    series = [
+        band | {"name": "low", "data": low},
+        band | {"name": "95 % interval", "data": width, "color": LINE, "areaStyle": {"opacity": 0.18}},
+        {"type": "line", "name": "first pass", "data": first, "symbolSize": 8, "color": LINE,
+         "lineStyle": {"width": 3, "color": LINE}},
+        {"type": "line", "name": "final", "data": final, "symbol": "none", "color": QUIET,
+         "lineStyle": {"width": 2, "type": "dashed", "color": QUIET}},
+    ]  # fmt: skip
+    bottom = min([100.0, *low])
+    return _framed({
+        "xAxis": plain_axis(type="category", data=names),
+        "yAxis": plain_axis(type="value", name="%", min=max(0.0, 5.0 * (bottom // 5.0)), max=100),
+        "legend": {"data": ["first pass", "95 % interval", "final"], "top": 0},
+        "tooltip": {"trigger": "axis"}, "series": series,
+    })  # fmt: skip
+
+
+def causes_html(head: str, causes: Sequence[Cause]) -> str:
+    """Return the commonest causes with numbers and cumulative share; a bar behind each is as long as its share."""
+    rows = [(cause_title(one.name), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
+    rest = causes[MOST_BARS:]
+    if rest:
+        rows.append((f"{len(rest)} others", sum(one.number for one in rest), sum(one.share for one in rest), ""))
+    body = "".join(
+        f'<tr style="background: linear-gradient(to right, #b9c4cc {100 * share:.1f}%, transparent 0)">'
+        f'<td>{escape(name)}</td><td class="n">{number}</td><td class="n">{cumulative}</td></tr>'
+        for name, number, share, cumulative in rows
+    )
+    none = "" if rows else '<tr><td colspan="3">none</td></tr>'
+    heads = f'<tr><th>{escape(head)}</th><th class="n">runs</th><th class="n">sum</th></tr>'
+    return f'<table class="lm">{heads}{body}{none}</table>'
+
+
+def chart_options(found: ChartFigure) -> Options:
+    """Return the control chart: means above, spreads below; what is signalled is marked by shape and colour."""
+    chart, unit = found.chart, unit_text(found.metric.unit)
+    marked = {one.point for one in chart.signals}
+    shift = len(chart.means) - len(chart.spreads)
+    means = [_point(value, number + 1 in marked) for number, value in enumerate(chart.means)]
+    spread_marks = set(chart.spread_signals)
+    spreads = [None] * shift + [_point(value, number + 1 + shift in spread_marks)
+                                for number, value in enumerate(chart.spreads)]  # fmt: skip
+    names = [moment[:16].replace("T", " ") for moment in found.started]
+    what = "single values" if chart.subgroup == 1 else f"mean of {chart.subgroup}"
+    series = []
+    for place, (points, limits) in enumerate(((means, chart.mean_limits), (spreads, chart.spread_limits))):
+        lines = [_limit(limits.centre, "solid"), _limit(limits.low, "dashed"), _limit(limits.high, "dashed")]
+        series.append({
+            "type": "line", "data": points, "xAxisIndex": place, "yAxisIndex": place, "color": LINE, "symbolSize": 5,
+            "showAllSymbol": len(means) <= 200, "lineStyle": {"width": 1.5, "color": LINE}, "showSymbol": True,
+            "markLine": {"silent": True, "symbol": "none", "data": lines, "label": {"fontSize": 13, "color": INK}},
+        })  # fmt: skip
+    grids = [
+        {"left": 76, "right": 84, "top": 34, "height": "50%"},
+        {"left": 76, "right": 84, "top": "71%", "bottom": 30},
+    ]
+    axes = [
+        plain_axis(type="value", name=f"{name}, {unit}", gridIndex=place) | _ends(points, limits.low, limits.high)
+        for place, (name, points, limits) in enumerate(
+            ((what, chart.means, chart.mean_limits), (chart.kind, chart.spreads, chart.spread_limits))
+        )
+    ]
+    return {
+        "animation": False, "grid": grids, "tooltip": {"trigger": "axis"}, "yAxis": axes, "series": series,
+        "xAxis": [plain_axis(type="category", data=names, gridIndex=place, show=bool(place)) for place in (0, 1)],
+    }  # fmt: skip
+
+
+def _ends(values: Sequence[float], *lines: float) -> Options:
+    """Return the ends of an axis that holds values and lines, for a chart's own choice leaves the lines out."""
+    low, high = min([*values, *lines]), max([*values, *lines])
+    room = 0.06 * (high - low) or abs(high) or 1.0
+    return {"min": float(f"{low - room:.4g}"), "max": float(f"{high + room:.4g}")}
+
+
+def _point(value: float, signalled: bool) -> Options:  # noqa: FBT001 - a mark of the point
+    rounded = float(f"{value:.6g}")
+    if not signalled:
+        return {"value": rounded}
+    return {"value": rounded, "symbol": "diamond", "symbolSize": 15, "itemStyle": {"color": BAD}}
+
+
+def _limit(value: float, kind: str) -> Options:
+    text = f"{value:.4g}"
+    return {"yAxis": value, "label": {"formatter": text}, "lineStyle": {"type": kind, "color": QUIET, "width": 1.5}}
+
+
+def chart_words(found: ChartFigure, units_per_hour: float = 60.0) -> str:
+    """Return what the chart says, and what its rules cost."""
+    chart, ends = found.chart, found.run_length
+    error = f" ± {ends.standard_error:.1g}" if ends.standard_error else ""
+    signals = len(chart.signals) + len(chart.spread_signals)
+    said = "In control." if chart.in_control else f"{signals} signals: out of control."
+    hours = 1.0 / found.false_alarms_per_hour(units_per_hour)
+    return (
+        f"{said} These rules raise a false alarm every {ends.points:.4g}{error} points, which is every "
+        f"{hours:.3g} h at {units_per_hour:g} units an hour, and find a shift of 1 σ of a point after "
+        f"{found.shifted.points:.3g}."
+    )
+
+
+def signals_html(found: ChartFigure, most: int = 6) -> str:
+    """Return the newest signals, with a link to the run that completed each."""
+    chart = found.chart
+    told = [(one.point, RULES[one.rule].text) for one in chart.signals]
+    told += [(place, f"{chart.kind} beyond its limits") for place in chart.spread_signals]
+    rows = [
+        f'<li>{escape(text)}: <a href="/runs/{escape(found.runs[place - 1])}">{escape(found.runs[place - 1])}</a></li>'
+        for place, text in sorted(told, reverse=True)[:most]
+    ]
+    return f"<ul>{''.join(rows)}</ul>" if rows else ""
+
+
+def capability_html(found: CapabilityFigure) -> str:
+    """Return the capability of every metric as a table, the worst first."""
+    heads = "".join(f"<th class='{kind}'>{head}</th>" for head, kind in (
+        ("Metric, side that judges", ""), ("Limit", "n"), ("n", "n"), ("Mean", "n"), ("Cp", "n"), ("Cpk (95 %)", "n"),
+        ("Pp", "n"), ("Ppk (95 %)", "n")))  # fmt: skip
+    ranked = sorted(found.rows, key=lambda row: -1.0 if row.found is None else row.found.overall.nearest)
+    return f'<table class="lm"><tr>{heads}</tr>{"".join(_capability_row(row) for row in ranked)}</table>'
+
+
+def _capability_row(row: CapabilityRow) -> str:
+    what, one = row.metric, row.found
+    limit = f"{limits_text(Limits(min=what.limit_min, max=what.limit_max))} {unit_text(what.unit)}"
+    name = title_of(what.metric, what.choices, row.side)
+    if one is None:
+        return f'<tr class="OPEN"><td>{escape(name)}</td><td class="n">{escape(limit)}</td><td colspan="6">{escape(row.why)}</td></tr>'  # noqa: E501
+    style = "FAIL" if one.overall.nearest < 1.0 else "OPEN" if one.overall.nearest < CAPABLE else ""
+    cells = [
+        limit, str(one.values), f"{one.mean:.4g}", _index(one.within.both),
+        f"{_index(one.within.nearest)} ({one.cpk_low:.2f} … {one.cpk_high:.2f})", _index(one.overall.both),
+        f"{_index(one.overall.nearest)} ({one.ppk_low:.2f} … {one.ppk_high:.2f})",
+    ]  # fmt: skip
+    body = "".join(f'<td class="n">{escape(minus(cell))}</td>' for cell in cells)
+    word = {"FAIL": " ■ not capable", "OPEN": " ▲ below 1.33"}.get(style, "")
+    return f'<tr class="{style}"><td>{escape(name)}<b>{word}</b></td>{body}</tr>'
+
+
+def _index(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
+
+
+def trend_options(found: TrendFigure) -> Options:
+    """Return the means of the groups with their intervals, about the mean of all."""
+    one, unit = found.compared, unit_text(found.metric.unit)
+    apart = [not group.low <= one.mean <= group.high for group in one.groups]
+    points = [_point(group.mean, marked) for group, marked in zip(one.groups, apart, strict=True)]
+    bars = [[place, float(f"{g.low:.6g}"), float(f"{g.high:.6g}")] for place, g in enumerate(one.groups)]
+    return _framed({
+        "xAxis": plain_axis(type="category", data=[f"{group.name}\n(n = {group.number})" for group in one.groups]),
+        "yAxis": plain_axis(type="value", name=unit) | _ends([end for g in one.groups for end in (g.low, g.high)]),
+        "tooltip": {"trigger": "item"},
+        "series": [
+            {"type": "custom", ":renderItem": WHISKER, "data": bars, "silent": True, "z": 1,
+             "encode": {"x": 0, "y": [1, 2]}},
+            {"type": "scatter", "data": points, "symbolSize": 11, "color": LINE, "z": 2, "markLine": {
+                "silent": True, "symbol": "none", "data": [_limit(one.mean, "solid")]}},
+        ],
+    })  # fmt: skip
+
+
+WHISKER = """(params, api) => {
+  const low = api.coord([api.value(0), api.value(1)]), high = api.coord([api.value(0), api.value(2)]);
+  const style = {stroke: '#5b646a', lineWidth: 2};
+  const line = (x1, y1, x2, y2) => ({type: 'line', shape: {x1, y1, x2, y2}, style});
+  return {type: 'group', children: [line(low[0], low[1], high[0], high[1]),
+    line(low[0] - 8, low[1], low[0] + 8, low[1]), line(high[0] - 8, high[1], high[0] + 8, high[1])]};
+}"""
+"""How the browser draws an interval; ECharts has no error bars of its own."""
+
+
+def trend_words(found: TrendFigure) -> str:
+    """Return what the groups say."""
+    one = found.compared
+    apart = [group.name for group in one.groups if not group.low <= one.mean <= group.high]
+    said = f"Apart from the others: {', '.join(apart)}." if apart else "No group is apart from the others."
+    between = f"{percent(one.share_between)} of the variance lies between them"
+    return f"{said} {between} (p of no difference {one.p_same:.2g})."
+
+
+def part_options(found: PartFigure) -> Options:
+    """Return the values of a master part over time with its control limits."""
+    series, trend = found.series, found.trend
+    marked = set() if trend is None else {one.measurement for one in trend.signals if one.rule != "trend"}
+    points = [_point(value, number + 1 in marked) for number, value in enumerate(series.values)]
+    levels = (
+        [] if trend is None else [(trend.centre, "solid"), (trend.low_limit, "dashed"), (trend.high_limit, "dashed")]
+    )
+    lines = [_limit(*one) for one in levels]
+    return _framed({
+        "xAxis": plain_axis(type="category", data=[moment[:16].replace("T", " ") for moment in series.started]),
+        "yAxis": plain_axis(type="value", name=unit_text(series.metric.unit))
+            | _ends(series.values, *(value for value, _ in levels)),
+        "tooltip": {"trigger": "axis"},
+        "series": [{"type": "line", "data": points, "color": LINE, "symbolSize": 7, "showSymbol": True,
+                    "markLine": {"silent": True, "symbol": "none", "data": lines,
+                                 "label": {"fontSize": 13, "color": INK}}}],
+    })  # fmt: skip
+
+
+def due_html(rows: Sequence[Due]) -> str:
+    """Return what is due on the benches, what is overdue first."""
+    body = "".join(
+        f'<tr class="{"FAIL" if not one.in_order else ""}"><td>{escape(one.bench)}</td><td>{escape(one.what)}</td>'
+        f"<td>{'' if one.in_order else '<b>■ </b>'}{escape(one.text)}</td></tr>"
+        for one in sorted(rows, key=lambda one: one.in_order)
+    )
+    return f'<table class="lm"><tr><th>Bench</th><th>What</th><th>State</th></tr>{body}</table>'
+
+
+def _framed(more: Options) -> Options:
+    return {"animation": False, "grid": {"left": 60, "right": 76, "top": 34, "bottom": 46}} | more

@@ -1,0 +1,72 @@
+"""The quality commands: tables and JSON of a lot, and the codes by which they end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lostmotion_command import here
+from stored_runs import metric, store_run
+
+VALUES = tuple(0.5 + 0.02 * float(one) for one in np.random.default_rng(8).standard_normal(26))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    data = tmp_path_factory.mktemp("quality") / "runs"
+    for number, value in enumerate(VALUES):
+        store_run(data, f"U{number}", [metric(value)], day=number / 3, operator="AB"[number % 2])
+    for number in range(26):
+        store_run(data, "MASTER", [metric(0.5 + 0.001 * (number % 5))], day=number, master="PASS")
+    store_run(data, "BAD", [metric(0.8)], day=9, failed="lost_motion")
+    return data
+
+
+LOST_MOTION = ("--metric", "lost_motion")
+COMMANDS: dict[str, tuple[tuple[str, ...], int]] = {
+    "yield": (("--by", "operator"), 0),
+    "pareto": ((), 0),
+    "capability": ((), 0),
+    "chart": ((*LOST_MOTION, "--subgroup", "1", "--rules", "western-electric", "--rules", "six-rising"), 1),
+    "trend": ((*LOST_MOTION, "--by", "operator"), 0),
+    "type1": ((*LOST_MOTION, "--serial", "MASTER", "--reference", "0.502", "--tolerance", "0.2"), 0),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_says_the_same_to_people_and_programs(folder: Path, command: str) -> None:
+    options, code = COMMANDS[command]
+    text = here("quality", command, "--data", str(folder), *options)
+    found = here("quality", command, "--data", str(folder), *options, "--json")
+    assert (text.exit_code, found.exit_code) == (code, code), text.err
+    document = found.json
+    if command == "yield":
+        assert "26 of 27" in text.out
+        assert document["whole"]["first_pass"]["number"] == 26
+    elif command == "chart":
+        assert document["run_length"]["standard_error"] > 0.0, "a rule that compares neighbours is simulated"
+        assert "OUT OF CONTROL" in text.out
+        assert document["runs"][document["chart"]["signals"][-1]["point"] - 1].endswith("-BAD")
+    elif command == "type1":
+        assert document["study"]["cg"] == pytest.approx(0.04 / 6 / np.std([0.001 * (n % 5) for n in range(26)], ddof=1))
+    elif command == "capability":
+        assert document["rows"][0]["found"]["values"] == 27
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("yield", "--by", "moon"), "--by: found 'moon'"),
+        (("yield", "--since", "yesterday"), "--since"),
+        (("yield", "--virtual"), "Of real units there are 27"),
+        (("chart", *LOST_MOTION, "--rules", "nelsen"), "there are the sets shewhart"),
+        (("chart", "--metric", "none"), "the newest run of this lot has lost_motion"),
+        (("trend", *LOST_MOTION, "--by", "recipe"), "found 1: inverse"),
+        (("type1", *LOST_MOTION, "--serial", "U1", "--reference", "0.5", "--tolerance", "1"), "expected 25 or more"),
+    ],
+)
+def test_what_was_asked_for_wrongly_is_said(folder: Path, options: tuple[str, ...], said: str) -> None:
+    found = here("quality", *options, "--data", str(folder))
+    assert found.exit_code == 2
+    assert said in found.err

@@ -133,7 +133,7 @@ def plan(data: Path, rules: Rules, now: datetime) -> tuple[Planned, ...]:
     runs = Store(data).runs()
     manifests = {run.id: found for run in runs if (found := _manifest(run)) is not None}
     newest = _newest(manifests)
-    planned: list[Planned] = []
+    planned = []
     for run in runs:
         manifest = manifests.get(run.id)
         rule = None if manifest is None else next((one for one in rules.rules if one.fits(manifest)), None)

@@ -403,7 +403,7 @@ _ROWS = (
     Check(
         "drive_angle_agreement", "Agreement of drive and angle encoder", FRACTION, 2.0,
         "change of the difference between the drive's position and the angle of the loaded shaft within a branch, "
-        "beyond their constant delay, relative to the way of that shaft",
+        "beyond their constant delay, relative to the travel of that shaft",
         "the drive's position and the angle of the loaded shaft do not agree",
         "check line count, scale and mounting of the encoder, then the drive's gear ratio and couplings",
         settable=SHARES,
@@ -412,7 +412,7 @@ _ROWS = (
     Check(
         "drive_angle_repeat", "Delay of the angle encoder, branch against branch", FRACTION, 0.15,
         "change of the difference between the drive's position and the angle of the loaded shaft from one branch to "
-        "another of the same direction, at the same angle, relative to the way of that shaft",
+        "another of the same direction, at the same angle, relative to the travel of that shaft",
         "the angle of the loaded shaft does not follow the drive's position in all branches alike",
         "check cable, supply and filter of the encoder, and measure again",
         settable=SHARES,

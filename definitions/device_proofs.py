@@ -54,7 +54,7 @@ DEVICE_PROOFS: tuple[DeviceProof, ...] = (
                 "that the frames of an identifier come from the sensor that the bench file names",
                 "Their length is checked in every frame; a bus has one sender for an identifier"),
     DeviceProof("can_heartbeat", "sensor on CAN without heartbeat",
-                "that the sensor did not start anew: what was set in it may be lost, and nothing says so",
+                "that the sensor did not restart: settings that it keeps may be lost without notice",
                 "Its frames stop in most devices until they are started by NMT, and sample_stale acts"),
 )
 """What a bench may lack, in the order of the page."""

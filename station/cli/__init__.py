@@ -26,7 +26,7 @@ from station.cli.measure import commands as cli_measure
 from station.cli.quality.commands import quality_app
 from station.cli.runs import commands as cli_runs
 from station.cli.store import commands as cli_store
-from station.cli.store.commands import store_app
+from station.cli.store.commands import retention_app, store_app
 from station.cli.studies import model_commands as cli_models
 from station.cli.studies.commands import study_app
 from station.cli.web import commands as cli_web
@@ -68,6 +68,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "verify": cli_runs.verify,
         "backup": cli_store.backup,
         "restore": cli_store.restore,
+        "retention": retention_app,
         "store": store_app,
     },
     "Station": {"serve": cli_web.serve, "audit": cli_web.audit_app},

@@ -477,7 +477,7 @@ def _performed(  # noqa: PLR0917 - as above
     values: JsonValue,
 ) -> Answer:
     if not brings_token(session, csrf):
-        return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Load it anew.")])
+        return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Reload it.")])
     if not _is_text(values):
         return _refused(connection, session, row, BAD_INPUT, [("body", "It has characters that are no Unicode text.")])
     if not key or len(key) > LONGEST_KEY or not key.isascii() or not key.isprintable():

@@ -25,6 +25,7 @@ from station.records.run_record import MANIFEST, RunRecord
 from station.records.samples.layout import CURRENT
 from station.records.samples.samples import samples_bytes
 from station.records.samples.scan_record import RECORD_BYTES
+from station.reports.certificate import FILE as CERTIFICATE
 from station.reports.export_of_run import export_run
 from station.reports.loop_curves import LoopCurves, loop_curves
 from station.reports.report_of_run import loop_of, report_of
@@ -115,7 +116,8 @@ class Evaluations:
     def _once(self, make: Callable[[RunRecord], Made], run: RunRecord) -> Made:
         """Return what is made of a run; what was made before while its files, and the chain, are as they were."""
         chain = Chain(run.folder.parent)
-        key = make.__name__, run.id, seen(f"{run.folder}/{MANIFEST}"), seen_files(run), chain.seen_now()
+        heads = seen(f"{run.folder.parent}/{CERTIFICATE}")
+        key = make.__name__, run.id, seen(f"{run.folder}/{MANIFEST}"), seen_files(run), chain.seen_now(), heads
         with self._one_at_a_time:
             kept = self._kept.get(key)
         if kept is not None:

@@ -45,7 +45,7 @@ from station.web.people.accounts import (
 )
 from station.web.people.badges import PinNeededError, enter_by_badge
 from station.web.rest_recipes import add_recipes
-from station.web.rest_runs import CookieToken, add_runs, refused_with
+from station.web.rest_runs import CookieToken, add_certificates, add_runs, refused_with
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
 MOST_LINES = 500
@@ -110,6 +110,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         return None
 
     add_runs(app, station, refuse, _answers)
+    add_certificates(app, station, refuse, _answers)
     add_recipes(app, station, refuse, _answers)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)

@@ -20,6 +20,7 @@ from station.web.guard import Guard
 from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
+from station.web.pages.certificates import add_certificates
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
 from station.web.pages.quality import add_quality_page
@@ -88,6 +89,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     """Return the whole application: pages and REST, behind the guard."""
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
+    add_certificates(station)
     add_maintenance(station)
     add_results(station)
     add_run_page(station)

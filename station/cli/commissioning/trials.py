@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from station.bench.request import load_job
 from station.cli.commissioning.steps import Block, end, teller
@@ -119,6 +120,16 @@ def tune(bench_name: str, recipe: str, data: Path, by: str | None, *, as_json: b
             f"Gain in the bench file {gain_per_s:g} 1/s, proposed {tuned.proposed_per_s:.2g} 1/s. Nothing was written"
         )
     return end(bench, done, blocks, tuned, as_json=as_json)
+
+
+class SmallRun(Protocol):
+    """A step that makes small runs: bench file, recipe, data folder, who does it."""
+
+    def __call__(self, bench_name: str, recipe: str, data: Path, by: str | None, *, as_json: bool) -> int:
+        """Do it; 1 when it has not passed."""
+
+
+STEPS: Mapping[str, SmallRun] = {"direction": direction, "latency": latency, "tune": tune}
 
 
 def timing(bench_name: str, recipe: str, seconds: float, by: str | None, *, as_json: bool) -> int:

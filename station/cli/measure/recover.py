@@ -184,9 +184,7 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
             return run
     on = f" on bench {name}" if name else ""
     if virtual:
-        raise StationError(
-            f"{store.data}: the runs{on} are in virtual time, which leaves no bench behind: nothing to recover"
-        )
+        raise StationError(f"{store.data}: the runs{on} were in virtual time: there is no bench to recover")
     raise StationError(f"{store.data}: no run{on} has left a record: name the runs' folder with --data")
 
 

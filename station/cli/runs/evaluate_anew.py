@@ -280,7 +280,7 @@ def _unlike_the_run(verdict: str, original: str | None, made_by: Software, again
         if was == now
         else f"by lostmotion {was} then, and by {now} now. Evaluate it by {was}, or measure again"
     )
-    return f"the run's own verdict is {original}, evaluated anew it is {verdict}: {software}"
+    return f"the run's own verdict is {original}, re-evaluated it is {verdict}: {software}"
 
 
 def _with_unknown_lag(judged: Judged, found: Found) -> Judged:

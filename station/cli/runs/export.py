@@ -6,13 +6,20 @@ import json
 import sys
 from pathlib import Path
 
+from station.atomic_file import write_atomic
 from station.cli.out_file import refuse_records, writing
 from station.documents.entries import plain
 from station.errors import StationError
+from station.quality.dfq.write import Written, dfq_of_run
 from station.records.data_folder import Store
 from station.records.seal import EXIT_ALTERED, alteration_lines
 from station.reports.export_of_run import export_run
 from station.results.export import FORMATS, LOCALES
+from station.store.quality.lot import production
+from station.version import version
+
+DFQ = "dfq"
+"""Format of values alone, without the samples."""
 
 
 def export(name: str, data: Path, file_format: str, out: Path | None, *, locale: str = "en", as_json: bool) -> int:
@@ -23,8 +30,8 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, locale:
             written.
 
     """
-    if file_format not in FORMATS:
-        raise StationError(f"--format: found {file_format!r}; allowed are {', '.join(FORMATS)}")
+    if file_format not in (*FORMATS, DFQ):
+        raise StationError(f"--format: found {file_format!r}; allowed are {', '.join(FORMATS)}, {DFQ}")
     if locale not in LOCALES:
         raise StationError(f"--locale: found {locale!r}; allowed are {', '.join(LOCALES)}")
     if locale != "en" and file_format != "csv":
@@ -34,6 +41,9 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, locale:
     if path.is_dir():
         path = path / f"{run.id}.{file_format}"
     refuse_records(path)
+    if file_format == DFQ:
+        with production(run.folder.parent) as look:
+            return write_dfq(path, dfq_of_run(look, run.id, program_name()), as_json=as_json)
     with writing(path):
         found = export_run(run, file_format, path, locale)
     if as_json:
@@ -42,3 +52,26 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, locale:
         told = f"{path}: {found.scans} scans, {found.columns} columns, {found.bytes} bytes"
         sys.stdout.write("\n".join([*alteration_lines(found.altered), told]) + "\n")
     return EXIT_ALTERED if found.altered else 0
+
+
+def program_name() -> str:
+    """Return what wrote a file, for the file."""
+    return f"lostmotion {version()}"
+
+
+def write_dfq(path: Path, found: Written, *, as_json: bool) -> int:
+    """Write an AQDEF file, completely or not at all, and tell what is in it; return 0.
+
+    Raises:
+        StationError: it cannot be written.
+
+    """
+    with writing(path):
+        write_atomic(path, found.content)
+    if as_json:
+        document = {"file": str(path), "format": DFQ, "runs": found.runs, "characteristics": found.characteristics}
+        sys.stdout.write(json.dumps({**document, "left_out": found.left_out}) + "\n")
+    else:
+        rest = f"; {found.left_out} runs have none of these metrics" if found.left_out else ""
+        sys.stdout.write(f"{path}: {found.runs} runs, {found.characteristics} characteristics{rest}\n")
+    return 0

@@ -12,6 +12,7 @@ from recipes import find_bench, load_bench
 from station.documents.entries import left_out, plain
 from station.errors import StationError
 from station.own_place import own_place
+from station.records.certificate_code import GENUINE, check_code
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
 from station.records.chain.problems import PROBLEMS
 from station.records.verify import Verified, verify_folder
@@ -45,6 +46,40 @@ def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_
     return EXIT_PROBLEMS if any(one.problems for one in found.values()) else 0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedCertificate:
+    """What `verify --code` prints: genuine, altered or unknown, why, and what the certificate has to say."""
+
+    certificate: str
+    text: str
+    run: str
+    serial: str
+    attempt: int | None
+    verdict: str | None
+
+
+def verify_code(data: Path, code: str, *, as_json: bool) -> int:
+    """Say whether a certificate is genuine, and what it has to say; 0 genuine, 1 not.
+
+    Raises:
+        StationError: the text is no code, or the data folder cannot be read.
+
+    """
+    found = check_code(data, code)
+    if as_json:
+        whole = CheckedCertificate(
+            certificate=found.standing, text=found.text, run=found.run, serial=found.serial, attempt=found.attempt,
+            verdict=found.verdict,
+        )  # fmt: skip
+        sys.stdout.write(json.dumps(plain(whole), ensure_ascii=False) + "\n")
+    else:
+        told = [f"{found.standing.upper()}  {found.text}", f"run      {found.run}"]
+        told += [f"serial   {found.serial}, attempt {found.attempt}"] if found.serial else []
+        told += [f"verdict  {found.verdict}"] if found.verdict else []
+        sys.stdout.write("\n".join(told) + "\n")
+    return 0 if found.standing == GENUINE else EXIT_PROBLEMS
+
+
 def _key_of(bench: str | None) -> tuple[str, ...]:
     """Return the public key of a bench file, none without one; StationError where the file names none."""
     if bench is None:
@@ -65,6 +100,7 @@ class CheckedFolder:
     keys: Mapping[str, int]
     runs: int
     concluded: int
+    removed: int
     passed: bool
     warning: str | None
     problems: tuple[Mapping[str, str], ...]
@@ -79,6 +115,7 @@ def _checked(folder: Path, one: Verified) -> CheckedFolder:
         keys=dict(one.walk.keys),
         runs=one.runs,
         concluded=one.concluded,
+        removed=one.removed,
         passed=not one.problems,
         warning=one.trust.warning or None,
         problems=tuple(problem.as_json() for problem in one.problems),
@@ -88,7 +125,8 @@ def _checked(folder: Path, one: Verified) -> CheckedFolder:
 def _lines(folder: Path, one: Verified) -> list[str]:
     """Return what a person reads: how much was checked, then every kind of problem with what to do about it."""
     signed = f"{one.walk.entries} entries of the chain" if one.chain.there else "no chain: its runs are unsigned"
-    lines = [f"{folder}: {one.runs} runs, {one.concluded} concluded, {signed}"]
+    gone = f", {one.removed} removed by a retention rule" if one.removed else ""
+    lines = [f"{folder}: {one.runs} runs, {one.concluded} concluded{gone}, {signed}"]
     for kind, action in PROBLEMS.items():
         texts = [problem.text for problem in one.problems if problem.kind == kind]
         lines += [f"  {text}" for text in texts[:MOST_OF_A_KIND]]

@@ -198,7 +198,8 @@ def alarms(production: Production, lot: Lot) -> Counter[str]:
 def undecided(production: Production, lot: Lot) -> Counter[str]:
     """Return why first attempts have no verdict, by how many: how they ended, a check, or a metric too near its limit.
 
-    A run counts once for each check that it did not pass; by its metrics it counts only where all checks passed.
+    A run counts once for each check that it did not pass, by its metrics only where all checks passed, and as an
+    invalid measurement where its record names no check.
     """
     states = production.of(select(RUNS.c.state, func.count()).select_from(RUNS), lot).where(RUNS.c.state != COMPLETE)
     found = Counter({f"ended as {state}": number for state, number in _pairs(production, states, RUNS.c.state)})
@@ -206,6 +207,10 @@ def undecided(production: Production, lot: Lot) -> Counter[str]:
     checks = select(CHECKS.c.id, func.count()).select_from(runs).join(CHECKS, _together(runs, CHECKS))
     checks = checks.where(CHECKS.c.passed.is_(False))
     found += Counter({f"check {name}": number for name, number in _pairs(production, checks, CHECKS.c.id)})
+    unnamed = select(func.count()).select_from(runs).join(RUNS, _together(runs, RUNS)).where(RUNS.c.objection != "")
+    named = select(CHECKS.c.run).where(CHECKS.c.chain == runs.c.chain, CHECKS.c.run == runs.c.run)
+    unnamed = unnamed.where(~named.where(CHECKS.c.passed.is_(False)).exists())
+    found += Counter({"measurement invalid": int(production.connection.execute(unnamed).scalar_one())})
     runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.valid)
     metrics = select(METRICS.c.metric, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
     metrics = metrics.where(METRICS.c.main, METRICS.c.verdict == UNDECIDED)

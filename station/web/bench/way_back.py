@@ -173,9 +173,9 @@ def steps(standing: Standing, sight: Sight | None) -> tuple[StepRow, ...]:
     """Return the steps of the way back; sight: what the recovery that is on shows, None while none is."""
     state = None if sight is None or not standing.recovery else sight.state
     begun, over = state is not None, standing.released
-    acknowledged = over or state in (State.UNLOAD, State.RELEASE, State.STOPPED) or bool(sight and sight.resetting)
     loaded = state == State.UNLOAD
     unloaded = over or state in (State.RELEASE, State.STOPPED)
+    acknowledged = loaded or unloaded or bool(sight and sight.resetting)
     opened = over or state == State.STOPPED
     in_the_way = _in_the_way(sight) if begun and sight is not None and state == State.FAULT else ()
     checked = DONE if acknowledged else TO_COME if not begun else IN_THE_WAY if in_the_way else IN_HAND

@@ -23,6 +23,7 @@ PAGES = {
     "quality": "/quality",
     "recipes": "/recipes",
     "maintenance": "/maintenance",
+    "certificates": "/certificates",
 }
 """The pages by their names in the bar."""
 

@@ -47,8 +47,9 @@ from station.web.actions import Station
 from station.web.models import Models
 from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.quality_figures import (
+    LINE,
     capability_html,
-    causes_options,
+    causes_html,
     chart_options,
     chart_words,
     due_html,
@@ -71,6 +72,9 @@ BY_DAY_UP_TO = timedelta(days=62)
 
 TREND_BY = ("shift", "bench", "operator", "revision", "day", "month")
 SHARE = 0.2
+
+CAUSES = {"failed": "Metric that failed", "undecided": "No verdict", "alarms": "Alarm, any attempt"}
+"""Causes by their name in the figure, and what stands above them."""
 
 Found = TypeVar("Found")
 
@@ -176,9 +180,11 @@ class _Quality:
     def __init__(self, station: Station, session: Session) -> None:
         self._station, self._session = station, session
         self._filling = False
+        self._behind = ""
 
     async def build(self) -> None:
         """Lay the page out; the figures come one after another."""
+        ui.colors(primary=LINE)
         bar(self._session, "quality")
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
         with ui.element("main").classes("lm-page lm-quality"):
@@ -207,10 +213,7 @@ class _Quality:
                 self._shares = ui.html("", sanitize=False).classes("lm-shares")
                 self._yield = ui.echart({}).classes("lm-picture")
             with _card("What hindered it"), ui.element("div").classes("lm-side-by-side"):
-                for name, head in (("failed", "Metric that failed"), ("undecided", "No verdict"), ("alarms", "Alarms")):
-                    with ui.element("div").classes("lm-causes"):
-                        label = ui.label(head).classes("lm-quiet")
-                        setattr(self, f"_{name}", (label, head, ui.echart({}).classes("lm-picture")))
+                self._causes = {name: ui.html("", sanitize=False).classes("lm-causes") for name in CAUSES}
             with _card("Capability of the newest 2000 first attempts"):
                 self._capability = ui.html("", sanitize=False).classes("lm-capability")
             with _card("By group"):
@@ -236,22 +239,20 @@ class _Quality:
                     self._signals = ui.html("", sanitize=False).classes("lm-signals")
 
     def _bench(self) -> None:
+        with ui.element("div").classes("lm-filters"):
+            self._part = ui.select({}, label="Master part", on_change=self._part_chart).props("outlined dense")
+            self._part_metric = ui.select({}, label="Metric", on_change=self._part_chart).props("outlined dense")
         with ui.element("div").classes("lm-quality-grid"):
             with _card("What is due"):
                 self._due = ui.html("", sanitize=False)
-            with _card("Type 1 study: one part of known value"):
+            with _card("Type 1 study: is this bench good enough for the tolerance?"):
                 with ui.row().classes("lm-choose-row"):
                     self._reference = ui.number("Known value").props("outlined dense")
                     self._tolerance = ui.number("Tolerance; empty: the recipe's").props("outlined dense")
                     ui.button("Judge", on_click=self._judge).props("outline no-caps")
                 self._type_one = ui.html("", sanitize=False).props('role="status"')
             with _card("Master part over time").classes("lm-whole-row"):
-                with ui.row().classes("lm-choose-row"):
-                    self._part = ui.select({}, label="Master part", on_change=self._part_chart).props("outlined dense")
-                    self._part_metric = ui.select({}, label="Metric", on_change=self._part_chart).props(
-                        "outlined dense"
-                    )
-                    self._part_said = ui.label().classes("lm-words").props('role="status"')
+                self._part_said = ui.label().classes("lm-words").props('role="status"')
                 self._part_figure = ui.echart({}).classes("lm-picture lm-tall")
 
     async def _first(self) -> None:
@@ -266,7 +267,7 @@ class _Quality:
                                value=found.parts[0][0] if found.parts else None)  # fmt: skip
         self._filling = False
         if found.behind:
-            self._say(f"{found.behind} runs are not in the store yet. They are being added: look again soon.")
+            self._behind = f"{found.behind} runs are not in the store yet. They are being added: look again soon."
         await self._again()
         due = await self._made(page_due, self._station.data, self._station.models, said=self._part_said.set_text)
         if due is not None:
@@ -285,7 +286,7 @@ class _Quality:
     async def _again(self) -> None:
         if self._filling or not await still_open(self._station, self._session):
             return
-        self._say("")
+        self._say(self._behind)
         await self._show_yield()
         await self._show_causes()
         found = await self._made(page_capability, self._station.data, self._lot(), said=self._say)
@@ -319,11 +320,8 @@ class _Quality:
         found = await self._made(page_causes, self._station.data, self._lot(), said=self._say)
         if found is None:
             return
-        for name in ("failed", "undecided", "alarms"):
-            label, head, chart = getattr(self, f"_{name}")
-            causes = getattr(found, name)
-            label.set_text(f"{head}: {sum(one.number for one in causes)}")
-            _draw(chart, causes_options(causes))
+        for name, head in CAUSES.items():
+            self._causes[name].set_content(causes_html(head, getattr(found, name)))
 
     async def _metric_chosen(self) -> None:
         await self._chart()
@@ -337,7 +335,9 @@ class _Quality:
         found = await self._made(page_chart, self._station.data, *asked, said=self._chart_said.set_text)
         if found is not None:
             self._chart_said.set_text(chart_words(found))
-            self._signals.set_content(signals_html(found))
+            signals = signals_html(found)
+            self._signals.set_content(signals)
+            self._signals.set_visibility(bool(signals))
             _draw(self._chart_figure, chart_options(found))
 
     async def _trend(self) -> None:
@@ -379,7 +379,7 @@ class _Quality:
     async def _judge(self) -> None:
         part = self._asked_part()
         if part is None or self._reference.value is None:
-            self._type_one.set_content("Choose a master part and its metric below, and give its known value.")
+            self._type_one.set_content("Choose a master part and its metric, and give its known value.")
             return
         asked = (part, float(self._reference.value), self._tolerance.value)
         found = await self._made(page_type_one, self._station.data, *asked, said=self._type_one.set_content)

@@ -25,7 +25,7 @@ Options = dict[str, Any]
 def plain_axis(**more: Any) -> Options:
     """Return an axis in the ink of the pages."""
     return {
-        "axisLabel": {"fontSize": 14, "color": INK}, "nameTextStyle": {"fontSize": 14, "color": INK},
+        "axisLabel": {"fontSize": 14, "lineHeight": 18, "color": INK}, "nameTextStyle": {"fontSize": 14, "color": INK},
         "splitLine": {"lineStyle": {"color": GRID_INK}},
     } | more  # fmt: skip
 
@@ -41,8 +41,7 @@ def title_of(metric: str, choices: str = "", side: str = "") -> str:
 def cause_title(name: str) -> str:
     """Return a cause with the titles of metrics and checks in place of their ids."""
     words = [METRICS[one].title.partition(" (")[0] if one in METRICS else one for one in name.split()]
-    words = [CHECKS[one].title if one in CHECKS else one for one in words]
-    return " ".join(words)
+    return " ".join(CHECKS[one].title if one in CHECKS else one for one in words)
 
 
 def percent(share: float | None) -> str:
@@ -71,7 +70,7 @@ def yield_options(found: YieldFigure) -> Options:
     band = {"type": "line", "stack": "band", "symbol": "none", "silent": True, "lineStyle": {"opacity": 0}}
     series = [
         band | {"name": "low", "data": low},
-        band | {"name": "95 % interval", "data": width, "areaStyle": {"color": LINE, "opacity": 0.18}},
+        band | {"name": "95 % interval", "data": width, "color": LINE, "areaStyle": {"opacity": 0.18}},
         {"type": "line", "name": "first pass", "data": first, "symbolSize": 8, "color": LINE,
          "lineStyle": {"width": 3, "color": LINE}},
         {"type": "line", "name": "final", "data": final, "symbol": "none", "color": QUIET,
@@ -86,23 +85,20 @@ def yield_options(found: YieldFigure) -> Options:
     })  # fmt: skip
 
 
-def causes_options(causes: Sequence[Cause]) -> Options:
-    """Return the commonest causes as bars, with the cumulative share beside each."""
-    shown = causes[:MOST_BARS]
-    rest = sum(one.number for one in causes[MOST_BARS:])
-    rows = [(f"{cause_title(one.name)}", one.number, f"{one.number}  ({percent(one.cumulative)})") for one in shown]
-    rows += [(f"{len(causes) - MOST_BARS} others", rest, str(rest))] if rest else []
-    bars = [{"value": number, "label": {"formatter": text}} for _, number, text in rows]
-    label = {"show": True, "position": "right", "fontSize": 14, "color": INK}
-    return {
-        "animation": False, "grid": {"left": 8, "right": 110, "top": 4, "bottom": 4, "containLabel": True},
-        "xAxis": plain_axis(type="value", show=False),
-        "yAxis": plain_axis(
-            type="category", inverse=True, data=[name for name, _, _ in rows], axisTick={"show": False},
-            axisLabel={"fontSize": 14, "color": INK, "width": 330, "overflow": "break"},
-        ),
-        "series": [{"type": "bar", "data": bars, "color": LINE, "label": label, "barMaxWidth": 26}],
-    }  # fmt: skip
+def causes_html(head: str, causes: Sequence[Cause]) -> str:
+    """Return the commonest causes with numbers and cumulative share; a bar behind each is as long as its share."""
+    rows = [(cause_title(one.name), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
+    rest = causes[MOST_BARS:]
+    if rest:
+        rows.append((f"{len(rest)} others", sum(one.number for one in rest), sum(one.share for one in rest), ""))
+    body = "".join(
+        f'<tr style="background: linear-gradient(to right, #b9c4cc {100 * share:.1f}%, transparent 0)">'
+        f'<td>{escape(name)}</td><td class="n">{number}</td><td class="n">{cumulative}</td></tr>'
+        for name, number, share, cumulative in rows
+    )
+    none = "" if rows else '<tr><td colspan="3">none</td></tr>'
+    heads = f'<tr><th>{escape(head)}</th><th class="n">runs</th><th class="n">sum</th></tr>'
+    return f'<table class="lm">{heads}{body}{none}</table>'
 
 
 def chart_options(found: ChartFigure) -> Options:
@@ -128,12 +124,23 @@ def chart_options(found: ChartFigure) -> Options:
         {"left": 76, "right": 84, "top": 34, "height": "50%"},
         {"left": 76, "right": 84, "top": "71%", "bottom": 30},
     ]
-    axes = [plain_axis(type="value", scale=True, name=f"{what}, {unit}", gridIndex=0),
-            plain_axis(type="value", scale=True, name=f"{chart.kind}, {unit}", gridIndex=1)]  # fmt: skip
+    axes = [
+        plain_axis(type="value", name=f"{name}, {unit}", gridIndex=place) | _ends(points, limits.low, limits.high)
+        for place, (name, points, limits) in enumerate(
+            ((what, chart.means, chart.mean_limits), (chart.kind, chart.spreads, chart.spread_limits))
+        )
+    ]
     return {
         "animation": False, "grid": grids, "tooltip": {"trigger": "axis"}, "yAxis": axes, "series": series,
         "xAxis": [plain_axis(type="category", data=names, gridIndex=place, show=bool(place)) for place in (0, 1)],
     }  # fmt: skip
+
+
+def _ends(values: Sequence[float], *lines: float) -> Options:
+    """Return the ends of an axis that holds values and lines, for a chart's own choice leaves the lines out."""
+    low, high = min([*values, *lines]), max([*values, *lines])
+    room = 0.06 * (high - low) or abs(high) or 1.0
+    return {"min": float(f"{low - room:.4g}"), "max": float(f"{high + room:.4g}")}
 
 
 def _point(value: float, signalled: bool) -> Options:  # noqa: FBT001 - a mark of the point
@@ -157,7 +164,8 @@ def chart_words(found: ChartFigure, units_per_hour: float = 60.0) -> str:
     hours = 1.0 / found.false_alarms_per_hour(units_per_hour)
     return (
         f"{said} These rules raise a false alarm every {ends.points:.4g}{error} points, which is every "
-        f"{hours:.3g} h at {units_per_hour:g} units an hour, and find a shift of 1 σ of a point after {found.shifted.points:.3g}."
+        f"{hours:.3g} h at {units_per_hour:g} units an hour, and find a shift of 1 σ of a point after "
+        f"{found.shifted.points:.3g}."
     )
 
 
@@ -209,12 +217,9 @@ def trend_options(found: TrendFigure) -> Options:
     apart = [not group.low <= one.mean <= group.high for group in one.groups]
     points = [_point(group.mean, marked) for group, marked in zip(one.groups, apart, strict=True)]
     bars = [[place, float(f"{g.low:.6g}"), float(f"{g.high:.6g}")] for place, g in enumerate(one.groups)]
-    low, high = min(g.low for g in one.groups), max(g.high for g in one.groups)
-    room = 0.1 * (high - low)
     return _framed({
         "xAxis": plain_axis(type="category", data=[f"{group.name}\n(n = {group.number})" for group in one.groups]),
-        "yAxis": plain_axis(type="value", scale=True, name=unit, min=float(f"{low - room:.4g}"),
-                            max=float(f"{high + room:.4g}")),
+        "yAxis": plain_axis(type="value", name=unit) | _ends([end for g in one.groups for end in (g.low, g.high)]),
         "tooltip": {"trigger": "item"},
         "series": [
             {"type": "custom", ":renderItem": WHISKER, "data": bars, "silent": True, "z": 1,
@@ -240,9 +245,8 @@ def trend_words(found: TrendFigure) -> str:
     one = found.compared
     apart = [group.name for group in one.groups if not group.low <= one.mean <= group.high]
     said = f"Apart from the others: {', '.join(apart)}." if apart else "No group is apart from the others."
-    return (
-        f"{said} {percent(one.share_between)} of the variance lies between them (p of no difference {one.p_same:.2g})."
-    )
+    between = f"{percent(one.share_between)} of the variance lies between them"
+    return f"{said} {between} (p of no difference {one.p_same:.2g})."
 
 
 def part_options(found: PartFigure) -> Options:
@@ -250,11 +254,14 @@ def part_options(found: PartFigure) -> Options:
     series, trend = found.series, found.trend
     marked = set() if trend is None else {one.measurement for one in trend.signals if one.rule != "trend"}
     points = [_point(value, number + 1 in marked) for number, value in enumerate(series.values)]
-    lines = [] if trend is None else [
-        _limit(trend.centre, "solid"), _limit(trend.low_limit, "dashed"), _limit(trend.high_limit, "dashed")]  # fmt: skip
+    levels = (
+        [] if trend is None else [(trend.centre, "solid"), (trend.low_limit, "dashed"), (trend.high_limit, "dashed")]
+    )
+    lines = [_limit(*one) for one in levels]
     return _framed({
         "xAxis": plain_axis(type="category", data=[moment[:16].replace("T", " ") for moment in series.started]),
-        "yAxis": plain_axis(type="value", scale=True, name=unit_text(series.metric.unit)),
+        "yAxis": plain_axis(type="value", name=unit_text(series.metric.unit))
+            | _ends(series.values, *(value for value, _ in levels)),
         "tooltip": {"trigger": "axis"},
         "series": [{"type": "line", "data": points, "color": LINE, "symbolSize": 7, "showSymbol": True,
                     "markLine": {"silent": True, "symbol": "none", "data": lines,

@@ -21,6 +21,7 @@ WRITERS = {
     "model": ("model", "RUN", "--kind", "cubic"),
     "play-model": ("play-model", "RUN/result.json", "RUN/result.json"),
     "from-eds": ("profile", "from-eds", "RUN/recipe.yaml"),
+    "dfq": ("quality", "dfq", "--virtual", "--data", "RUN/.."),
     "frequency": ("study", "frequency", "RUN", "--band", "5:120"),
 }
 """Every command with --out."""

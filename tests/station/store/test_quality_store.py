@@ -86,7 +86,7 @@ def test_causes_are_counted_by_side_and_reason(folder: Path) -> None:
         found = causes_of(look, LOT)
     assert [(one.name, one.number) for one in found.failed] == [("lost_motion mean side +", 1)]
     assert {one.name: one.number for one in found.undecided} == {
-        "ended as stopped": 1, "lost_motion too near its limit": 1,
+        "ended as stopped": 1, "lost_motion too near its limit": 1, "measurement invalid": 1,
     }  # fmt: skip
     assert found.first_attempts == COUNT + 4
 

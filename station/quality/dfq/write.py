@@ -1,0 +1,166 @@
+"""Runs of a store as an AQDEF file: one part, its characteristics, a row for each run, checked before it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import groupby
+from typing import Any
+
+from sqlalchemy import Row, select
+
+from station.errors import StationError
+from station.quality.dfq.check import DfqError, checked_dfq
+from station.quality.dfq.fields import (
+    ENCODING,
+    END_OF_LINE,
+    MOMENT,
+    NEXT_CHARACTERISTIC,
+    NEXT_ENTRY,
+    NO_LIMIT,
+    NOT_MEASURED,
+    SPECIFIED,
+    VALID,
+)
+from station.store.projection import COMPLETE
+from station.store.quality.lot import Lot, Production
+from station.store.quality.values import MEANING, Characteristic, characteristics, metrics_of_run
+from station.store.tables import METRICS, RUNS
+
+COLUMNS = (
+    "run", "serial", "started", "attempt", "verdict", "objection", "state", "model", "recipe", "revision", "bench",
+    "virtual",
+)  # fmt: skip
+DIGITS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """An AQDEF file: its bytes, the runs and characteristics in it, and the runs that have none of these."""
+
+    content: bytes
+    runs: int
+    characteristics: int
+    left_out: int
+
+
+def dfq_of_lot(production: Production, lot: Lot, program: str) -> Written:
+    """Return the newest runs of a lot, first attempts and retests, as a file.
+
+    Raises:
+        StationError: the lot has runs of several recipes, or no valid one. DfqError: what a run says has no place in
+            the format, such as a serial number that is too long.
+
+    """
+    lot = production.one_recipe(lot)
+    there = characteristics(production, lot)
+    asked = production.of(select(RUNS.c.run).select_from(RUNS), lot, attempts=None).where(RUNS.c.state == COMPLETE)
+    runs = list(production.connection.execute(asked.order_by(RUNS.c.run.desc()).limit(lot.newest)).scalars())
+    return _file(production, sorted(runs), there, program)
+
+
+def dfq_of_run(production: Production, run: str, program: str) -> Written:
+    """Return one run as a file.
+
+    Raises:
+        StationError: the run is not in the store, was altered, or did not come to its end. DfqError as `dfq_of_lot`.
+
+    """
+    asked = select(RUNS.c.run).where(RUNS.c.chain == production.chain.id, RUNS.c.run == run)
+    asked = asked.where(RUNS.c.state == COMPLETE, RUNS.c.altered == "", production.trusted())
+    if production.connection.execute(asked).scalar() is None:
+        raise StationError(f"{run}: not in the store as a complete, unaltered run: it has no values to hand over")
+    return _file(production, [run], metrics_of_run(production, run), program)
+
+
+def _file(production: Production, runs: Sequence[str], there: Sequence[Characteristic], program: str) -> Written:
+    places = {(*_key(one), side): None for one in there for side in one.sides}
+    numbers = {key: number for number, key in enumerate(places)}
+    rows = _rows(production, runs)
+    lines, left_out = [], 0
+    for _, group in groupby(rows, key=lambda row: row.run):
+        of_run = list(group)
+        cells = {
+            (*(getattr(row, name) or "" for name in MEANING), row.side): row for row in of_run
+        }  # fmt: skip
+        if not any(key in cells for key in numbers):
+            left_out += 1
+            continue
+        lines.append(NEXT_CHARACTERISTIC.join(_value(of_run[0], cells.get(key)) for key in numbers))
+        lines.append(f"K0014/0 {of_run[0].serial}")
+    if not lines:
+        raise StationError("no run has a value of the characteristics of the newest run")
+    head = _head(rows[-1], len(numbers), program)
+    for one in there:
+        for side in one.sides:
+            head += _characteristic(one, side, numbers[(*_key(one), side)] + 1)
+    text = END_OF_LINE.join([*head, *lines]) + END_OF_LINE
+    try:
+        content = text.encode(ENCODING)
+    except UnicodeEncodeError as error:
+        sign = text[error.start]
+        raise DfqError(
+            [f"the sign '{sign}' cannot be written in {ENCODING}; it stands in {_near(text, error.start)}"]
+        ) from error
+    checked_dfq(content)
+    return Written(content, len(lines) // 2, len(numbers), left_out)
+
+
+def _near(text: str, place: int) -> str:
+    return text[text.rfind("\n", 0, place) + 1 : place][:30].strip() + " …"
+
+
+def _key(one: Characteristic) -> tuple[str, ...]:
+    return tuple(getattr(one, name) for name in MEANING)
+
+
+def _rows(production: Production, runs: Sequence[str]) -> list[Row[Any]]:
+    """Return every side of every metric of the runs, run by run."""
+    of_runs = select(RUNS).where(RUNS.c.chain == production.chain.id)
+    of_runs = of_runs.where(RUNS.c.run >= runs[0], RUNS.c.run <= runs[-1]) if runs else of_runs.where(RUNS.c.run == "")
+    table = of_runs.subquery()
+    columns = [table.c[name] for name in COLUMNS]
+    columns += [METRICS.c[name] for name in (*MEANING, "side", "value")]
+    columns += [METRICS.c.verdict.label("judged")]
+    together = (METRICS.c.chain == table.c.chain) & (METRICS.c.run == table.c.run)
+    asked = select(*columns).select_from(table).join(METRICS, together).order_by(table.c.run, METRICS.c.position)
+    wanted = set(runs)
+    return [row for row in production.connection.execute(asked) if row.run in wanted]
+
+
+def _head(newest: Row[Any], count: int, program: str) -> list[str]:
+    remark = f"{program}; unit of the virtual bench" if newest.virtual else program
+    lines = [f"K0100 {count}", f"K1001/1 {newest.model}", f"K1002/1 {newest.recipe} revision {newest.revision}"]
+    return [*lines, *([f"K1081/1 {newest.bench}"] if newest.bench else []), f"K1900/1 {remark}"]
+
+
+def _characteristic(one: Characteristic, side: str, number: int) -> list[str]:
+    words = " ".join(
+        part for part in (one.metric, one.choices, one.branch, "" if side == "both" else f"side {side}") if part
+    )
+    lines = {"K2001": str(number), "K2002": words, "K2004": "0"}
+    for value, limit, kind in ((one.limit_min, "K2110", "K2120"), (one.limit_max, "K2111", "K2121")):
+        lines[kind] = str(NO_LIMIT if value is None else SPECIFIED)
+        if value is not None:
+            lines[limit] = _number(value)
+    lines["K2142"] = one.unit if one.unit.strip() else "1"
+    if one.definition:
+        lines["K2900"] = one.definition
+    return [f"{key}/{number} {value}" for key, value in lines.items()]
+
+
+def _value(run: Row[Any], row: Row[Any] | None) -> str:
+    valid = row is not None and row.value is not None and not run.objection
+    moment = datetime.fromisoformat(run.started).astimezone(UTC).strftime(MOMENT)
+    events = [number for number, holds in (
+        (1, run.attempt > 1), (2, run.verdict == "FAIL"), (3, run.verdict == "NOT DECIDABLE"),
+        (4, row is not None and row.judged == "FAIL"), (5, run.virtual),
+    ) if holds]  # fmt: skip
+    value = _number(row.value) if row is not None and valid else "0"
+    entries = (value, str(VALID if valid else NOT_MEASURED), moment, ",".join(map(str, events)))
+    return NEXT_ENTRY.join(entries)
+
+
+def _number(value: float) -> str:
+    return f"{value:.{DIGITS}g}"

@@ -21,6 +21,8 @@ from analysis.line.run_rules import RULE_SETS
 from benchmarks.search_speed import make_folder, times_ms
 from station.quality.figures import capability_of, causes_of, chart_of, trend_of, yield_of
 from station.store.quality.lot import Lot, Production, production
+from station.store.quality.trial import Rule, flips
+from station.store.quality.values import characteristic
 from station.store.view import opened
 
 ALLOWED_MS = 1000.0
@@ -28,6 +30,7 @@ ALLOWED_MS = 1000.0
 
 METRIC = "lost_motion"
 LOT = Lot(recipe="small")
+ALL = LOT._replace(newest=10**9)
 
 FIGURES: dict[str, Callable[[Production], object]] = {
     "yield": lambda look: yield_of(look, LOT),
@@ -37,6 +40,10 @@ FIGURES: dict[str, Callable[[Production], object]] = {
     "control chart": lambda look: chart_of(look, LOT, METRIC, RULE_SETS["western-electric"]),
     "trend by month": lambda look: trend_of(look, LOT, METRIC, "month"),
     "trend by shift": lambda look: trend_of(look, LOT, METRIC, "shift"),
+    "limits on trial": lambda look: flips(look, LOT, characteristic(look, LOT, METRIC), Rule(None, 0.51, 0.5)),
+    "limits on trial, all runs": lambda look: flips(
+        look, ALL, characteristic(look, ALL, METRIC), Rule(None, 0.51, 0.5)
+    ),
 }
 """What is asked: counts and trends of all runs, values of the newest 2000 first attempts."""
 

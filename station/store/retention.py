@@ -133,7 +133,7 @@ def plan(data: Path, rules: Rules, now: datetime) -> tuple[Planned, ...]:
     runs = Store(data).runs()
     manifests = {run.id: found for run in runs if (found := _manifest(run)) is not None}
     newest = _newest(manifests)
-    over = []
+    planned = []
     for run in runs:
         manifest = manifests.get(run.id)
         rule = None if manifest is None else next((one for one in rules.rules if one.fits(manifest)), None)
@@ -143,8 +143,8 @@ def plan(data: Path, rules: Rules, now: datetime) -> tuple[Planned, ...]:
         if days > rule.keep_days:
             why = _why_not(run, manifest, newest)
             size = sum(one.stat().st_size for one in run.folder.rglob("*") if one.is_file())
-            over.append(Planned(run.id, manifest.serial, rule.id, rule.then, days, size, why))
-    return tuple(over)
+            planned.append(Planned(run.id, manifest.serial, rule.id, rule.then, days, size, why))
+    return tuple(planned)
 
 
 def _manifest(run: RunRecord) -> Manifest | None:

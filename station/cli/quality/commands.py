@@ -223,6 +223,41 @@ def type1(
     raise typer.Exit(quality.print_type_one(data, part, reference, tolerance, share, level, as_json=as_json))
 
 
+@quality_app.command()
+def trial(
+    metric: WantedMetric,
+    lower: Annotated[float | None, typer.Option("--min", metavar="X", help="Lower limit to try; nan: none.")] = None,
+    upper: Annotated[float | None, typer.Option("--max", metavar="X", help="Upper limit to try; nan: none.")] = None,
+    guard_factor: Annotated[
+        float | None,
+        typer.Option("--guard-factor", metavar="R", min=0.0, max=3.0, help="Guard band r·U to try; 0: simple rule."),
+    ] = None,
+    branch: BranchOption = None,
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    draft: Annotated[
+        str | None,
+        typer.Option(
+            "--save-draft", metavar="PERSON", help="Save the recipe with what was tried as a draft of PERSON."
+        ),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Limits on trial: which verdicts of a lot would be others, and the risks of wrong decisions before and after."""
+    from station.cli.quality import trial as command_trial
+    from station.quality.limits_trial import Tried
+
+    lot = _lot(recipe, model, bench, since, until, virtual, newest)
+    tried = Tried(metric, branch, lower, upper, guard_factor)
+    raise typer.Exit(command_trial.print_trial(data, lot, tried, draft, as_json=as_json))
+
+
 @quality_app.command("dfq")
 def dfq(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write, such as lot.dfq.")],
@@ -246,3 +281,30 @@ def dfq(
     with production(data) as look:
         found = dfq_of_lot(look, _lot(recipe, model, bench, since, until, virtual, newest), program_name())
     raise typer.Exit(write_dfq(out, found, as_json=as_json))
+
+
+@quality_app.command("report")
+def report(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write to.")],
+    loops: Annotated[
+        int, typer.Option("--loops", metavar="N", min=0, max=1000, help="Newest loops to draw; each is evaluated anew.")
+    ] = 30,
+    locale: Annotated[
+        str,
+        typer.Option("--locale", metavar="L", help="Spreadsheet for the CSV: en or de (semicolons, decimal commas)."),
+    ] = "en",
+    recipe: RecipeFilter = None,
+    model: ModelFilter = None,
+    bench: BenchFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    newest: NewestOption = NEWEST,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the report of a batch: page, PDF, and every table and the loops as CSV."""
+    from station.cli.quality import batch
+
+    lot = _lot(recipe, model, bench, since, until, virtual, newest)
+    raise typer.Exit(batch.write_report(data, lot, out, loops, locale, as_json=as_json))

@@ -13,6 +13,7 @@ from station.cli.say import Grid, say
 from station.documents.manifest import VERDICTS
 from station.errors import StationError
 from station.reports.result_text import number
+from station.results.csv_cells import MARK, figure_cell, text_cell
 from station.results.export import LOCALES, CsvStyle
 from station.store.run_table import RUN_COLUMNS, RunTableRow, columns_of, run_table
 from station.store.stored_runs import Wanted
@@ -20,9 +21,6 @@ from station.store.view import look_at, without_collector
 
 SHOWN = ("run", "serial", "attempt", "recipe", "verdict")
 """Columns on the screen; the CSV has all."""
-
-MARK = "\ufeff"
-"""By this a spreadsheet knows the file for UTF-8."""
 
 
 def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: bool, as_json: bool) -> int:
@@ -84,22 +82,12 @@ def csv_of(rows: list[RunTableRow], style: CsvStyle) -> str:
         heads += [f"{column.name}{unit}", f"U({column.name}){unit}"]
     writer.writerow(heads)
     for row in rows:
-        cells = [_text(getattr(row.run, name)) for name in RUN_COLUMNS]
+        cells = [text_cell(getattr(row.run, name)) for name in RUN_COLUMNS]
         for column in columns:
             found = row.values.get(column)
-            cells += [_figure(part, style) for part in ((None, None) if found is None else found[:2])]
+            cells += [figure_cell(part, style) for part in ((None, None) if found is None else found[:2])]
         writer.writerow(cells)
     return stream.getvalue()
-
-
-def _text(value: object) -> str:
-    """Return an entry for a spreadsheet: one line, and nothing that it would take for a formula."""
-    text = "" if value is None else str(value).replace("\n", "; ")
-    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
-
-
-def _figure(value: float | None, style: CsvStyle) -> str:
-    return "" if value is None else f"{value:.9g}".replace(".", style.decimal)
 
 
 def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
@@ -108,6 +96,6 @@ def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
         bad = [(column, value) for column, value in row.values.items() if value.verdict == "FAIL"]
         why = ", ".join(f"{column.name} {number(value.value, value.uncertainty)}" for column, value in bad)
         shown.append(
-            [*(_text(getattr(row.run, name)) for name in SHOWN), why or str(row.run.altered or row.run.objection)]
+            [*(text_cell(getattr(row.run, name)) for name in SHOWN), why or str(row.run.altered or row.run.objection)]
         )
     return [Grid((*SHOWN, "problems"), shown, right=(2,)), f"{len(rows)} runs"]

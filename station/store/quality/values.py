@@ -159,10 +159,11 @@ def sums(  # noqa: PLR0917 - what is asked for
     away = METRICS.c.value - origin
     columns = (group.column(runs).label("key"), func.count(), func.sum(away), func.sum(away * away))
     found: dict[str, Sums] = {}
+    names: dict[Any, str] = {}
     for key, number, first, second in production.connection.execute(
         _of(select(*columns), runs, what, side).group_by("key")
     ):
-        name = group.name(key)
+        name = names.get(key) or names.setdefault(key, group.name(key))
         before = found.get(name, Sums(0, 0.0, 0.0))
         found[name] = Sums(before.number + number, before.first + first, before.second + second)
     return {name: found[name] for name in sorted(found)}

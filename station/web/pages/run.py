@@ -134,7 +134,7 @@ class _RunPage:
             self._find = ui.input("Draw another run: serial number begins with").props("outlined dense clearable")
             self._find.on_value_change(self._search)
             self._found = ui.element("div").classes("lm-choices")
-        self._loop = ui.plotly({"data": [], "layout": {}}).classes("lm-loop").props('role="img"')
+        self._loop = ui.plotly({"data": [], "layout": {}}).classes("lm-loop").props('role="img" aria-label="Loop"')
         self._below = ui.element("div")
 
     async def _load(self) -> None:

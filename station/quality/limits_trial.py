@@ -1,0 +1,186 @@
+"""Limits on trial: which verdicts of a lot would be others, and what that does to wrong decisions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.evaluation.guard_band import Risks, normal_process, risks
+from analysis.evaluation.verdict import check_limits
+from analysis.trace.errors import AnalysisError
+from definitions.metrics import METRICS
+from recipes import Recipe, parse_recipe
+from recipes.editing import changed
+from recipes.text.yaml_source import read_bytes
+from station.errors import StationError
+from station.records.recipe_revisions import History, Revision, save_draft
+from station.records.run_record import RunRecord
+from station.store.quality.lot import Lot, Production
+from station.store.quality.trial import Flip, Rule, flipped, flips
+from station.store.quality.values import Characteristic, ValueRow, characteristic, newest_run, values
+
+LEAST_VALUES = 10
+"""Values from which on a process is told from its sample."""
+
+
+@dataclass(frozen=True, slots=True)
+class SideRisks:
+    """Wrong decisions on one side before and after, for a normal process of this mean and true spread.
+
+    why: why they cannot be told, in words; then both are None.
+    """
+
+    side: str
+    mean: float
+    sd_process: float
+    u: float
+    before: Risks | None
+    after: Risks | None
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What new limits do to a lot: verdicts of runs before and after, those that flip, and the risks of each side."""
+
+    lot: Lot
+    metric: Characteristic
+    before: Rule
+    after: Rule
+    recipe_run: str
+    runs: int
+    verdicts: tuple[tuple[str, str, int], ...]
+    flipped: tuple[Flip, ...]
+    flips: int
+    risks: tuple[SideRisks, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """What is tried: limits (None keeps the one that is, nan takes it away), and the guard band as a multiple of U.
+
+    guard_factor: 0 is the simple rule; None keeps the rule.
+    """
+
+    metric: str
+    branch: str | None = None
+    limit_min: float | None = None
+    limit_max: float | None = None
+    guard_factor: float | None = None
+
+
+def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20) -> Trial:
+    """Return what other limits or another rule do to the newest valid first attempts of a lot.
+
+    most: runs that flip which are named. Raises StationError for a lot without valid runs, a metric that it lacks, one
+    whose verdict depends on its spread over cycles too, or nothing that is tried; AnalysisError for limits that exclude
+    each other; RecipeError for a record whose recipe cannot be read.
+    """
+    lot = production.one_recipe(lot)
+    what = characteristic(production, lot, tried.metric, tried.branch)
+    run = newest_run(production, lot)
+    recipe = _recipe(production.chain.data, run)
+    spread = [one for one in recipe.metrics if one.id == what.metric and one.max_standard_deviation is not None]
+    if spread:
+        raise StationError(
+            f"{what.name}: its recipe limits the standard deviation over cycles too, which the store does not hold. "
+            "Evaluate the runs with 'lostmotion analyze --recipe'"
+        )
+    guard = None if recipe.decision.rule == "simple" else recipe.decision.guard_factor
+    before = Rule(what.limit_min, what.limit_max, guard)
+    after = Rule(
+        _limit(tried.limit_min, what.limit_min),
+        _limit(tried.limit_max, what.limit_max),
+        guard if tried.guard_factor is None else (tried.guard_factor or None),
+    )
+    if after == before:
+        raise StationError("nothing is tried: give --min, --max or --guard-factor another value than the recipe has")
+    check_limits(what.name, after.limit_min, after.limit_max)
+    counts = flips(production, lot, what, after)
+    changing = sum(number for (was, new), number in counts.items() if was != new)
+    return Trial(
+        lot,
+        what,
+        before,
+        after,
+        run,
+        sum(counts.values()),
+        tuple((was, new, number) for (was, new), number in counts.items()),
+        tuple(flipped(production, lot, what, after, most)),
+        changing,
+        tuple(_side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
+    )
+
+
+def _limit(tried: float | None, there: float | None) -> float | None:
+    if tried is None:
+        return there
+    return None if math.isnan(tried) else tried
+
+
+def _recipe(data: Path, run: str) -> Recipe:
+    path = RunRecord(data / run).folder / "recipe.yaml"
+    return parse_recipe(read_bytes(path), str(path))
+
+
+def _side_risks(side: str, rows: Sequence[ValueRow], before: Rule, after: Rule) -> SideRisks:
+    """Return the risks of a side: the spread of the values is that of the process and of the measuring together."""
+    uncertain = [0.5 * row.uncertainty for row in rows if row.uncertainty is not None]
+    numbers = [row.value for row in rows]
+    if len(numbers) < LEAST_VALUES or len(uncertain) < len(numbers):
+        return SideRisks(side, math.nan, math.nan, math.nan, None, None, f"needs {LEAST_VALUES} values with U")
+    mean = sum(numbers) / len(numbers)
+    variance = sum((one - mean) ** 2 for one in numbers) / (len(numbers) - 1)
+    u = math.sqrt(sum(one**2 for one in uncertain) / len(uncertain))
+    if not variance > u**2 > 0.0:
+        return SideRisks(side, mean, math.nan, u, None, None, "the values scatter no more than U explains")
+    sd = math.sqrt(variance - u**2)
+    try:
+        process = normal_process(mean, sd)
+        now, then = (
+            risks(process, one.limit_min, one.limit_max, u, 2.0 * u * (one.guard_factor or 0.0))
+            for one in (before, after)
+        )
+    except AnalysisError as error:
+        return SideRisks(side, mean, sd, u, None, None, str(error))
+    return SideRisks(side, mean, sd, u, now, then)
+
+
+def draft_of(data: Path, found: Trial, person: str) -> Revision:
+    """Save the recipe of the newest run with what was tried as the draft of its next revision.
+
+    Raises:
+        StationError: the recipe does not ask for the metric itself, or more than once; RevisionError, RecipeError.
+
+    """
+    path = RunRecord(data / found.recipe_run).folder / "recipe.yaml"
+    content = read_bytes(path)
+    recipe = parse_recipe(content, str(path))
+    places = [place for place, one in enumerate(recipe.metrics) if one.id == found.metric.metric]
+    if len(places) != 1:
+        raise StationError(
+            f"{found.metric.metric} stands {len(places)} times in the recipe's own metrics; change it in the station"
+        )
+    for name in ("limit_min", "limit_max"):
+        now, new = getattr(found.before, name), getattr(found.after, name)
+        if now != new:
+            option = ("metrics", places[0], name.removeprefix("limit_"))
+            content = changed(content, option, "" if new is None else _with_unit(found.metric.metric, new))
+    if found.after.guard_factor != found.before.guard_factor:
+        factor = found.after.guard_factor
+        if factor is None:
+            content = changed(content, ("decision", "guard_factor"), "")
+        content = changed(content, ("decision", "rule"), "simple" if factor is None else "guard_band")
+        if factor is not None:
+            content = changed(content, ("decision", "guard_factor"), f"{factor:g}")
+    revision = max(History(data).next_revision(recipe.recipe.name), recipe.recipe.revision + 1)
+    content = changed(content, ("recipe", "revision"), str(revision))
+    parse_recipe(content, str(path))
+    return save_draft(data, content, person)
+
+
+def _with_unit(metric: str, value: float) -> str:
+    unit = METRICS[metric].unit
+    return f"{value:.10g}" if unit in ("", "1") else f"{value:.10g} {unit}"

@@ -1,0 +1,91 @@
+"""Verdicts of a lot under other limits or another decision rule, as the database finds them from value and U.
+
+The rules are those of `analysis.evaluation.verdict`, said in SQL: a test holds both against each other, run by run.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from sqlalchemy import ColumnElement, Select, and_, case, func, literal, null, or_, select
+
+from station.store.quality.lot import Lot, Production
+from station.store.quality.values import MEANING, Characteristic
+from station.store.tables import METRICS, RUNS
+
+RANKS = {"PASS": 0, "NOT DECIDABLE": 1, "FAIL": 2}
+"""Verdicts from the best to the worst: the worst of several is that of all."""
+
+NAMES = {rank: name for name, rank in RANKS.items()}
+
+
+class Rule(NamedTuple):
+    """Limits of a metric, and the guard band as a multiple of U; guard_factor None: the simple rule, without one."""
+
+    limit_min: float | None
+    limit_max: float | None
+    guard_factor: float | None
+
+
+class Flip(NamedTuple):
+    """A run whose verdict is another under the new rule."""
+
+    run: str
+    serial: str
+    before: str
+    after: str
+
+
+def flips(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> dict[tuple[str, str], int]:
+    """Return how many valid first attempts there are of each verdict now and under the rule."""
+    runs = _runs(production, lot, what, rule)
+    asked = select(runs.c.before, runs.c.after, func.count()).group_by(runs.c.before, runs.c.after)
+    found = {(before, NAMES[after]): number for before, after, number in production.connection.execute(asked)}
+    return dict(sorted(found.items()))
+
+
+def flipped(production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int) -> list[Flip]:
+    """Return the newest runs that flip, newest first."""
+    runs = _runs(production, lot, what, rule)
+    names = case(NAMES, value=runs.c.after)
+    asked = select(runs.c.run, runs.c.serial, runs.c.before, names).where(runs.c.before != names)
+    asked = asked.order_by(runs.c.run.desc()).limit(most)
+    return [Flip._make(row) for row in production.connection.execute(asked).tuples()]
+
+
+def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> Any:
+    """Return a table of the runs that have the metric: their verdict, and the rank of the one under the rule."""
+    runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
+    this = and_(*(func.coalesce(METRICS.c[name], "") == getattr(what, name) for name in MEANING))
+    new = func.max(case((this, rank_under(rule)), else_=null()))
+    others = func.max(case((and_(~this, METRICS.c.main), _rank_now()), else_=null()))
+    together = (METRICS.c.chain == runs.c.chain) & (METRICS.c.run == runs.c.run)
+    grouped: Select[Any] = (
+        select(runs.c.run, runs.c.serial, new.label("new"), func.coalesce(others, 0).label("others"))
+        .select_from(runs)
+        .join(METRICS, together)
+        .group_by(runs.c.run, runs.c.serial)
+    )
+    of = grouped.subquery()
+    after = case((of.c.new > of.c.others, of.c.new), else_=of.c.others)
+    asked = select(of.c.run, of.c.serial, RUNS.c.verdict.label("before"), after.label("after"))
+    asked = asked.select_from(of).join(RUNS, (RUNS.c.chain == production.chain.id) & (RUNS.c.run == of.c.run))
+    return asked.where(of.c.new.is_not(None)).subquery()
+
+
+def _rank_now() -> ColumnElement[Any]:
+    return case(RANKS, value=METRICS.c.verdict)
+
+
+def rank_under(rule: Rule) -> ColumnElement[Any]:
+    """Return the rank of the verdict of a side under a rule."""
+    value, u = METRICS.c.value, METRICS.c.uncertainty
+    guard = literal(0.0) if rule.guard_factor is None else rule.guard_factor * u
+    overs = [rule.limit_min - value] if rule.limit_min is not None else []
+    overs += [value - rule.limit_max] if rule.limit_max is not None else []
+    if not overs:
+        return literal(RANKS["PASS"])
+    unknown = value.is_(None) if rule.guard_factor is None else or_(value.is_(None), u.is_(None))
+    beyond, within = or_(*(over > guard for over in overs)), and_(*(over <= -guard for over in overs))
+    ranks = ((unknown, RANKS["NOT DECIDABLE"]), (beyond, RANKS["FAIL"]), (within, RANKS["PASS"]))
+    return case(*ranks, else_=RANKS["NOT DECIDABLE"])

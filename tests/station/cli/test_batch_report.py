@@ -1,0 +1,67 @@
+"""The report of a batch: page, PDF, tables that a German spreadsheet opens, and what no spreadsheet may execute."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lostmotion_command import here
+from stored_runs import metric, store_run
+
+from station.quality.batch.content import batch_of
+from station.quality.batch.files import HTML, PDF, csv_of
+from station.results.export import LOCALES
+from station.store.quality.lot import Lot
+
+FORMULA = "=HYPERLINK(1)"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    data = tmp_path_factory.mktemp("batch") / "runs"
+    for number in range(12):
+        store_run(data, f"U{number}", [metric(0.5 + 0.01 * number)], day=number)
+    store_run(data, FORMULA, [metric(1.5, verdict="FAIL")], day=12, failed="lost_motion")
+    return data
+
+
+def test_tables_are_those_of_the_figures(folder: Path) -> None:
+    batch = batch_of(folder, Lot(), 0)
+    tables = {table.name: table for table in batch.tables}
+    assert [row[0] for row in tables["capability"].rows] == ["Lost motion side +", "Lost motion side −"]
+    mean = (sum(0.5 + 0.01 * number for number in range(12)) + 1.5) / 13
+    assert tables["capability"].rows[0][4] == pytest.approx(mean)
+    assert [row[2] for row in tables["pareto"].rows] == [1]
+    assert len(batch.values.rows) == 13
+    text = csv_of(batch.values, LOCALES["de"])
+    rows = list(csv.reader(text.splitlines(), delimiter=";"))
+    assert rows[1][3] == "0,5"
+    assert f"'{FORMULA}" in {row[1] for row in rows}
+
+
+def test_a_page_a_pdf_and_files_with_every_loop(quick_run: Any, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ("quality", "report", "--virtual", "--locale", "de", "--data", str(quick_run.data), "--out", str(out))
+    told = here(*words, "--json")
+    assert told.exit_code == 0, told.err
+    assert told.json["loops"] == 1
+    assert {Path(one).name for one in told.json["files"]} == {
+        HTML, PDF, "capability.csv", "pareto.csv", "values.csv", "loops.csv"
+    }  # fmt: skip
+    assert (out / PDF).read_bytes().startswith(b"%PDF-")
+    page = (out / HTML).read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 1, "one unit has no capability"
+    assert "VIRTUAL" in page
+    loops = (out / "loops.csv").read_text(encoding="utf-8-sig").splitlines()
+    assert loops[0].startswith("run;serial;branch")
+    assert "," in loops[1].split(";")[3]
+    assert len({line.split(";")[2] for line in loops[1:]}) == 2
+
+
+def test_a_record_is_no_place_for_a_report(quick_run: Any) -> None:
+    told = here("quality", "report", "--virtual", "--loops", "0", "--data", str(quick_run.data), "--out",
+                str(quick_run.record))  # fmt: skip
+    assert told.exit_code == 2
+    assert "lies in the folder of run" in told.err

@@ -1,0 +1,150 @@
+"""Limits on trial: the verdicts that flip are those of judging each run alone, and a draft says what was tried."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lostmotion_command import here
+from stored_runs import metric, store_run
+
+from analysis.evaluation.verdict import Verdict, judge, worst
+from analysis.loop.method import Decision
+from analysis.trace.errors import AnalysisError
+from benchmarks.many_runs import make_runs
+from recipes import parse_recipe
+from station.documents.result import Result
+from station.errors import StationError
+from station.quality.limits_trial import Tried, _side_risks, draft_of, limits_trial
+from station.records.data_folder import Store
+from station.records.recipe_revisions import History, State
+from station.records.run_record import RESULT
+from station.store.quality.lot import Lot, production
+from station.store.quality.trial import Rule, flipped, flips
+from station.store.quality.values import ValueRow, characteristic
+
+COUNT = 300
+"""Tried with 1000 too; the cases are the same."""
+LOT = Lot(recipe="small")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    data = tmp_path_factory.mktemp("trial") / "runs"
+    make_runs(data, COUNT)
+    return data
+
+
+def alone(result: Result, metric_id: str, rule: Rule) -> str:
+    """The verdict of a run by its own values, as an evaluation gives it."""
+    decision = Decision("simple") if rule.guard_factor is None else Decision("guard_band", rule.guard_factor)
+    limits = rule.limit_min, rule.limit_max
+    found: list[Verdict] = []
+    for one in result.metrics:
+        if one.id == metric_id:
+            found += [judge(side.value, side.uncertainty, limits, decision)[0] for side in one.sides.values()]
+        else:
+            found.append(Verdict(one.verdict))
+    return worst(found).value
+
+
+RULES = {
+    "a lower upper limit": Rule(None, 0.506, None),
+    "with a guard band": Rule(None, 0.506, 0.5),
+    "both limits": Rule(0.503, 0.508, None),
+    "both limits with a guard band": Rule(0.503, 0.508, 0.1),
+    "a guard band alone": Rule(None, 1.0, 1.0),
+    "no limit": Rule(None, None, 0.82),
+}
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> dict[str, Result]:
+    """The results of first attempts by their runs."""
+    return {run.id: run.read(Result, RESULT) for run in Store(folder).runs() if run.manifest().attempt == 1}
+
+
+@pytest.mark.parametrize("name", RULES)
+@pytest.mark.parametrize("metric_id", ["lost_motion", "backlash_width_3pct"])
+def test_flips_are_those_of_judging_each_run_alone(
+    folder: Path, results: dict[str, Result], name: str, metric_id: str
+) -> None:
+    rule = RULES[name]
+    with production(folder) as look:
+        what = characteristic(look, LOT, metric_id)
+        counts, runs = flips(look, LOT, what, rule), flipped(look, LOT, what, rule, COUNT)
+    expected: Counter[tuple[str, str]] = Counter()
+    named = {}
+    for run, result in results.items():
+        after = alone(result, metric_id, rule)
+        expected[result.verdict, after] += 1
+        named |= {run: (result.verdict, after)} if after != result.verdict else {}
+    assert counts == expected
+    assert {one.run: (one.before, one.after) for one in runs} == named
+
+
+def test_a_value_without_uncertainty_is_not_decidable_by_a_guard_band(tmp_path: Path) -> None:
+    for number, u in enumerate((0.01, None)):
+        side = {"value": 0.5, "uncertainty": u, "verdict": "PASS"}
+        store_run(tmp_path, f"U{number}", [metric(0.5, uncertainty=u, sides={"+": side})], day=number)
+    with production(tmp_path) as look:
+        what = characteristic(look, Lot(), "lost_motion")
+        assert flips(look, Lot(), what, Rule(None, 1.0, 0.82)) == {("PASS", "PASS"): 1, ("PASS", "NOT DECIDABLE"): 1}
+        assert flips(look, Lot(), what, Rule(None, 1.0, None)) == {("PASS", "PASS"): 2}
+
+
+def test_what_was_tried_becomes_a_draft(golden_run: Any, tmp_path: Path) -> None:
+    data = golden_run.copy(tmp_path / "runs").parent
+    with production(data) as look:
+        lot = Lot(virtual=True)
+        found = limits_trial(look, lot, Tried("torque_ratio_slope", limit_max=1.0, guard_factor=0.5))
+        with pytest.raises(StationError, match="nothing is tried"):
+            limits_trial(look, lot, Tried("torque_ratio_slope"))
+        with pytest.raises(AnalysisError, match="min 2 is above max 1"):
+            limits_trial(look, lot, Tried("torque_ratio_slope", limit_min=2.0, limit_max=1.0))
+    assert [(new, number) for _, new, number in found.verdicts] == [("FAIL", 1)]
+    assert found.flipped[0].after == "FAIL"
+    assert all(one.why for one in found.risks), "one run is no process"
+    saved = draft_of(data, found, "A. Tester")
+    there = History(data).find(saved.name, saved.revision)
+    assert there is not None
+    assert there.state is State.DRAFT
+    recipe = parse_recipe(there.text(), "draft")
+    assert next(one.max for one in recipe.metrics if one.id == "torque_ratio_slope") == 1.0
+    assert (recipe.decision.rule, recipe.decision.guard_factor) == ("guard_band", 0.5)
+    assert (
+        recipe.recipe.revision
+        > parse_recipe((data / found.recipe_run / "recipe.yaml").read_bytes(), "r").recipe.revision
+    )
+
+
+def test_a_stricter_limit_moves_the_risk_from_the_customer_to_the_maker() -> None:
+    random = np.random.default_rng(2)
+    rows = [
+        ValueRow(f"R{n}", f"U{n}", "", "", float(value), 0.04) for n, value in enumerate(random.normal(0.9, 0.06, 200))
+    ]
+    found = _side_risks("+", rows, Rule(None, 1.0, None), Rule(None, 1.0, 1.0))
+    assert (found.before.false_accept, found.before.false_reject) == pytest.approx((0.0129, 0.0163), abs=0.01)
+    assert found.after.false_accept < found.before.false_accept
+    assert found.after.false_reject > found.before.false_reject
+    assert found.sd_process == pytest.approx(math.sqrt(np.var([row.value for row in rows], ddof=1) - 0.02**2))
+
+
+def test_a_lot_whose_recipe_cannot_be_read_is_refused(folder: Path) -> None:
+    told = here("quality", "trial", "--metric", "lost_motion", "--max", "0.506", "--data", str(folder))
+    assert told.exit_code == 2
+    assert "recipe.yaml" in told.err
+
+
+def test_the_command_says_what_flips_and_saves_no_draft_unless_asked(golden_run: Any, tmp_path: Path) -> None:
+    data = golden_run.copy(tmp_path / "runs").parent
+    words = ("quality", "trial", "--metric", "torque_ratio_slope", "--max", "1", "--virtual", "--data", str(data))
+    told = here(*words)
+    assert told.exit_code == 0, told.err
+    assert "1 of 1 verdicts flip" in told.out
+    assert not (data / "recipes.jsonl").exists()
+    assert here(*words, "--save-draft", "A. Tester", "--json").json["draft"]

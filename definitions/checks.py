@@ -39,6 +39,8 @@ class Check(NamedTuple):
     """Limits that a recipe may set; None where the limit is fixed, or is one of another section."""
     below: str = ""
     """Check whose limit must be above this one's."""
+    explained_by: str = ""
+    """Check whose failure explains one of this: then it is no reason of its own."""
     leaves_open: LeavesOpen | None = None
     """Error that passes the check unseen, up to a size that depends on its limit and on the measurement."""
 
@@ -120,7 +122,7 @@ _ROWS = (
         "to the reference torque",
         "torque and wind-up do not stop, or turn, at the same time",
         "set the filters of torque and angles as in the bench file, or give their lags there",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "clipping", "Clipping", FRACTION, 1.0,
@@ -128,7 +130,7 @@ _ROWS = (
         "change of the torque while the angle of the loaded shaft stays, relative to the whole torque",
         "the torque stays at its largest value while the unit still turns: the channel is saturated",
         "use a sensor or a range that covers the peak torque of the cycles",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "wrong_way", "Energy of the loop", LOSS, 0.0,
@@ -195,7 +197,7 @@ _ROWS = (
         "check cables, earthing and the resolution of the channel",
     ),
     Check(
-        "time_scale", "Time scale", NUMBER, 20.0,
+        "time_scale", "Time scale", NUMBER, 5.0,
         "torque rate of a branch over that of the recipe, or that of the recipe over it, the larger one",
         "the load is far faster or slower than the recipe plans it",
         "check the unit of the time column, which is seconds, and the torque rates in the recipe",
@@ -213,7 +215,7 @@ _ROWS = (
         "the turning points",
         "a ramp was interrupted",
         "find out what stopped the ramp (late samples, an overshoot, an alarm limit), and measure again",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "monotone_loading", "Torque reversal within a branch", FRACTION, 5.0,
@@ -282,7 +284,7 @@ _ROWS = (
         "motion of the locked shaft that its torque does not explain, relative to the whole wind-up",
         "the locked shaft moves",
         "check the lock, its encoder, and that both angles belong to this unit",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "fixture_share", "Fixture deflection", FRACTION, 25.0,
@@ -318,7 +320,7 @@ _ROWS = (
         "the loop gets wider towards its turning points, which friction cannot cause: the wind-up creeps back "
         "against its torque, or an angle is wrong",
         "let unit and bench come to rest before measuring, check lock, couplings and encoders, and measure again",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "creep_back", "Creep against the torque", FRACTION, 0.5,
@@ -326,7 +328,7 @@ _ROWS = (
         "whole wind-up",
         "the wind-up creeps back against its torque, which no unit does",
         "check lock, couplings and encoders. Check whether a part warms up during the dwells. Then measure again",
-        settable=SHARES,
+        explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "angle_waves", "Waves of the wind-up", FRACTION, 0.1,
@@ -334,7 +336,8 @@ _ROWS = (
         "encoders, relative to the whole wind-up",
         "an angle has an error that repeats as its encoder turns",
         "check mounting, coupling and electrical adjustment of the encoders, and measure again",
-        settable=SHARES, leaves_open=LeavesOpen("fast wave of the loaded shaft's encoder, at that shaft", "arcmin"),
+        explained_by="angle_steps", settable=SHARES,
+        leaves_open=LeavesOpen("fast wave of the loaded shaft's encoder, at that shaft", "arcmin"),
     ),
     Check(
         "calibrated_turn", "Turning points of the calibration", FRACTION, 0.4,
@@ -400,7 +403,7 @@ _ROWS = (
     Check(
         "drive_angle_agreement", "Agreement of drive and angle encoder", FRACTION, 2.0,
         "change of the difference between the drive's position and the angle of the loaded shaft within a branch, "
-        "beyond their constant delay, relative to the way of that shaft",
+        "beyond their constant delay, relative to the travel of that shaft",
         "the drive's position and the angle of the loaded shaft do not agree",
         "check line count, scale and mounting of the encoder, then the drive's gear ratio and couplings",
         settable=SHARES,
@@ -409,7 +412,7 @@ _ROWS = (
     Check(
         "drive_angle_repeat", "Delay of the angle encoder, branch against branch", FRACTION, 0.15,
         "change of the difference between the drive's position and the angle of the loaded shaft from one branch to "
-        "another of the same direction, at the same angle, relative to the way of that shaft",
+        "another of the same direction, at the same angle, relative to the travel of that shaft",
         "the angle of the loaded shaft does not follow the drive's position in all branches alike",
         "check cable, supply and filter of the encoder, and measure again",
         settable=SHARES,

@@ -40,7 +40,7 @@ AMPLIFIER = (
 )
 """What measures: one amplifier, or the devices that `channels` name."""
 
-BRAKE = ("brake", "brake profile")
+BRAKE = ("brake", "brake profile", "drive_brake")
 REMOTE_IO = ("remote_io", "remote_io profile")
 MOTION = ("bench.loading", *DRIVE, *AMPLIFIER, *BRAKE)
 

@@ -37,6 +37,14 @@ DEVICE_PROOFS: tuple[DeviceProof, ...] = (
     DeviceProof("switch", "brake that does not say that it is on",
                 "that the output of the supply is on or off",
                 "Its current is taken for it: above zero is on"),
+    DeviceProof("contact", "brake at an output without contact",
+                "that the brake is on: what was ordered is taken for it",
+                "The lock is proven by a torque before the run, and watched while it bears one (lock_slip)"),
+    DeviceProof("drive_output", "brake at an output of the drive",
+                "that the lock stays closed when the drive fails, is switched off or loses its bus: its outputs may"
+                " fall then, and the lock opens while the unit is wound up",
+                "lock_slip is noticed while sensors and scan go on. Let the drive keep its outputs, or use a brake that"
+                " closes without current"),
     DeviceProof("new_values", "channel that is alive by arrival",
                 "that the values of a channel are new: a device that goes on sending an old one is not noticed by its"
                 " age",
@@ -46,7 +54,7 @@ DEVICE_PROOFS: tuple[DeviceProof, ...] = (
                 "that the frames of an identifier come from the sensor that the bench file names",
                 "Their length is checked in every frame; a bus has one sender for an identifier"),
     DeviceProof("can_heartbeat", "sensor on CAN without heartbeat",
-                "that the sensor did not start anew: what was set in it may be lost, and nothing says so",
+                "that the sensor did not restart: settings that it keeps may be lost without notice",
                 "Its frames stop in most devices until they are started by NMT, and sample_stale acts"),
 )
 """What a bench may lack, in the order of the page."""

@@ -15,6 +15,7 @@ from recipes.schema.bench_schema import (
     BrakeDevice,
     CanBus,
     Drive,
+    DriveBrake,
     MasterPart,
     MeasuringDevice,
     ModbusDevice,
@@ -122,7 +123,7 @@ RECIPE_STEPS = {
 """Sections of a recipe and its steps, by their names in the file; a test holds them against the schema."""
 
 BENCH_SECTIONS = {
-    "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice,
+    "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice, "drive_brake": DriveBrake,
     "devices (each)": MeasuringDevice, "can_devices (each)": CanSensor, "channels": Channels, "channels: torque_in, torque_out, angle_in, angle_out": ChannelSource,
     "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
     "pace": PaceOfBench, "torque_control": TorqueControl, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit, "calibrations: units: lines (each)": UnitLine,

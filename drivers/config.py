@@ -64,6 +64,8 @@ class DriveConfig:
     abort_connection_option: int
     quick_stop_option: int
     fault_reaction_option: int
+    output_mask: int = 0
+    """Digital outputs of the drive that are ours: bits of 0x60FE:1, let through by 0x60FE:2."""
     reversed: bool = False
     """The motor turns the loaded shaft against the drive's own positive direction."""
     boot_timeout_s: float = 3.0
@@ -110,6 +112,14 @@ class ModbusConfig:
     def where(self) -> str:
         """The device as a person would look for it."""
         return f"{self.profile.profile.name} at {self.line} unit {self.unit_id}"
+
+
+@dataclass(frozen=True)
+class DriveBrakeConfig:
+    """A brake at a digital output of the drive: its bit of 0x60FE:1, and the bit of 0x60FD that says that it is on."""
+
+    output_bit: int
+    input_bit: int | None = None
 
 
 @dataclass(frozen=True)
@@ -175,8 +185,10 @@ class WireBenchConfig:
     can: CanConfig
     drive: DriveConfig
     amplifier: ModbusConfig | None
-    brake: ModbusConfig
+    brake: ModbusConfig | None
     remote_io: ModbusConfig
+    drive_brake: DriveBrakeConfig | None = None
+    """In place of `brake`: one of the two is there."""
     pace: PaceConfig | None = None
     """Where a virtual bench waits for the scan; None for a bench with a clock of its own, as real ones have."""
     channels: tuple[str, ...] = ALL_CHANNELS

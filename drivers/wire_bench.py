@@ -26,6 +26,7 @@ from drivers.modbus.part_fields import check_parts, source_problems
 from drivers.pace import Pace
 from drivers.sample import ComposedSample
 from drivers.servo_drive.drive import CanDrive, Listener
+from drivers.servo_drive.output_brake import OutputBrake, output_brake_problems, read_outputs
 from drivers.servo_drive.pdo import HEARTBEAT_BASE
 from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 from drivers.servo_drive.setup import set_up_drive
@@ -65,11 +66,14 @@ class WireBench:
             measuring.append(("amplifier", self._device(config.amplifier)))
         self.amplifiers = tuple(device for _, device in measuring)
         """The Modbus devices that measure, with a device for each of their blocks."""
-        self.brake = self._device(config.brake)
+        self.output_brake = None if config.drive_brake is None else OutputBrake(config.drive_brake)
+        named = [*measuring]
+        if config.brake is not None:
+            named.append(("brake", self._device(config.brake)))
         self.remote_io = self._device(config.remote_io)
-        devices = (*self.amplifiers, self.brake, self.remote_io)
+        named.append(("remote_io", self.remote_io))
+        devices = tuple(device for _, device in named)
         self._devices = devices
-        named = [*measuring, ("brake", self.brake), ("remote_io", self.remote_io)]
         self._named = {
             name: tuple(device for other, device in named if other == name) for name in config.modbus_devices
         }
@@ -80,6 +84,10 @@ class WireBench:
         """Lines with their devices in the order of their turns: those that measure are always the first."""
         self._measuring_lines = len({id(device.line) for device in self.amplifiers})
         self._most_calls = CALLS_A_LINE * (self._measuring_lines + 1)
+        if config.drive_brake is not None and (
+            problems := output_brake_problems(config.drive_brake, config.drive.profile)
+        ):
+            raise ProfileError(*problems)
         if problems := identifier_problems(
             config.can_sensors, config.drive.profile, config.drive.node_id, config.drive.controller_node_id
         ):
@@ -92,6 +100,11 @@ class WireBench:
             self._composed or self.amplifiers[0], self.brake, self.remote_io, config.brake_fixed_current_a
         )
         self._requests_left = 0
+
+    @property
+    def brake(self) -> ModbusDevice | OutputBrake:
+        """The brake, on Modbus or at the drive."""
+        return self.output_brake or self._named["brake"][0]
 
     def _compose(self, measuring: list[tuple[str, ModbusDevice]]) -> ComposedSample:
         """Return the sample of channels from several devices; ProfileError when one names a field that is not there."""
@@ -171,11 +184,14 @@ class WireBench:
         verified = set_up_drive(link, self.config.drive, self.config.period_ns)
         if problems := start_sensors(link, self.config.can_sensors, verified):
             raise DriverError(*problems)
+        outputs = 0 if self.output_brake is None else read_outputs(link, self.config.drive)
         heartbeat_scans = in_scans(self.config.drive.controller_heartbeat_s, self.config.period_ns)
         self._can_nodes = dict(self._nodes())
         listeners: dict[int, Listener] = {frame.identifier: frame for _, frame in self._can_frames}
         listeners |= {identifier: node for identifier, (_, node) in self._can_nodes.items()}
         self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners)
+        if self.output_brake is not None:
+            self.output_brake.opened(self._drive, outputs)
         self._image.opened()
         return [f"{self.config.can.where}: open", *verified]
 
@@ -236,6 +252,8 @@ class WireBench:
         self._requests_left = self._most_calls - looks
         for _, node in self._can_nodes.values():
             node.look(scan)
+        if self.output_brake is not None:
+            self.output_brake.look()
         if self._composed is not None:
             self._composed.take(scan)
         return self._image.take(drive, scan, missed_periods, command)

@@ -10,6 +10,7 @@ from drivers.sample import Feed
 from drivers.servo_drive.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
 from drivers.servo_drive.data_types import picker
 from drivers.servo_drive.drive import CanDrive
+from drivers.servo_drive.output_brake import OutputBrake
 from drivers.servo_drive.position_count import PositionCount
 
 # Asked in every scan: a member looked up by its class costs twenty times as much.
@@ -42,7 +43,7 @@ class WireImage:
     )
 
     def __init__(
-        self, amplifier: Feed, brake: ModbusDevice, remote_io: ModbusDevice, fixed_current_a: float = 0.0
+        self, amplifier: Feed, brake: ModbusDevice | OutputBrake, remote_io: ModbusDevice, fixed_current_a: float = 0.0
     ) -> None:
         """`amplifier`: what the sample comes from. `fixed_current_a`: of a brake that was never ordered a current."""
         self._amplifier, self._brake, self._remote_io = amplifier, brake, remote_io

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from lostmotion_command import Ran, Running, apart, here
+from lostmotion_command import Ran, Running, forked, here
 from patient import ONE_RAMP, OPEN_GATES, brisk_recipe, patient_bench, short_recipe
 
 STORES = ("run", "list", "show")
@@ -16,7 +16,8 @@ STORES = ("run", "list", "show")
 def lostmotion(tmp_path: Path) -> Callable[..., Ran]:
     """Run `lostmotion ARGS` to its end; `run` and `list` store below the test's folder.
 
-    In a process of its own over wires. In virtual time here, and without a report, which other tests look at.
+    In a process of its own over wires, which is a fork: everything is loaded in it. In virtual time here, and without
+    a report, which other tests look at.
     """
 
     def run(*args: str) -> Ran:
@@ -24,7 +25,7 @@ def lostmotion(tmp_path: Path) -> Callable[..., Ran]:
         over_wires = args[0] == "timing" or (args[0] == "run" and "--virtual-time" not in args)
         if args[0] == "run" and not over_wires:
             words = (*words, "--no-report")
-        return apart(*words) if over_wires else here(*words)
+        return forked(*words) if over_wires else here(*words)
 
     return run
 

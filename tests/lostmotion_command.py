@@ -61,15 +61,6 @@ class Ran:
         return Path(self.json["record"])
 
 
-def apart(*args: str, most_s: float = 150.0) -> Ran:
-    """Run `lostmotion ARGS` to its end in a process of its own."""
-    done = subprocess.run(
-        [*COMMAND, *seeded(args)], cwd=ROOT, text=True, capture_output=True, timeout=most_s, check=False
-    )
-    assert "Traceback" not in done.stderr, done.stderr
-    return Ran(done.returncode, done.stdout, done.stderr)
-
-
 def here(*args: str) -> Ran:
     """Run `lostmotion ARGS` to its end in this process."""
     from station import cli  # noqa: PLC0415 - most tests need no command

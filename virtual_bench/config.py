@@ -14,7 +14,7 @@ from typing import Literal
 from definitions.profiles.can import CanFrame, CanIdentity
 from definitions.profiles.drive import StartupObject
 from definitions.profiles.modbus import ModbusProfile
-from drivers.config import DriveConfig
+from drivers.config import DriveBrakeConfig, DriveConfig
 
 Side = Literal["input", "output"]
 
@@ -102,6 +102,7 @@ class BenchConfig:
     amplifier_every_s: float = 0.001  # how often it is asked, and the others; in process the ages follow from it
     brake_every_s: float = 0.01
     remote_io_every_s: float = 0.01
+    drive_brake: DriveBrakeConfig | None = None  # of a brake at an output of the drive
 
 
 @dataclass(frozen=True)

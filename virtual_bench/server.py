@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from definitions.image import State
+from drivers.config import DriveBrakeConfig
 from drivers.pace import FromBench, ToBench
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import CanBus, CanSensorPort, ModbusPort, ServerConfig, Shown, SlcanPort, Socketcand
@@ -47,6 +48,8 @@ TICK_S = 0.002
 POWER_ON_NS = 100_000_000  # a bench that waits for its first scan has been on for a while
 COUNTED = ("sample_counter", "sample_time_us")
 """What begins anew where it does not fit a register."""
+CONTACT_CLOSES = 0.5
+"""Share of its largest current from which the contact of a brake at the drive says that it is on."""
 DEVICE_CYCLE_NS = 1_000_000  # of the remote I/O, which counts its cycles
 
 
@@ -88,6 +91,7 @@ class VirtualBench:
             self.drive.faults, {name: port.registers for name, port in config.devices.items()}
         )
         self._brake_max_a = bench.brake.max_current_a
+        self._output_brake = bench.drive_brake
         self.servers = {name: self._serve(name, self._device(name, port)) for name, port in config.devices.items()}
         self.sensors = [
             CanSensor(port, partial(self._read_sensor, port), self._send_of_sensor, self.time)
@@ -128,6 +132,8 @@ class VirtualBench:
         """Do what time alone makes due: supervision, ramps, faults, what is late."""
         before = set(self.drive.faults.wires.cut)
         self.drive.tick()
+        if self._output_brake is not None:
+            self._switch_output_brake(self._output_brake)
         self.time.do_due()
         if self._keep_truth and not self._at_rest:
             self._truth.append((self.clock_ns(), self.plant.reducer_torque_nm))
@@ -319,6 +325,17 @@ class VirtualBench:
         ordered_a = values.get("brake_current_a", self._brake_max_a)  # a supply without set-point gives what it can
         self._brake_on = 1 if values.get("brake_on", ordered_a) else 0
         self.plant.set_brake_current(ordered_a if self._brake_on else 0.0)
+
+    def _switch_output_brake(self, brake: DriveBrakeConfig) -> None:
+        """Let the output of the drive switch the brake, and the brake's contact the input."""
+        machine = self.drive.axis.machine
+        on = machine.objects.digital_outputs & machine.objects.output_mask & 1 << brake.output_bit
+        if bool(on) != bool(self._brake_on):
+            self._brake_on = 1 if on else 0
+            self.plant.set_brake_current(self._brake_max_a if on else 0.0)
+        if brake.input_bit is not None:
+            closed = self.plant.brake_current_a > CONTACT_CLOSES * self._brake_max_a
+            machine.digital_inputs = 1 << brake.input_bit if closed else 0
 
     def _read_remote_io(self) -> dict[str, float]:
         return {**remote_io_shows(self.plant, self.drive.faults), "life_counter": self._life_counter()}

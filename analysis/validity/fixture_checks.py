@@ -74,11 +74,25 @@ def locked_compliance(found: Measured) -> Reading | str:
     if expected < max(noise, LEAST_SHARE * span_arcmin(found)):
         why = "its encoder is too coarse for that" if noise > expected else "too little to matter"
         return f"not measured: the fixture deflects by {expected:.2g} arcmin, {why}"
+    step = _recorded_step_arcmin(found)
+    if not np.ptp(angle) and step > expected:
+        words = f"the locked shaft's angle does not change; angles are recorded in steps of {step:.2g} arcmin, and the "
+        return Reading(0.0, f"{words}fixture gives way by {expected:.2g} arcmin: record the angles with more digits")
     words = (
         f"the locked shaft turns by {slope * float(np.ptp(torque)):.2g} arcmin with its torque where the fixture gives "
         f"way by {expected:.2g} arcmin: its encoder stands, turns the wrong way, or the fixture is another"
     )
     return Reading(100.0 * float(slope) * stiffness, words)
+
+
+def _recorded_step_arcmin(found: Measured) -> float:
+    """Least step of the loaded shaft's angle as it is recorded, which rounds both alike; arcmin at that shaft."""
+    trace = found.recorded
+    angle = trace.angle_in_rad if found.method.loading == "input" else trace.angle_out_rad
+    if angle is None:
+        return 0.0
+    steps = np.abs(np.diff(angle))
+    return float(steps[steps > 0.0].min(initial=math.inf)) * ARCMIN_PER_RAD if steps.any() else 0.0
 
 
 def _locked(found: Measured) -> tuple[FloatArray, FloatArray]:

@@ -136,7 +136,11 @@ def _with_unit(value: float, unit: str) -> str:
 
 
 def check_reasons(checks: Sequence[CheckResult], objections: Sequence[str]) -> list[str]:
-    """Return why a measurement does not count, one line for each objection and each failed check; empty if it does."""
+    """Return why a measurement does not count; empty if it does.
+
+    One line for each objection and each failed check, but for those that the failure of another one explains.
+    """
     said = [f"measurement invalid: {objection}" for objection in objections]
-    failed = [check for check in checks if check.passed is False and check.id != "record"]
-    return said + [f"measurement invalid: {check.id}: {check.text}" for check in failed]
+    failed = {check.id: check.text for check in checks if check.passed is False and check.id != "record"}
+    causes = [name for name in failed if CHECKS[name].explained_by not in failed]
+    return said + [f"measurement invalid: {name}: {failed[name]}" for name in causes]

@@ -175,7 +175,7 @@ EVEN: Mapping[int, FloatArray] = {2: np.arange(0.5, 1.0, 0.1), 3: np.arange(1.0,
 """Waves in the stretch that are tried, by the degree of the curve that is even beside them.
 
 A curve of the third degree is much like less than one wave; beside one of the second degree half a wave is seen, and
-sound units leave up to 0.06 % of the wind-up. Less than half a wave is a curve that a unit may have.
+sound units leave up to 0.04 % of the wind-up (rms). Less than half a wave is a curve that a unit may have.
 """
 
 FULL_TURN_ARCMIN = 21_600.0

@@ -121,6 +121,11 @@ def _at_ends(ends: Sequence[RampEnd], found: Measured) -> Lateness:
     middle_s = float(np.median(signed))
     certain = abs(middle_s) > CERTAIN * u_s + count_s and nm > _least(middle_s) * allowed_nm
     words = f"at the ends of {len(ends)} ramps the output torque comes to rest {late_s * 1e3:.2g} ms off the wind-up"
+    if count_s > late_s:
+        words += (
+            f", and the angles are recorded in steps of {count_arcmin(found):.2g} arcmin at the output, each of which "
+            f"takes {count_s * 1e3:.2g} ms: record them with more digits"
+        )
     return Lateness(nm, middle_s if certain else 0.0, words)
 
 

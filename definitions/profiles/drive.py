@@ -15,8 +15,9 @@ RECEIVE_OBJECTS: Mapping[str, str] = {
     "mode": "i8",
     "target_torque": "i16",
     "target_velocity": "i32",
+    "digital_outputs": "u32",
 }
-"""Objects the controller writes, all needed, with their types."""
+"""Objects the controller writes, with their types; all but the last are needed."""
 
 TRANSMIT_OBJECTS: Mapping[str, str] = {
     "statusword": "u16",
@@ -25,10 +26,12 @@ TRANSMIT_OBJECTS: Mapping[str, str] = {
     "actual_position": "i32",
     "actual_velocity": "i32",
     "error_register": "u8",
+    "digital_inputs": "u32",
 }
-"""Objects the drive sends, with their types; all but the last are needed."""
+"""Objects the drive sends, with their types; all but the last two are needed."""
 
-OPTIONAL_OBJECTS = frozenset({"error_register"})
+OPTIONAL_OBJECTS = frozenset({"error_register", "digital_outputs", "digital_inputs"})
+"""The digital ones: 0x60FE:1 and 0x60FD, where a brake is connected to the drive."""
 
 PREDEFINED_PDOS = 4
 """PDOs of each direction that have a COB-ID in the predefined connection set (CiA 301)."""

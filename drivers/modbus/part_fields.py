@@ -39,10 +39,9 @@ ALIKE = 0.8
 
 def check_parts(config: WireBenchConfig) -> None:
     """Raise ProfileError with every field that a part's profile lacks or misspells."""
-    parts = {"brake": config.brake, "remote_io": config.remote_io}
-    if config.amplifier is not None:
-        parts["amplifier"] = config.amplifier
-    problems = part_problems({part: device.profile for part, device in parts.items()}, config.channels)
+    parts = {"amplifier": config.amplifier, "brake": config.brake, "remote_io": config.remote_io}
+    profiles = {part: device.profile for part, device in parts.items() if device is not None}
+    problems = part_problems(profiles, config.channels)
     if problems:
         raise ProfileError(*problems)
 
@@ -53,7 +52,9 @@ def part_problems(parts: Mapping[str, ModbusProfile], channels: Sequence[str]) -
     A bench that names the source of each channel has no part called amplifier (`source_problems`).
     """
     problems = [problem for part, profile in parts.items() for problem in _of_reading(part, profile, channels)]
-    brake = parts["brake"]
+    brake = parts.get("brake")
+    if brake is None:  # at an output of the drive
+        return problems
     takes = {field.name for field in brake.write.fields} if brake.write else set()
     shows = {field.name for field in brake.read.fields} & BRAKE_FIELDS
     if not takes or not takes <= BRAKE_FIELDS:

@@ -17,6 +17,7 @@ from drivers.servo_drive.objects import (
     homing_rows,
     identity_rows,
     number_text,
+    output_rows,
     polarity_rows,
     protection_rows,
     rating_rows,
@@ -49,6 +50,7 @@ def rows_of(config: DriveConfig, period_ns: int) -> list[SetupRow]:
     """Return every object that the set-up checks, or writes and reads back, in the order in which it does."""
     rows = [*identity_rows(config), *rating_rows(config), *startup_rows(config)]
     rows += [*synchronisation_rows(config, period_ns), *protection_rows(config), *polarity_rows(), *homing_rows(config)]
+    rows += output_rows(config)
     rows += [row for group in mapping_groups(config) for row in group]
     return [row for row in rows if row.treatment is not Treatment.STEP]
 

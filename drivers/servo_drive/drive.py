@@ -128,6 +128,8 @@ class CanDrive:
         position is taken as the reference here (`homing_ordered`, `reference_ordered`)."""
         self.says_it_follows = config.profile.protections.follows_command != NONE
         self.homing_ordered = self.reference_ordered = False
+        self.digital_outputs = 0
+        """Outputs that go out with the set-points, as bits of 0x60FE:1."""
         self.nmt_state = int(NmtState.NEVER_HEARD)
         self.emcy_code = 0
         self.emergencies: deque[Emergency] = deque(maxlen=32)
@@ -160,7 +162,7 @@ class CanDrive:
         self._numbers = [0] * (count + 2)
         """Last received numbers of the mapped objects, a zero, and the error register of the last emergency message."""
         self._picked = picker([self._places.get(name, self._unmapped) for name in SCAN_VALUES])
-        names = ("controlword", "mode", "target_torque", "target_velocity")
+        names = ("controlword", "mode", "target_torque", "target_velocity", "digital_outputs")
         self._senders = tuple(_Sender(pdo, config.node_id, names) for pdo in config.profile.receive_pdos)
         self._heartbeat_cob_id = HEARTBEAT_BASE + config.node_id
         self._emcy_cob_id = EMCY_BASE + config.node_id
@@ -281,7 +283,7 @@ class CanDrive:
             self.setpoints_clamped += 1
         if command == _FAULT_RESET:
             self._reset_asked = True
-        numbers = (control_word(command), self._mode_number, torque, velocity)
+        numbers = (control_word(command), self._mode_number, torque, velocity, self.digital_outputs)
         frames: list[Frame] = []
         silent = command == _DISABLE_VOLTAGE and SILENT_AFTER_SCANS <= self.age_scans(scan) < AGE_NEVER
         for sender in () if silent else self._senders:

@@ -276,6 +276,14 @@ def protections_switched_off(config: DriveConfig) -> list[Protection]:
     return off
 
 
+def output_rows(config: DriveConfig) -> list[SetupRow]:
+    """Rows that let our digital outputs through; the others stay as they are. Drives may have no such mask."""
+    mask, meaning = config.output_mask, "mask of the digital outputs"
+    if not mask:
+        return []
+    return [SetupRow(0x60FE, 2, "u32", mask, meaning, Treatment.WRITE_IF_THERE, compare_mask=mask)]
+
+
 def homing_rows(config: DriveConfig) -> list[SetupRow]:
     """Rows that make homing set a reference without motion: any other method would turn a shaft whose lock is open.
 

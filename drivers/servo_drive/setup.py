@@ -20,6 +20,7 @@ from drivers.servo_drive.objects import (
     homing_rows,
     identity_rows,
     missing_protections,
+    output_rows,
     polarity_rows,
     protection_rows,
     protections_switched_off,
@@ -67,6 +68,7 @@ class _Setup(ObjectSetup):
                 *protection_rows(self.config),
                 *polarity_rows(),
                 *homing_rows(self.config),
+                *output_rows(self.config),
             ]
             self.hold([*([row] for row in alone), *mapping_groups(self.config)])
             self.stop_on_problems()

@@ -203,7 +203,7 @@ def check_ages(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
         (("interlocks", "sample_age"), limits.sample_age_s, sample_s, "samples come"),
         (("interlocks", "drive_age"), limits.drive_age_s, period_s, "the drive answers"),
         (("interlocks", "io_age"), limits.io_age_s, bench.remote_io.poll_every_s, "the remote I/O is asked"),
-        (("interlocks", "brake_age"), limits.brake_age_s, bench.brake.poll_every_s, "the brake is asked"),
+        (("interlocks", "brake_age"), limits.brake_age_s, bench.lock_brake.poll_every_s, "the brake is asked"),
         (("interlocks", "drive_heartbeat"), limits.drive_heartbeat_s, drive.drive_heartbeat_s, "it comes"),
     ):
         shortest_s = 2 * max(every_s, period_s)

@@ -102,7 +102,7 @@ def check_tares(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
 
 def check_brake(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
     """A holding torque that the brake can give and that bears every peak; a proof below it."""
-    most_nm = bench.brake.max_torque_nm
+    most_nm = bench.lock_brake.max_torque_nm
     borne_nm = max((locked_torque_nm(recipe, step.peak_torque_nm) for _, step in loaded_steps(recipe)), default=0.0)
     stiffness = bench.fixture.output_side_nm_per_arcmin
     for index, step in enumerate(recipe.sequence):
@@ -112,7 +112,7 @@ def check_brake(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
         holding_nm, proof_nm = step.holding_torque_nm, locked_torque_nm(recipe, step.proof_torque_nm)
         if holding_nm > most_nm * ROUNDING:
             found = f"{show(holding_nm, TORQUE)} to hold"
-            allowed = f"up to {show(most_nm, TORQUE)}, the brake's torque at {bench.brake.max_current_a:g} A"
+            allowed = f"up to {show(most_nm, TORQUE)}, the brake's torque at {bench.lock_brake.max_current_a:g} A"
             yield Finding((*option, "holding_torque"), found, allowed, "Lower it or fit a larger brake.")
         if holding_nm < LOCK_MARGIN * borne_nm / ROUNDING:
             found = f"{show(holding_nm, TORQUE)} for a lock that has to bear {show(borne_nm, TORQUE, 4)}"

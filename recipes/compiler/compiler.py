@@ -97,7 +97,7 @@ def compile_program(recipe: Recipe, bench: Bench) -> Program:
     """The program of a checked recipe on a bench; `recipes.check` has found nothing against the pair."""
     period_s = recipe.sampling.period_ns * 1e-9
     segments = segments_of(recipe, bench, period_s)
-    current_a = _step(recipe, LockStep).holding_torque_nm / bench.brake.torque_constant_nm_per_a
+    current_a = _step(recipe, LockStep).holding_torque_nm / bench.lock_brake.torque_constant_nm_per_a
     release = _step(recipe, ReleaseStep)
     unload_nm_s = _step(recipe, Unload).torque_rate_nm_s
     peak_nm = max(segment.peak_nm for segment in segments)
@@ -119,7 +119,7 @@ def compile_program(recipe: Recipe, bench: Bench) -> Program:
         lock=Lock(
             current_a=current_a,
             tolerance_a=budget("brake_tolerance_of_current") * current_a,
-            settle_scans=math.ceil(budget("settle_of_time_constant") * bench.brake.time_constant_s / period_s),
+            settle_scans=math.ceil(budget("settle_of_time_constant") * bench.lock_brake.time_constant_s / period_s),
             limit_scans=scans("lock_current_s"),
         ),
         control=_control(recipe, bench),

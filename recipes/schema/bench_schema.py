@@ -153,8 +153,8 @@ class MeasuringDevice(ModbusDevice):
     name: Name
 
 
-class BrakeDevice(ModbusDevice):
-    """Supply of the powder brake that locks a shaft; its torque is `torque_constant` times the current.
+class PowderBrake(Section):
+    """The powder brake that locks a shaft; its torque is `torque_constant` times the current.
 
     max_current: of a supply that takes no current set-point, the current that it gives when it is on.
     """
@@ -167,6 +167,29 @@ class BrakeDevice(ModbusDevice):
     def max_torque_nm(self) -> float:
         """Torque that the brake holds at its largest current [N·m]."""
         return self.torque_constant_nm_per_a * self.max_current_a
+
+
+class BrakeDevice(PowderBrake, ModbusDevice):
+    """Supply on Modbus of the powder brake that locks a shaft; its torque is `torque_constant` times the current.
+
+    max_current: of a supply that takes no current set-point, the current that it gives when it is on.
+    """
+
+
+class DriveBrake(PowderBrake):
+    """Brake at a digital output of the servo drive, in place of the section `brake`: on where the output is set.
+
+    output_bit: bit of 0x60FE:1, which the drive's profile maps as digital_outputs. input_bit: bit of 0x60FD,
+    digital_inputs, that says that the brake is on; left out where no contact does. max_current: what its supply gives.
+    """
+
+    output_bit: Annotated[int, Field(ge=0, le=31)]
+    input_bit: Annotated[int, Field(ge=0, le=31)] | None = None
+
+    @property
+    def poll_every_s(self) -> float:
+        """It comes with the drive's process data, in every scan."""
+        return 0.0
 
 
 class TorqueSensor(Section):
@@ -261,7 +284,8 @@ class Bench(Section):
     drive: Drive
     amplifier: ModbusDevice | None = None
     """The device of all measured channels; left out where `channels` name a device for each."""
-    brake: BrakeDevice
+    brake: BrakeDevice | None = None
+    drive_brake: DriveBrake | None = None
     remote_io: ModbusDevice
     devices: Annotated[tuple[MeasuringDevice, ...], Field(max_length=MOST_MEASURING)] = ()
     can_devices: Annotated[tuple[CanSensor, ...], Field(max_length=16)] = ()
@@ -304,6 +328,14 @@ class Bench(Section):
         return self
 
     @model_validator(mode="after")
+    def _one_brake(self) -> Bench:
+        if (self.brake is None) == (self.drive_brake is None):
+            found = "neither brake nor drive_brake" if self.brake is None else "both brake and drive_brake"
+            hint = "Give 'brake' for a supply on Modbus, 'drive_brake' for an output of the drive."
+            raise refusal(found, "one of the two", hint, at="brake")
+        return self
+
+    @model_validator(mode="after")
     def _sources_fit(self) -> Bench:
         if self.channels is None:
             return self
@@ -338,8 +370,16 @@ class Bench(Section):
     @property
     def modbus_devices(self) -> dict[str, ModbusDevice]:
         """All devices on Modbus, by their names."""
-        named: dict[str, ModbusDevice] = {} if self.amplifier is None else {"amplifier": self.amplifier}
-        return named | {"brake": self.brake, "remote_io": self.remote_io} | {one.name: one for one in self.devices}
+        named: dict[str, ModbusDevice | None] = {"amplifier": self.amplifier, "brake": self.brake}
+        named |= {"remote_io": self.remote_io} | {one.name: one for one in self.devices}
+        return {name: device for name, device in named.items() if device is not None}
+
+    @property
+    def lock_brake(self) -> BrakeDevice | DriveBrake:
+        """The brake that locks a shaft, wherever it is connected."""
+        brake = self.brake or self.drive_brake
+        assert brake is not None  # noqa: S101 - one is there: `_one_brake`
+        return brake
 
     @property
     def profile_names(self) -> tuple[str, ...]:

@@ -73,7 +73,7 @@ class FixtureCurve(Section):
                     f"torques that rise and deflections that do not fall, after "
                     f"{show(before.deflection_arcmin, ARCMINUTES)} at {show(before.torque_nm, TORQUE)}"
                 )
-                raise refusal(found, allowed, "Make the curve anew with 'lostmotion blank'.", at="points")
+                raise refusal(found, allowed, "Measure the curve again with 'lostmotion blank'.", at="points")
         return self
 
 
@@ -204,7 +204,8 @@ class Calibration(Section):
     @model_validator(mode="after")
     def _mean_of_units(self) -> Calibration:
         """Lines that are not those of their units say nothing of how wrong they are."""
-        units, again = self.units or (), "Make the entry anew with 'lostmotion calibration', from one run of each unit."
+        units = self.units or ()
+        again = "Make the entry again with 'lostmotion calibration', from one run of each unit."
         for place, what, stated, own in _stated(self, units) if units else ():
             known = [value for value in own if value is not None]
             if len(known) < len(own):

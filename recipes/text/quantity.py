@@ -90,6 +90,11 @@ NEWTON_METRE = re.compile(r"(?<![A-Za-z])([umkM]?N)(c?m)(?![A-Za-z])")
 NUMBER_AND_UNIT = re.compile(
     r"\s*(?P<number>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(?P<unit>.*?)\s*", re.DOTALL
 )
+WITH_THOUSANDS = re.compile(
+    r"\s*[+-]?\d{1,3}(?:(?P<sign>[.,])\d{3}(?:(?P=sign)\d{3}|(?!(?P=sign))[.,]\d)|['\u00a0\u202f ]\d{3})"
+)
+"""A number with signs between its thousands: two of one kind, one before a decimal sign of another, or a blank."""
+
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+")
 UNIT_GRAMMAR = re.compile(r"[A-Za-z]+(\^[1-4])?([*/][A-Za-z]+(\^[1-4])?){0,5}")
 LONGEST_TEXT = 80
@@ -173,6 +178,13 @@ def show(value: float, kind: Kind, digits: int = 6) -> str:
     return f"{convert(value, kind.unit, kind.shown):.{digits}g} {kind.shown}"
 
 
+def _how_to_write(text: str) -> str:
+    if WITH_THOUSANDS.match(text):
+        return "Write the decimal sign as a point, and nothing between thousands."
+    comma = DECIMAL_COMMA.match(text)
+    return "Write the decimal sign as a point." if comma else "Write a number, a space and a unit."
+
+
 def read_quantity(text: object, kind: Kind, percent_of: float | None = None, allowed: str = "") -> float:
     """Return the number of a quantity in the unit of its kind.
 
@@ -183,12 +195,10 @@ def read_quantity(text: object, kind: Kind, percent_of: float | None = None, all
     if not isinstance(text, str):
         raise QuantityError(*_not_a_text(text, kind, allowed))
     match = NUMBER_AND_UNIT.fullmatch(text.replace("−", "-")) if len(text) <= LONGEST_TEXT else None
-    comma = DECIMAL_COMMA.match(text)
     if any(sign.isdecimal() and not sign.isascii() for sign in text):
         raise QuantityError(f"{excerpt(text)}, which has digits other than 0 to 9", allowed, "Write the digits 0 to 9.")
-    if match is None or comma:
-        hint = "Write the decimal sign as a point." if comma else "Write a number, a space and a unit."
-        raise QuantityError(f"{excerpt(text)}, which is not a number with a unit", allowed, hint)
+    if match is None or WITH_THOUSANDS.match(text) or DECIMAL_COMMA.match(text):
+        raise QuantityError(f"{excerpt(text)}, which is not a number with a unit", allowed, _how_to_write(text))
     number = float(match["number"])
     if not match["unit"]:
         raise QuantityError(*_not_a_text(match["number"], kind, allowed))

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from definitions.profiles.drive import DriveProfile
 from definitions.profiles.modbus import ModbusProfile
-from drivers.config import CanConfig, DriveConfig, ModbusConfig, WireBenchConfig
+from drivers.config import CanConfig, DriveBrakeConfig, DriveConfig, ModbusConfig, WireBenchConfig
 from drivers.pace import PaceConfig
 from recipes import Bench, parse_document
 from recipes.schema.bench_schema import ModbusDevice
@@ -39,11 +39,12 @@ def wire_config(
         can=can_config(bench, ports),
         drive=drive_config(bench, drive_profile(profiles[bench.drive.profile])),
         amplifier=devices.get("amplifier"),
-        brake=devices["brake"],
+        brake=devices.get("brake"),
+        drive_brake=drive_brake_config(bench),
         remote_io=devices["remote_io"],
         pace=_pace(bench, ports) if waits else None,
         channels=channels(bench),
-        brake_fixed_current_a=bench.brake.max_current_a,
+        brake_fixed_current_a=bench.lock_brake.max_current_a,
         measuring=tuple(block for one in bench.devices for block in blocks(one.name, devices[one.name])),
         sources=sources(bench),
         can_sensors=can_sensors(bench, profiles),
@@ -108,8 +109,15 @@ def drive_config(bench: Bench, profile: DriveProfile) -> DriveConfig:
         abort_connection_option=drive.abort_connection_option,
         quick_stop_option=drive.quick_stop_option,
         fault_reaction_option=drive.fault_reaction_option,
+        output_mask=0 if bench.drive_brake is None else 1 << bench.drive_brake.output_bit,
         reversed=drive.reversed,
     )
+
+
+def drive_brake_config(bench: Bench) -> DriveBrakeConfig | None:
+    """Return the brake at an output of the drive; None where it is a device on Modbus."""
+    brake = bench.drive_brake
+    return None if brake is None else DriveBrakeConfig(brake.output_bit, brake.input_bit)
 
 
 def _modbus(device: ModbusDevice, profiles: Mapping[str, File], ports: Ports | None, part: str) -> ModbusConfig:

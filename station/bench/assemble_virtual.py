@@ -12,7 +12,7 @@ from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
 from recipes.schema.bench_schema import ModbusDevice
 from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
 from recipes.text.yaml_source import read_source
-from station.bench.assemble import drive_config, drive_profile, modbus_profile
+from station.bench.assemble import drive_brake_config, drive_config, drive_profile, modbus_profile
 from station.bench.files import File, FileAt
 from station.bench.measuring import can_sensors, sources
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
@@ -120,7 +120,7 @@ def check_clock(path: Path, scenario: Scenario, clock: str) -> None:
 
 def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> BenchConfig:
     """Return the plant, drive and sensors that stand in for the hardware of a bench file."""
-    sensors, brake = bench.sensors, bench.brake
+    sensors, brake = bench.sensors, bench.lock_brake
     return BenchConfig(
         unit=unit.name,
         loading=bench.bench.loading,
@@ -135,6 +135,7 @@ def virtual_config(bench: Bench, profiles: Profiles, unit: VirtualUnit) -> Bench
         catalogue=unit.catalogue,
         amplifier_every_s=bench.sample_every_s,
         brake_every_s=brake.poll_every_s,
+        drive_brake=drive_brake_config(bench),
         remote_io_every_s=bench.remote_io.poll_every_s,
     )
 

@@ -65,7 +65,7 @@ def _messages(file: File, named: Collection[str]) -> list[Message]:
     except Exception as error:  # a bent file ends in whatever the parser stumbles over: KeyError, ValueError, its own
         text = " ".join(str(error).split())[:200]
         raise _refused(
-            file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export it anew."
+            file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export it again."
         ) from error
     assert isinstance(found, Database)  # noqa: S101 - of "dbc" it makes no other
     return [one for one in found.messages if any(_name(one, signal) in named for signal in one.signals)]

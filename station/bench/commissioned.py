@@ -69,6 +69,10 @@ def add_to_protocol(bench_file: Path, bench: Bench, done: StepDone) -> None:
     write_atomic(protocol_path(bench_file), json.dumps(plain(whole), ensure_ascii=False, indent=1).encode() + b"\n")
 
 
+LEFT_OUT = str(None)
+"""Of an option that the file leaves out; a protocol from before there was such an option does not have it at all."""
+
+
 def parts_of(bench: Bench, profiles: Mapping[str, File]) -> dict[str, str]:
     """Return every entry of a bench and of its profiles by its dotted name; `profiles` are their files by name.
 
@@ -124,7 +128,8 @@ def changed_since(step: Step, done: StepDone, parts: Mapping[str, str]) -> tuple
     """Return what of a step's entries has changed since it was done."""
     was, now = done.parts, depended_on(step, parts)
     names = [*was, *(name for name in now if name not in was)]
-    return tuple(Change(name, was.get(name, ""), now.get(name, "")) for name in names if was.get(name) != now.get(name))
+    changed = [name for name in names if was.get(name, LEFT_OUT) != now.get(name, LEFT_OUT)]
+    return tuple(Change(name, was.get(name, ""), now.get(name, "")) for name in changed)
 
 
 @cache

@@ -37,7 +37,7 @@ OBJECTS = {
     "actual_velocity": 0x606C,
     "error_register": 0x1001,
 }
-"""Objects that the scan exchanges with a drive, by their names in a profile."""
+"""Objects that the scan exchanges with every drive, by their names in a profile; digital ones are added by hand."""
 
 LAYOUT = {
     "receive": (("controlword", "mode", "target_torque"), ("target_velocity",)),
@@ -273,7 +273,7 @@ class _Drafting:
     def _fixed_pdos(self, way: str, communication: int, mapping: int) -> list[str]:
         """Return the drive's own PDOs, as few of them as carry what is needed."""
         types = RECEIVE_OBJECTS if way == "receive" else TRANSMIT_OBJECTS
-        by_index = {OBJECTS[name]: name for name in types}
+        by_index = {OBJECTS[name]: name for name in types if name in OBJECTS}
         wanted = {name for name in types if name not in OPTIONAL_OBJECTS}
         lines: list[str] = []
         for number in range(1, 9):

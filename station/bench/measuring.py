@@ -11,6 +11,7 @@ from drivers.config import CanSensorConfig, ChannelConfig, ModbusConfig, NamedDe
 from drivers.errors import Problem
 from drivers.modbus.part_fields import source_problems
 from recipes import Bench
+from recipes.schema.bench_schema import DriveBrake
 from station.bench.can_profile import can_sensor
 from station.bench.files import File
 
@@ -84,6 +85,15 @@ def channels_not_proven(bench: Bench, sensors: Sequence[CanSensorConfig]) -> Ite
     for name, source in by_name.items():
         if not source.proof_field:
             yield unproven_text(f"Channel {name} of {source.device}", "new_values")
+
+
+def missing_of_drive_brake(brake: DriveBrake) -> Iterator[str]:
+    """Yield what is not proven of a brake at an output of the drive, a sentence each."""
+    yield unproven_text("Brake", "drive_output")
+    yield unproven_text("Brake", "set_point")
+    yield unproven_text("Brake", "current")
+    if brake.input_bit is None:
+        yield unproven_text("Brake", "contact")
 
 
 def missing_of_brake(profile: ModbusProfile) -> Iterator[str]:

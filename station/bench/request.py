@@ -17,6 +17,7 @@ from drivers.can.identifiers import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
 from drivers.servo_drive.objects import missing_protections
+from drivers.servo_drive.output_brake import output_brake_problems
 from recipes import (
     Bench,
     Problem,
@@ -34,7 +35,7 @@ from recipes import (
 from recipes.checks.bus_load import BusFrame, bus_findings, bus_us
 from recipes.compiler.compiler import compile_program
 from station.atomic_file import refused
-from station.bench.assemble import drive_profile, modbus_profile
+from station.bench.assemble import drive_brake_config, drive_profile, modbus_profile
 from station.bench.bus_traffic import bus_frames
 from station.bench.can_profile import DBC
 from station.bench.commissioned import is_virtual_drive, watchdogs_measured
@@ -44,6 +45,7 @@ from station.bench.measuring import (
     channels,
     channels_not_proven,
     missing_of_brake,
+    missing_of_drive_brake,
 )
 from station.documents.commissioning import StepDone
 from station.errors import StationError
@@ -200,7 +202,10 @@ class Job:
             for name, device in self.bench.modbus_devices.items()
             if modbus_profile(self.profile_sources[device.profile]).identity is None
         ]
-        said += missing_of_brake(modbus_profile(self.profile_sources[self.bench.brake.profile]))
+        if self.bench.brake is not None:
+            said += missing_of_brake(modbus_profile(self.profile_sources[self.bench.brake.profile]))
+        if self.bench.drive_brake is not None:
+            said += missing_of_drive_brake(self.bench.drive_brake)
         return (*said, *channels_not_proven(self.bench, can_sensors(self.bench, self.profile_sources)))
 
 
@@ -316,6 +321,11 @@ def _check_parts(job: Job) -> None:
     problems += [
         Problem(path, 0, 0, "can_devices", f"{one.where}: {one.found}", one.expected, f"{_begun(one.next_step)}.")
         for one in identifier_problems(sensors, drive, *node_ids)
+    ]
+    brake = drive_brake_config(job.bench)
+    problems += [
+        Problem(path, 0, 0, "drive_brake", f"{one.where}: {one.found}", one.expected, f"{_begun(one.next_step)}.")
+        for one in (() if brake is None else output_brake_problems(brake, drive))
     ]
     problems += [job.recipe.problem(*one) for one in bus_findings(job.recipe, job.bench, job.bus_frames)]
     if problems:

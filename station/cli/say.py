@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from station.documents.entries import plain
 from station.reports.result_view import result_console
 
 
@@ -25,10 +26,13 @@ class Grid:
     right: Sequence[int] = ()
 
 
-def say(document: dict[str, Any], blocks: Sequence[str | Grid], *, as_json: bool) -> int:
-    """Print the document as one line of JSON, or the blocks; return 0. Infinite numbers are null in JSON."""
+def say(document: object, blocks: Sequence[str | Grid], *, as_json: bool) -> int:
+    """Print the document, a class or plain data, as one line of JSON, or the blocks; return 0.
+
+    Infinite numbers are null in JSON.
+    """
     if as_json:
-        sys.stdout.write(json.dumps(finite(document), ensure_ascii=False, allow_nan=False) + "\n")
+        sys.stdout.write(json.dumps(finite(plain(document)), ensure_ascii=False, allow_nan=False) + "\n")
         return 0
     console = result_console()
     for block in blocks:

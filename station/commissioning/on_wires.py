@@ -120,7 +120,9 @@ class ByHand:
         self.measuring = dict(zip(blocks, names, strict=True))
         """The devices that measure, each block apart, with the name that the bench file has for the device."""
         self.devices: dict[str, ModbusDevice] = dict(zip(blocks, whole.amplifiers, strict=True))
-        self.devices |= {"brake": whole.brake, "remote_io": whole.remote_io}
+        if isinstance(whole.brake, ModbusDevice):
+            self.devices["brake"] = whole.brake
+        self.devices["remote_io"] = whole.remote_io
         self._lines = list(dict.fromkeys(device.line for device in self.devices.values()))
         self.scan = 0
         """Milliseconds since the lines were opened: what ages count in."""

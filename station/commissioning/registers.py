@@ -103,7 +103,7 @@ def browse(  # noqa: PLR0917 - what is looked at, and who is told
     pressed = _Pressed([*_channels(bench.bench, by_hand), *_can_channels(bench.bench, frames)], without)
     looks: dict[str, list[bytes]] = {name: [] for name in (*on_modbus, *frames.frames)}
     count = 0
-    with by_hand.opened(*on_modbus or ("brake",)), frames.opened():
+    with by_hand.opened(*on_modbus or ("remote_io",)), frames.opened():
         frames.wait_for_all()
         until = time.monotonic() + seconds
         while time.monotonic() < until and not (part is None and pressed.all_moved and count >= LEAST_LOOKS):

@@ -21,6 +21,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from station.atomic_file import refused, sync_folder
+from station.documents.entries import plain
+from station.documents.reading import document_in
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
@@ -48,6 +50,24 @@ class Kept:
     made: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class KeptFile:
+    """A file of a data folder in a backup."""
+
+    path: str
+    bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileList:
+    """The end of a backup: which files it holds, by which it is known to be whole."""
+
+    format: int
+    made: str
+    files: tuple[KeptFile, ...] = ()
+
+
 def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None) -> Kept:
     """Write a data folder into a file that is not there yet; `told` hears the number of files so far.
 
@@ -61,7 +81,7 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     if file.exists():
         raise StationError(f"{file}: is there already. Choose another name: a backup is never written over")
     if file.resolve().is_relative_to(data.resolve()):
-        raise StationError(f"{file}: lies in the folder that it is to hold. Choose a place on another disk")
+        raise StationError(f"{file}: is inside the data folder. Choose a place on another disk")
     on = [run.id for run in Store(data).newest(5) if _is_on(run)]
     if on:
         raise StationError(
@@ -103,9 +123,10 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
             if name != CHAIN:
                 rows.append(_add(archive, name, _database(path) if name in DATABASES else path.read_bytes()))
                 told(len(rows))
-        content = json.dumps({"format": FORMAT, "made": made, "files": rows}, ensure_ascii=False).encode()
+        listed = FileList(format=FORMAT, made=made, files=tuple(rows))
+        content = json.dumps(plain(listed), ensure_ascii=False).encode()
         _put(archive, LIST, content)
-    return Kept(len(rows), sum(row["bytes"] for row in rows), made)
+    return Kept(len(rows), sum(row.bytes for row in rows), made)
 
 
 def _files(data: Path) -> Iterator[Path]:
@@ -131,9 +152,9 @@ def _database(path: Path) -> bytes:
         return bytes(copy.serialize())
 
 
-def _add(archive: tarfile.TarFile, name: str, content: bytes) -> dict[str, Any]:
+def _add(archive: tarfile.TarFile, name: str, content: bytes) -> KeptFile:
     _put(archive, name, content)
-    return {"path": name, "bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+    return KeptFile(path=name, bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
 
 
 def _put(archive: tarfile.TarFile, name: str, content: bytes) -> None:
@@ -170,7 +191,7 @@ def restore(file: Path, data: Path) -> Kept:
 
 def _read(file: Path, into: Path) -> Kept:
     found: dict[str, tuple[int, str]] = {}
-    listed: dict[str, Any] | None = None
+    listed: FileList | None = None
     try:
         with tarfile.open(file, mode="r:") as archive:
             for entry in archive:
@@ -180,7 +201,7 @@ def _read(file: Path, into: Path) -> Kept:
                         f"{file}: {entry.name}: found no file, or a file after {LIST}; it is not a backup"
                     )
                 if entry.name == LIST:
-                    listed = json.loads(content.read())
+                    listed = document_in(FileList, content.read(), file / LIST)
                     continue
                 found[entry.name] = _extracted(file, entry.name, content, into)
     except (tarfile.TarError, EOFError, ValueError) as error:
@@ -189,19 +210,23 @@ def _read(file: Path, into: Path) -> Kept:
         raise refused(file, error, "read") from error
     if listed is None:
         raise RecordError(f"{file}: has no {LIST} at its end: it was cut short. Take another backup")
-    if listed.get("format") != FORMAT:
-        raise RecordError(f"{file}: found format {listed.get('format')}; this program reads {FORMAT}. Use a newer one")
-    wanted = {row["path"]: (row["bytes"], row["sha256"]) for row in listed["files"]}
+    if listed.format != FORMAT:
+        raise RecordError(f"{file}: found format {listed.format}; this program reads {FORMAT}. Use a newer one")
+    wanted = {row.path: (row.bytes, row.sha256) for row in listed.files}
     wrong = sorted(name for name in {*wanted, *found} if wanted.get(name) != found.get(name))
     if wrong:
-        raise RecordError(f"{file}: {wrong[0]} is not as it was backed up ({len(wrong)} files). Take another backup")
-    return Kept(len(found), sum(size for size, _ in found.values()), str(listed["made"]))
+        raise RecordError(
+            f"{file}: {wrong[0]} differs from what was backed up ({len(wrong)} files). Take another backup"
+        )
+    return Kept(len(found), sum(size for size, _ in found.values()), listed.made)
 
 
 def _extracted(file: Path, name: str, content: Any, into: Path) -> tuple[int, str]:
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
-        raise RecordError(f"{file}: {name!r} would lie outside the folder; it is not a backup of this program")
+        raise RecordError(
+            f"{file}: {name!r} would be written outside the data folder; it is not a backup of this program"
+        )
     path = into.joinpath(*pure.parts)
     path.parent.mkdir(parents=True, exist_ok=True)
     size, digest = 0, hashlib.sha256()

@@ -124,7 +124,7 @@ def after(before: Revision | None, event: Event, data: Path) -> Revision:
     """
     title = f"{event.name} revision {event.revision}"
     if before is not None and before.state is State.RELEASED:
-        raise RevisionError(f"{title} is released, and stays as it is. Save the change as a new revision")
+        raise RevisionError(f"{title} is released and cannot be changed. Save the change as a new revision")
     if event.kind == RECIPE_SAVED:
         path = text_path(data, event.name, event.revision, event.sha256)
         authors = tuple(dict.fromkeys([*(() if before is None else before.authors), event.person]))
@@ -132,7 +132,7 @@ def after(before: Revision | None, event: Event, data: Path) -> Revision:
     if before is None:
         raise RevisionError(f"There is no {title}. Save it first")
     if before.sha256 != event.sha256:
-        raise RevisionError(f"{title} was changed meanwhile. Load it anew, and read it again")
+        raise RevisionError(f"{title} was changed by somebody else. Load it again and read it")
     if event.kind == RECIPE_ASKED:
         return replace(before, state=State.ASKED, asked_by=event.person)
     if before.state is not State.ASKED:
@@ -271,7 +271,7 @@ def save_draft(data: Path, content: bytes, person: str, replaces: str = "") -> R
         there, least = history.find(name, revision), history.next_revision(name)
         if there is not None and there.state is not State.RELEASED and there.sha256 not in (replaces, sha256):
             raise RevisionError(
-                f"{there.title} was saved by {there.authors[-1]} meanwhile. Load it anew, or take another revision"
+                f"{there.title} was saved by {there.authors[-1]}. Load it again, or choose another revision number"
             )
         if there is None and revision < least:
             raise RevisionError(

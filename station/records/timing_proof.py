@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -73,25 +73,29 @@ def run_facts(table: Table, timing: Timing, sampling: Sampling) -> RunFacts:
 def counts_of(table: Table, timing: Timing) -> Counts:
     """Return what was counted while recording, whatever a recipe allows of it; arguments as in `run_facts`."""
     flags = measuring(table)["image"]["sample_status"]
-    return Counts(
+    counts = Counts(
         periods=timing.scans + timing.missed,
         missed=timing.missed,
         oldest_sample_scans=timing.oldest_sample_scans,
         **{name: int(np.count_nonzero(flags & bit)) for bit, name in COUNTED.items()},
         bench_waited=int(clock_of(timing.clock) == SCAN),
-        **_zeroes_of(table),
     )
+    return _with_zeroes(counts, table)
 
 
-def _zeroes_of(table: Table) -> dict[str, Any]:
-    """Return how many samples of the torque zeroes came after the run, and their means; nothing in older records."""
+def _with_zeroes(counts: Counts, table: Table) -> Counts:
+    """Add how many samples of the torque zeroes came after the run, and their means; nothing in older records."""
     there = read_again(table)
     if not len(there):
         ended = bool(np.any((table["orders"]["state"] == State.COMPLETE) & (table["orders"]["phase"] > 0)))
-        return {"zeroes_again": 0} if ended else {}
-    shifts = {f"{name}_zero_shift_nm": from_zero(there, f"{name}_nm") for name in ("torque_in", "torque_out")}
-    means = {name: float(values.mean()) for name, values in shifts.items()}
-    return {"zeroes_again": len(there)} | {name: mean for name, mean in means.items() if math.isfinite(mean)}
+        return replace(counts, zeroes_again=0) if ended else counts
+    torque_in, torque_out = (float(from_zero(there, name).mean()) for name in ("torque_in_nm", "torque_out_nm"))
+    return replace(
+        counts,
+        zeroes_again=len(there),
+        torque_in_zero_shift_nm=torque_in if math.isfinite(torque_in) else None,
+        torque_out_zero_shift_nm=torque_out if math.isfinite(torque_out) else None,
+    )
 
 
 def facts_of_counts(counts: Counts, period_ns: int, sampling: Sampling) -> RunFacts:

@@ -7,6 +7,7 @@ import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import jinja2
 
@@ -32,6 +33,9 @@ from station.reports.result_text import (
 from station.reports.result_view import timing_line
 from station.reports.timing_tables import MISSED_HEADS, PERCENTILE_HEADS, SCAN_HEADS
 from station.reports.torque_ratio_rows import LINE_HEADS, RATIO_CSV
+
+if TYPE_CHECKING:
+    from station.reports.certificate import Certificate
 
 TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE = "report.html.j2"
@@ -144,6 +148,7 @@ def report_html(
     *,
     conditions: dict[str, str] | None = None,
     content: Content | None = None,
+    certificate: Certificate | None = None,
 ) -> bytes:
     """Return the report as HTML.
 
@@ -155,8 +160,11 @@ def report_html(
         pictures: PNG pictures by file name; `PICTURES` says what each shows.
         conditions: temperatures and zeroes of the run, name and text.
         content: the sections that PDF and HTML share.
+        certificate: what stands before all of them, None of a run that has none.
 
     """
+    from station.reports.certificate import code_svg  # noqa: PLC0415 - the layout library is needed here only
+
     content = content or Content(uncertainty_kind(result.metrics))
     encoded = {name: (PICTURES[name], base64.b64encode(picture).decode()) for name, picture in pictures.items()}
     data = {name: text.encode() for name, text in files.items()}
@@ -183,6 +191,8 @@ def report_html(
             attempt=attempt_text(result.attempt or run.attempt, run.before, run.retest_reason),
             reasons=remaining_reasons(result),
             content=content,
+            certificate=certificate,
+            code=base64.b64encode(code_svg(certificate.code)).decode() if certificate else "",
             data={name: base64.b64encode(part).decode() for name, part in data.items()},
             heads={
                 "lines": LINE_HEADS,

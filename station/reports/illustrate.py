@@ -49,7 +49,9 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
         RecordError: a file of the record cannot be read, or a picture not be written.
 
     """
-    from station.reports.pdf_pages.document import report_pdf  # noqa: PLC0415 - the layout library is needed here only
+    # The layout library is needed here only.
+    from station.reports.certificate import certificate_of  # noqa: PLC0415
+    from station.reports.pdf_pages.document import report_pdf  # noqa: PLC0415
 
     table = read_samples(record)
     pictures = pictures_of(record, table, shown)
@@ -64,8 +66,11 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
         raise RecordError(f"{record.folder}: no report: {error}") from error
     content = content_of(record, shown.result, shown.analysis, shown.job)
     conditions = conditions_of(table, shown.job.program)
-    html = report_html(shown.result, record.manifest(), events, files, pictures, conditions=conditions, content=content)
-    return html, report_pdf(shown.result, record.manifest(), content, pictures, conditions)
+    run, certificate = record.manifest(), certificate_of(record, shown.result)
+    html = report_html(
+        shown.result, run, events, files, pictures, conditions=conditions, content=content, certificate=certificate
+    )
+    return html, report_pdf(shown.result, run, content, pictures, conditions, certificate)
 
 
 def pictures_of(record: RunRecord, table: Table, shown: Shown) -> dict[str, bytes]:

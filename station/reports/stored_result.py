@@ -71,7 +71,7 @@ def refuse_doubtful(run: RunRecord) -> None:
         raise RecordError(f"{run.id}: not concluded yet, so there is no result")
     doubts = [*alterations(run), *check_samples(run, manifest.records).problems]
     if doubts:
-        raise RecordError(f"{run.id}: the record is not as it was left: {doubts[0]}. It has no verdict any more")
+        raise RecordError(f"{run.id}: the record was altered: {doubts[0]}. Its verdict does not count")
 
 
 def without_verdicts(result: Result, reasons: Sequence[str]) -> Result:

@@ -211,9 +211,7 @@ def _disorder(expected: int, found: int, rest: list[int]) -> str:
     if found < expected:
         return f"record {found} is there twice, in place of record {expected}: the file was changed"
     if any(expected <= number < found for number in rest):
-        return (
-            f"record {found} stands where record {expected} belongs: they are not in their order, the file was changed"
-        )
+        return f"found record {found} in the place of record {expected}: the order is wrong, the file was changed"
     last = found - 1
     missing = f"record {expected} is" if last == expected else f"records {expected} to {last} are"
     return f"{missing} missing: the ring was full, or the file was changed"

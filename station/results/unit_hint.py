@@ -22,6 +22,20 @@ NEAR = 0.03
 """Peaks of cycles keep to the plan within this; the factors above lie farther apart, and from one."""
 
 
+NEARER = 0.15
+"""Share within which the stiffness over that of the catalogue tells the unit: units of torque differ by more."""
+
+
+def in_other_unit(hint: str, stiffness: float | None) -> bool:
+    """Say whether a torque is in the unit that a hint names: the unit under test is then softer by as much.
+
+    stiffness: of the loop over that of the catalogue; None where it is not known, and the peak alone tells. A cycle
+    that went to a lower peak on purpose has the stiffness of the catalogue.
+    """
+    factors = [factor for unit, factor in TORQUE_UNITS.items() if f"in {unit} " in hint]
+    return bool(factors) and (stiffness is None or abs(stiffness / factors[0] - 1.0) < NEARER)
+
+
 def torque_unit_hint(trace: Trace, recipe: Recipe) -> str:
     """Say which unit the torque at the output seems to be in, '' where its peak is no such part of the planned one."""
     planned = [one.peak_torque_nm for one in recipe.sequence if isinstance(one, TorqueCycles | StepCycles)]

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import SimpleQueue
+from threading import Thread
 from typing import Any, TypeVar
 
 from definitions.image import Command
@@ -134,7 +135,8 @@ class Supervisor:
             process = self._start_scan(ring_path, report, ports, life_line)
             cleanup.callback(children.stop, process, self._longest_unload_s())
             if ports is None:
-                self._meanwhile()
+                # Beside the supervisor: the scan gives up one that is silent for 2 s, and loading may take longer.
+                Thread(target=self._meanwhile, name="meanwhile", daemon=True).start()
             if self._companion is not None:
                 tell = None if life_line is None else life_line.tell
                 self._companion.begin(Reach(process.pid, ring.send, tell))

@@ -30,6 +30,12 @@ class Start(Values):
     retest_reason: str = Field(default="", max_length=200)
 
 
+class Scanned(Values):
+    """What was scanned."""
+
+    scanned: str = Field(max_length=512)
+
+
 class Confirm(Values):
     """The run whose bad unit is in the NOK box."""
 
@@ -41,6 +47,12 @@ class Announced(Values):
 
     serial: str = Field(max_length=512)
     previous_step: Literal["passed", "failed"]
+
+
+class Recovery(Values):
+    """The recovery that is on, by its id."""
+
+    recovery: str = Field(max_length=200)
 
 
 class NewBypass(Values):
@@ -83,6 +95,21 @@ class NewPassword(Values):
 
     old_password: str
     new_password: str
+
+
+class NewBadge(Values):
+    """An account, the number of its badge, and a PIN of 4 to 12 digits."""
+
+    name: str
+    badge: str = Field(max_length=512)
+    pin: str = Field(max_length=64)
+
+
+class NewPin(Values):
+    """One's own password, and a new PIN for the badge."""
+
+    password: str
+    pin: str = Field(max_length=64)
 
 
 class RecipeText(Values):
@@ -168,6 +195,19 @@ class RunConfirmed(Outcome):
     """The run whose bad unit was put away."""
 
     run: str
+
+
+class RecoveryBegun(Outcome):
+    """The run that left the bench in a fault, and in which one."""
+
+    run: str
+    cause: str
+
+
+class RecoveryTold(Outcome):
+    """The recovery that was told."""
+
+    recovery: str
 
 
 class BypassAdded(Outcome):

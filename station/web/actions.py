@@ -34,9 +34,11 @@ from station.web.action_values import (
     EndedBypass,
     FreshPassword,
     Named,
+    NewBadge,
     NewBypass,
     NewPassword,
     NewPerson,
+    NewPin,
     Nothing,
     Outcome,
     Permission,
@@ -45,14 +47,19 @@ from station.web.action_values import (
     RecipeRevision,
     RecipeText,
     RecipeTried,
+    Recovery,
+    RecoveryBegun,
+    RecoveryTold,
     Refused,
     RunConfirmed,
     RunStarted,
+    Scanned,
     Start,
     UnitAnnounced,
     Values,
     refusal,
 )
+from station.web.bench.watch import BenchWatch
 from station.web.bypasses import BypassError, add_bypass, bypasses_now, end_bypass
 from station.web.evaluations import Evaluations
 from station.web.mes.previous_step import announce, heard, previous_step
@@ -75,12 +82,15 @@ from station.web.people.accounts import (
     reset_person,
     session_of,
 )
+from station.web.people.badges import assign_badge, change_pin, withdraw_badge
 from station.web.people.database import ANSWERS, CONFIRMED, StationDatabase
 from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
 from station.web.recipe_text.check import BadRecipeError, bench_of, encoded, refuse_unfit
 from station.web.recipe_text.dry_run import DryRuns
 from station.web.running import Running
 from station.web.scanner import ScanError, serial_of
+from station.web.scanner_test import is_tested, keep_test, misread
+from station.web.settings import Settings
 
 EVERYBODY = frozenset(ROLES)
 AT_THE_BENCH = frozenset({"operator", "technician", "engineer", "admin"})
@@ -128,9 +138,16 @@ class Station:
     """Further options of `lostmotion run`, as the server was started with them."""
     mes: MesSettings | None = None
     """The MES of the plant; None: none is asked or told."""
+    settings: Settings = field(default_factory=Settings)
     dry_runs: DryRuns = field(default_factory=DryRuns)
     evaluations: Evaluations = field(default_factory=Evaluations)
     """The process that makes reports and loops of stored runs."""
+    bench: BenchWatch = field(init=False)
+    """What the bench shows, and the way back from a fault."""
+
+    def __post_init__(self) -> None:
+        """Look at the bench of the same data folder."""
+        object.__setattr__(self, "bench", BenchWatch(self.data, self.running, self.evaluations))
 
     def close(self) -> None:
         """Close what is open of it; a run that is on goes on."""
@@ -197,6 +214,7 @@ def _situation(call: Call, given: Start) -> Situation:
     return situation_of(
         station.data, station.models, Wanted(serial, given.retest_reason), busy=station.running.busy(),
         confirmed=_confirmed(call.connection), previous_step=step,
+        scanner_tested=is_tested(call.connection, station.settings.scanner_test),
     )  # fmt: skip
 
 
@@ -243,6 +261,34 @@ def _confirm(call: Call, given: Confirm) -> RunConfirmed:
     if call.connection.execute(there).first() is None:
         call.connection.execute(insert(CONFIRMED).values(run=given.run, name=call.person.name, at=now_text()))
     return RunConfirmed(run=given.run)
+
+
+def _begin_recovery(call: Call, _given: Nothing) -> RecoveryBegun:
+    way_back, standing = call.station.bench.way_back, call.station.bench.standing()
+    if standing.recovery or way_back.starting():
+        raise NotNowError([("recovery_on", "The way back is under way already.")])
+    if standing.fault is None or standing.released:
+        why = standing.why_none or "The bench was recovered: the lock is open, and the unit can be taken out."
+        raise NotNowError([("no_fault", why)])
+    way_back.start(call.person.name)
+    return RecoveryBegun(run=standing.fault.run, cause=standing.fault.cause)
+
+
+def _acknowledge_fault(call: Call, given: Recovery) -> RecoveryTold:
+    seen = call.station.bench.look()
+    if seen.sight is None or not (seen.live and seen.recovery and seen.sight.settled):
+        raise NotNowError([("not_asked", "Nothing waits to be acknowledged now. See the steps.")])
+    return _tell_recovery(call, given, go_on=True)
+
+
+def _leave_recovery(call: Call, given: Recovery) -> RecoveryTold:
+    return _tell_recovery(call, given, go_on=False)
+
+
+def _tell_recovery(call: Call, given: Recovery, *, go_on: bool) -> RecoveryTold:
+    if not call.station.bench.way_back.tell(given.recovery, go_on=go_on):
+        raise NotNowError([("no_recovery", f"No recovery {given.recovery[:80]!r} is on.")])
+    return RecoveryTold(recovery=given.recovery)
 
 
 def _add_bypass(call: Call, given: NewBypass) -> BypassAdded:
@@ -317,6 +363,31 @@ def _change_password(call: Call, given: NewPassword) -> Outcome:
     return Outcome()
 
 
+def _assign_badge(call: Call, given: NewBadge) -> AccountChanged:
+    assign_badge(call.connection, given.name, given.badge, given.pin)
+    return AccountChanged(name=given.name)
+
+
+def _withdraw_badge(call: Call, given: Named) -> AccountChanged:
+    withdraw_badge(call.connection, given.name)
+    return AccountChanged(name=given.name)
+
+
+def _change_pin(call: Call, given: NewPin) -> Outcome:
+    change_pin(call.connection, call.person.name, given.password, given.pin)
+    return Outcome()
+
+
+def _test_scanner(call: Call, given: Scanned) -> Outcome:
+    test = call.station.settings.scanner_test
+    if test is None:
+        raise NotNowError([("scanner_test", "This station has no test code. It is set in station.yaml.")])
+    if (why := misread(test.code, given.scanned)) is not None:
+        raise NotNowError([("scanner_test", why)])
+    keep_test(call.connection, call.person.name)
+    return Outcome()
+
+
 def _leave(call: Call, _given: Nothing) -> Outcome:
     leave(call.connection, call.session.token)
     return Outcome()
@@ -334,6 +405,12 @@ ACTIONS: dict[str, Action] = {
         Action("stop_run", "bring the torque to zero and stop the run", EVERYBODY, Nothing, _stop_run, Outcome),
         Action("confirm_nok", "confirm that a bad unit is in the NOK box", AT_THE_BENCH, Confirm, _confirm,
                RunConfirmed, ("run",)),
+        Action("begin_recovery", "begin the way back after a fault: read the devices, enable nothing", IN_CHARGE,
+               Nothing, _begin_recovery, RecoveryBegun, tells=("run", "cause")),
+        Action("acknowledge_fault", "acknowledge the fault: bring the torque to zero and open the lock", IN_CHARGE,
+               Recovery, _acknowledge_fault, RecoveryTold, ("recovery",)),
+        Action("leave_recovery", "end the way back and leave the bench as it is", IN_CHARGE, Recovery,
+               _leave_recovery, RecoveryTold, ("recovery",)),
         Action("add_bypass", "set a start condition aside for some hours", IN_CHARGE, NewBypass, _add_bypass,
                BypassAdded, ("condition", "reason", "hours")),
         Action("end_bypass", "let a start condition count again", IN_CHARGE, EndedBypass, _end_bypass,
@@ -350,6 +427,13 @@ ACTIONS: dict[str, Action] = {
         Action("disable_person", "close an account", ADMIN, Named, _disable_person, AccountChanged, ("name",)),
         Action("reset_person", "open an account again with a first password", ADMIN, FreshPassword,
                _reset_person, AccountChanged, ("name",)),
+        Action("assign_badge", "give a person a badge with a PIN", ADMIN, NewBadge, _assign_badge, AccountChanged,
+               ("name",)),
+        Action("withdraw_badge", "take a person's badge away", ADMIN, Named, _withdraw_badge, AccountChanged,
+               ("name",)),
+        Action("change_pin", "change the PIN of your own badge", EVERYBODY, NewPin, _change_pin, Outcome),
+        Action("test_scanner", "show by the test code that the scanner is read as it was printed", AT_THE_BENCH,
+               Scanned, _test_scanner, Outcome),
         Action("change_password", "change your own password", EVERYBODY, NewPassword, _change_password, Outcome,
                with_first_password=True),
         Action("leave", "end the session", EVERYBODY, Nothing, _leave, Outcome, with_first_password=True),
@@ -384,7 +468,7 @@ def _performed(  # noqa: PLR0917 - as above
     values: JsonValue,
 ) -> Answer:
     if not brings_token(session, csrf):
-        return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Load it anew.")])
+        return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Reload it.")])
     if not _is_text(values):
         return _refused(connection, session, row, BAD_INPUT, [("body", "It has characters that are no Unicode text.")])
     if not key or len(key) > LONGEST_KEY or not key.isascii() or not key.isprintable():

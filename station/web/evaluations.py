@@ -22,6 +22,10 @@ from typing import TypeVar
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.records.run_record import MANIFEST, RunRecord
+from station.records.samples.layout import CURRENT
+from station.records.samples.samples import samples_bytes
+from station.records.samples.scan_record import RECORD_BYTES
+from station.reports.certificate import FILE as CERTIFICATE
 from station.reports.export_of_run import export_run
 from station.reports.loop_curves import LoopCurves, loop_curves
 from station.reports.report_of_run import loop_of, report_of
@@ -71,6 +75,10 @@ class Evaluations:
         """Return what is drawn of a run, StationError as `loop_curves`."""
         return self._once(loop_curves, run)
 
+    def last_record(self, run: RunRecord) -> bytes:
+        """Return the last record of a run; see the function of that name."""
+        return self._once(last_record, run)
+
     def figure(self, make: Callable[..., Made], *asked: object) -> Made:
         """Return a figure of many runs; make is a function of a module, StationError as it and where others wait."""
         return self._waited(make, *asked)
@@ -108,7 +116,8 @@ class Evaluations:
     def _once(self, make: Callable[[RunRecord], Made], run: RunRecord) -> Made:
         """Return what is made of a run; what was made before while its files, and the chain, are as they were."""
         chain = Chain(run.folder.parent)
-        key = make.__name__, run.id, seen(f"{run.folder}/{MANIFEST}"), seen_files(run), chain.seen_now()
+        heads = seen(f"{run.folder.parent}/{CERTIFICATE}")
+        key = make.__name__, run.id, seen(f"{run.folder}/{MANIFEST}"), seen_files(run), chain.seen_now(), heads
         with self._one_at_a_time:
             kept = self._kept.get(key)
         if kept is not None:
@@ -158,6 +167,18 @@ def _begin(server: int) -> None:
 
 def _on_run(make: Callable[[RunRecord], Made], folder: Path) -> Made:
     return make(RunRecord(folder))
+
+
+def last_record(run: RunRecord) -> bytes:
+    """Return the last record of a run as it was written, empty where it has none, or one of another layout.
+
+    Raises:
+        RecordError: its samples cannot be read.
+
+    """
+    if run.layout() != CURRENT:
+        return b""
+    return samples_bytes(run)[-RECORD_BYTES:]
 
 
 def _parquet_of(run: RunRecord) -> bytes:

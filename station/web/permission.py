@@ -21,6 +21,7 @@ from station.records.master_parts import master_parts
 from station.records.recipe_revisions import History, Revision, RevisionError
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
 from station.run.disk_space import refuse_full_disk
+from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
 from station.wall_clock import WALL_CLOCK
 from station.web.mes.previous_step import FAILED, PASSED, PreviousStep
 from station.web.models import Model, Models
@@ -59,6 +60,7 @@ class Situation:
     newest: RunRecord | None
     unconfirmed: str
     previous_step: PreviousStep | None = None
+    scanner_tested: bool = True
 
     @property
     def is_master_part(self) -> bool:
@@ -91,9 +93,12 @@ class Condition(NamedTuple):
 
 def situation_of(
     data: Path, models: Models, wanted: Wanted, *, busy: bool, confirmed: frozenset[str],
-    previous_step: PreviousStep | None = None,
+    previous_step: PreviousStep | None = None, scanner_tested: bool = True,
 ) -> Situation:  # fmt: skip
-    """Look at what is there; confirmed: runs whose bad unit is in its box; previous_step: what the MES says."""
+    """Look at what is there; confirmed: runs whose bad unit is in its box; previous_step: what the MES says.
+
+    scanner_tested: whether the test code was read rightly this shift, or need not be.
+    """
     model, job, why, release = models.of(wanted.serial), None, "", None
     if model is not None:
         try:
@@ -106,7 +111,7 @@ def situation_of(
     before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
     bad = unconfirmed(data, confirmed)
-    return Situation(data, wanted, model, job, why, release, busy, before, newest, bad, previous_step)
+    return Situation(data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested)
 
 
 def likely_first(data: Path, models: Models) -> tuple[str, str]:
@@ -159,10 +164,19 @@ def _bench_free(one: Situation) -> str | None:
 
 def _model_known(one: Situation) -> str | None:
     if one.model is not None:
-        return None
+        half, rest = one.wanted.serial[: len(one.wanted.serial) // 2], one.wanted.serial[len(one.wanted.serial) // 2 :]
+        if half != rest or not one.model.fits(half):
+            return None
+        return f"The code was read twice in one: '{half}' and '{rest}'. Scan the unit again."
     return (
         f"No model has serial numbers like '{one.wanted.serial}'. Scan the label of the unit, or call the technician."
     )
+
+
+def _scanner_tested(one: Situation) -> str | None:
+    if one.scanner_tested:
+        return None
+    return "The scanner was not tested this shift. Scan the test code on the card at the bench, then the unit."
 
 
 def _previous_step_passed(one: Situation) -> str | None:
@@ -234,11 +248,17 @@ def _bench_recovered(one: Situation) -> str | None:
         if one.newest is None or one.job is None or one.job.bench.bench.embedded:
             return None
         state, name = one.newest.state(), one.newest.id
+        way_back = newest_recovery(one.data, one.newest)
+        if way_back is not None and is_under_way(way_back):
+            return "The way back from a fault is under way. Wait until the unit is unloaded and the lock is open."
+        if state not in ("fault", INTERRUPTED, NOT_CONCLUDED) or was_recovered(one.data, one.newest):
+            return None
     except StationError as error:
-        return f"The newest run cannot be read: {error}"
-    if state in ("fault", INTERRUPTED, NOT_CONCLUDED):
-        return f"Run {name} ended with '{state}'. A technician recovers the bench with 'lostmotion recover'."
-    return None
+        return f"The newest run, or the recovery after it, cannot be read: {error}"
+    return (
+        f"Run {name} ended with '{state}'. A technician recovers the bench on the page Maintenance, "
+        "or with 'lostmotion recover'."
+    )
 
 
 def _master_parts(one: Situation) -> str | None:
@@ -275,6 +295,12 @@ def _clock_plausible(one: Situation) -> str | None:
 CONDITIONS: tuple[Condition, ...] = (
     Condition("bench_free", "no run is in progress", _bench_free),
     Condition("model_known", "the serial number is one of a known model", _model_known),
+    Condition(
+        "scanner_tested",
+        "the test code was read as it is printed, once a shift",
+        _scanner_tested,
+        may_be_bypassed=True,
+    ),
     Condition(
         "previous_step_passed",
         "the MES says that the unit passed its previous process step",

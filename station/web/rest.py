@@ -15,6 +15,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 from starlette.exceptions import HTTPException
 
+from station.documents.entries import plain
 from station.errors import StationError
 from station.version import version
 from station.web.action_values import Refused, refusal
@@ -42,12 +43,14 @@ from station.web.people.accounts import (
     is_name,
     session_of,
 )
+from station.web.people.badges import PinNeededError, enter_by_badge
 from station.web.rest_recipes import add_recipes
-from station.web.rest_runs import CookieToken, add_runs, refused_with
+from station.web.rest_runs import CookieToken, add_certificates, add_runs, refused_with
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
 MOST_LINES = 500
 UNREADABLE = 400
+LONGEST_SCAN = 512
 
 CsrfToken = Annotated[str | None, Header(alias="X-CSRF-Token")]
 RequestKey = Annotated[str | None, Header(alias="Idempotency-Key")]
@@ -60,6 +63,15 @@ class Entry(BaseModel):
 
     name: str = Field(max_length=LONGEST_NAME)
     password: str = Field(max_length=LONGEST_PASSWORD)
+
+
+class BadgeEntry(BaseModel):
+    """The number of a badge, and its PIN or the account's password; '' first asks whether one is needed."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    badge: str = Field(max_length=LONGEST_SCAN)
+    secret: str = Field(default="", max_length=LONGEST_PASSWORD)
 
 
 class Me(BaseModel):
@@ -98,6 +110,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         return None
 
     add_runs(app, station, refuse, _answers)
+    add_certificates(app, station, refuse, _answers)
     add_recipes(app, station, refuse, _answers)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)
@@ -118,8 +131,25 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
         outcome = audit.REFUSED if refused else audit.DONE
         with station.database.writing() as connection:
             audit.write(connection, given.name if is_name(given.name) else "?", "enter", outcome, {})
-        if isinstance(found, EntryRefusedError):
-            return refused_with(NOT_ENTERED, "entry", str(found))
+        return refused_with(NOT_ENTERED, "entry", str(found)) if isinstance(found, EntryRefusedError) else opened(found)
+
+    @app.post(
+        "/api/enter_badge", summary="open a session with a badge", tags=["session"],
+        **_answers(200, 401, 422, 503, ok=Me),
+    )  # fmt: skip
+    def open_session_by_badge(given: BadgeEntry) -> Response:
+        alone = station.settings.operator_by_badge_alone
+        found = enter_by_badge(station.database, given.badge, given.secret, operator_alone=alone)
+        if isinstance(found, PinNeededError):
+            return refused_with(NOT_ENTERED, "pin", str(found))
+        refused = isinstance(found, EntryRefusedError)
+        name = found.name if isinstance(found, EntryRefusedError) else found.person.name
+        outcome = audit.REFUSED if refused else audit.DONE
+        with station.database.writing() as connection:
+            audit.write(connection, name, "enter_badge", outcome, {"pin": bool(given.secret)})
+        return refused_with(NOT_ENTERED, "entry", str(found)) if isinstance(found, EntryRefusedError) else opened(found)
+
+    def opened(found: Session) -> Response:
         answer = _me(found)
         answer.set_cookie(COOKIE, found.token, httponly=True, samesite="strict", secure=secure, path="/")
         return answer
@@ -154,6 +184,16 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "bypasses": bypasses,
             "webhooks": None if left is None else {"waiting": left.messages, "last_error": left.last_error},
         })  # fmt: skip
+
+    @app.get(
+        "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the way back after a fault",
+        tags=["bench"], **_answers(200, 401, 503),
+    )  # fmt: skip
+    def bench(token: CookieToken = None) -> Response:
+        if _session(station, token) is None:
+            return _not_entered()
+        seen, standing = station.bench.look(), station.bench.standing()
+        return JSONResponse({"seen": plain(seen), "way_back": plain(standing)})
 
     @app.get(
         "/api/audit", summary="the newest lines of the audit trail, and the hash of the last one", tags=["audit"],

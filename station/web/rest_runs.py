@@ -11,6 +11,7 @@ from fastapi import Cookie, FastAPI, Query, Response
 from fastapi.responses import JSONResponse
 
 from station.errors import StationError
+from station.records.certificate_code import LONGEST_CODE, CodeError, check_code
 from station.records.data_folder import Store
 from station.records.run_record import RESULT, RunRecord
 from station.reports.content import LOOP_CSV
@@ -18,7 +19,7 @@ from station.reports.stored_result import refuse_doubtful
 from station.store.run_search import MOST_ROWS, search
 from station.store.stored_runs import Wanted
 from station.web.action_values import refusal
-from station.web.actions import NOT_NOW, Station
+from station.web.actions import BAD_INPUT, NOT_NOW, Station
 from station.web.evaluations import Evaluations
 from station.web.people.accounts import COOKIE
 
@@ -160,3 +161,26 @@ def _file_endpoint(
         return Response(content, media_type=row.media, headers=headers)
 
     return file
+
+
+def add_certificates(
+    app: FastAPI, station: Station, refuse: Callable[[str | None], Response | None], answers: Callable[..., Any]
+) -> None:
+    """Add the endpoint that checks certificates; as `add_runs`."""
+
+    @app.get(
+        "/api/certificates", summary="whether a certificate is genuine, altered or unknown, by its code",
+        tags=["runs"], **answers(200, 401, 403, 422, 503),
+    )  # fmt: skip
+    def certificate(code: Annotated[str, Query(max_length=LONGEST_CODE)], token: CookieToken = None) -> Response:
+        refused = refuse(token)
+        if refused is not None:
+            return refused
+        try:
+            found = check_code(station.data, code)
+        except CodeError as error:
+            return refused_with(BAD_INPUT, "code", str(error))
+        return JSONResponse({
+            "certificate": found.standing, "text": found.text, "run": found.run, "serial": found.serial,
+            "attempt": found.attempt, "verdict": found.verdict,
+        })  # fmt: skip

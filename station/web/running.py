@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Event, RLock, Thread
 
+from definitions.program import Program
 from recipes import RecipeError
 from station.bench.request import load_job, stored_job
 from station.documents.manifest import Manifest, attempt_text
@@ -53,6 +54,7 @@ class Now:
 
     attempt: which one it is and what became of those before, '' of the first. refused: why a start became no run.
     loop: wind-up [arcmin] and torque [N·m]. altered: why the record of the run that has ended is not to be believed.
+    record: the newest record of the scan, empty where none was read here; program: by which it was made.
     """
 
     stage: str = READY
@@ -65,6 +67,8 @@ class Now:
     result: Result | None = None
     altered: tuple[str, ...] = ()
     refused: str = ""
+    record: bytes = b""
+    program: Program | None = None
 
 
 @dataclass
@@ -75,6 +79,7 @@ class _Watched:
     reader: LiveReader | None
     read_bytes: int = 0
     view: LiveView | None = None
+    newest: bytes = b""
     loop: list[tuple[float, float]] = field(default_factory=list)
 
 
@@ -213,10 +218,10 @@ class Running:
             _attempt(manifest),
             f"{manifest.recipe.name} r{manifest.recipe.revision}",
         )
-        if not is_sealed(manifest) and not record.deserted():
-            _read_on(watched)
-            return replace(said, view=watched.view, loop=tuple(watched.loop))
         _read_on(watched)
+        said = replace(said, record=watched.newest, program=watched.reader.program if watched.reader else None)
+        if not is_sealed(manifest) and not record.deserted():
+            return replace(said, view=watched.view, loop=tuple(watched.loop))
         found = record.read(Result, RESULT) if record.has(RESULT) else None
         altered = tuple(alterations(record)) if is_sealed(manifest) else ("the run was not concluded",)
         return self._is_over(replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered))
@@ -260,8 +265,8 @@ def _read_on(watched: _Watched) -> None:
         step_from = -first % LOOP_EVERY_RECORDS
         chosen = sorted({*range(step_from, count, LOOP_EVERY_RECORDS), count - 1} - {-1})
         for number in chosen:
-            view = watched.reader.read(content[number * RECORD_BYTES : (number + 1) * RECORD_BYTES])
-            watched.view = view
+            watched.newest = content[number * RECORD_BYTES : (number + 1) * RECORD_BYTES]
+            watched.view = view = watched.reader.read(watched.newest)
             if view.cycle and view.torque_nm is not None and view.windup_arcmin is not None:
                 watched.loop.append((round(view.windup_arcmin, 4), round(view.torque_nm, 2)))
         watched.read_bytes += count * RECORD_BYTES

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ from station.web.guard import Guard
 from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
+from station.web.pages.certificates import add_certificates
+from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
 from station.web.pages.quality import add_quality_page
 from station.web.pages.recipes import add_recipe_pages
@@ -27,6 +30,7 @@ from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
 from station.web.rest import rest_of
 from station.web.running import Running
+from station.web.settings import load_settings
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -56,6 +60,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     if (served.certificate is None) != (served.key is None):
         raise StationError("--certificate and --key belong together. Name both, or none")
     models, mes = load_models(served.data, served.models), load_mes(served.data)
+    settings = load_settings(served.data)
     database = StationDatabase(served.data, serving=True)
     try:
         with database.writing() as connection:
@@ -65,7 +70,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     except StationError:
         database.close()
         raise
-    station = Station(served.data, database, models, Running(served.data), served.run_options, mes)
+    station = Station(served.data, database, models, Running(served.data), served.run_options, mes, settings)
     return station, password
 
 
@@ -82,11 +87,14 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     """Return the whole application: pages and REST, behind the guard."""
     app = rest_of(station, secure=served.certificate is not None)
     add_pages(station)
+    add_certificates(station)
+    add_maintenance(station)
     add_results(station)
     add_run_page(station)
     add_quality_page(station)
     station.evaluations.start(station.data)
     nicegui.on_shutdown(station.evaluations.close)
+    nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))
     add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
     return Guard(app, hosts_of(served, port))
@@ -135,7 +143,9 @@ def serve(served: Served) -> None:
             )  # fmt: skip
             if sender is not None:
                 sender.start()
-            station.running.stay_ready(likely_first(station.data, station.models))
+            # When it starts, NiceGUI asks every object that the collector knows for its class, which one of canopen
+            # refuses. What is loaded by now stays for good.
+            gc.freeze()
             uvicorn.Server(config).run(sockets=[listener])
     finally:
         if sender is not None:

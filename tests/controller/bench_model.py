@@ -7,18 +7,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from definitions.image import Command, DriveCommand, DriveMode, DriveState, Image, NmtState, Orders
+from definitions.image import IMAGE_FIELDS, Command, DriveCommand, DriveMode, DriveState, Image, NmtState, Orders
 from definitions.program import Program
 
-READY = Image(
-    missed_periods=0, command=Command.NONE,
-    drive_state=DriveState.SWITCH_ON_DISABLED, drive_statusword=0x40, drive_mode=0, drive_internal_limit=0,
-    drive_follows_command=1, drive_homing_attained=0, drive_homing_error=0, drive_torque_nm=0.0, drive_angle_rad=0.0,
-    drive_velocity_rad_s=0.0, drive_age_scans=1, drive_nmt_state=NmtState.OPERATIONAL, drive_heartbeat_age_scans=5,
-    drive_emcy_code=0, drive_error_register=0, torque_in_nm=0.0, torque_out_nm=0.0, angle_in_rad=0.0, angle_out_rad=0.0,
-    sample_counter=0, sample_time_us=0, sample_status=0, sample_age_scans=1, brake_current_a=0.0, brake_on=0,
+AT_REST = Image(*(0.0 if field.format == "d" else 0 for field in IMAGE_FIELDS))
+READY = AT_REST._replace(
+    command=Command.NONE, drive_state=DriveState.SWITCH_ON_DISABLED, drive_statusword=0x40, drive_follows_command=1,
+    drive_age_scans=1, drive_nmt_state=NmtState.OPERATIONAL, drive_heartbeat_age_scans=5, sample_age_scans=1,
     brake_age_scans=3, estop_released=1, guard_closed=1, housing_temp_c=23.0, ambient_temp_c=21.0, io_age_scans=4,
-    links_lost=0,
 )  # fmt: skip
 
 NEXT_STATE = {

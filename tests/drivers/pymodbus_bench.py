@@ -5,12 +5,32 @@ from __future__ import annotations
 import asyncio
 import threading
 
+from drivers_support import modbus_profile, raw_profile
 from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 AMPLIFIER, BRAKE, REMOTE_IO = 1, 2, 3
 WRITE_REGISTERS = 16
+
+
+REMOTE_IO_READ = modbus_profile(raw_profile("virtual-remote-io")).read
+REMOTE_IO_SHOWS = {"estop_released": 1, "guard_closed": 1, "housing_temp_c": 25.3, "ambient_temp_c": -5.0}
+"""What contacts and sensors at the remote I/O show; one that is not named shows 0."""
+
+(LIFE_COUNTER,) = (field for field in REMOTE_IO_READ.fields if field.name == "life_counter")
+
+
+def _contacts_and_sensors() -> list[int]:
+    """Return the registers of the remote I/O, where its profile has them."""
+    registers = [0x4C49, *[0] * (REMOTE_IO_READ.count - 1)]
+    for field in REMOTE_IO_READ.fields:
+        value = REMOTE_IO_SHOWS.get(field.name, 0)
+        if field.bit is not None:
+            registers[field.offset] |= int(value) << field.bit
+        elif field.type == "i16":
+            registers[field.offset] = round(value / field.scale) & 0xFFFF
+    return registers
 
 
 def _device(unit_id: int, inputs: list[int], holdings: list[int], action: object) -> SimDevice:
@@ -67,7 +87,7 @@ class PymodbusBench:
     async def _contacts(
         self, _function: int, _start: int, _address: int, _count: int, now: list[int], _new: object
     ) -> object:
-        now[4] += self.alive
+        now[LIFE_COUNTER.offset] += self.alive
         return self.exception
 
     def _run(self) -> None:
@@ -78,7 +98,7 @@ class PymodbusBench:
         devices = [
             _device(AMPLIFIER, [0x4C41, *[0] * 13], [0], self._amplify),
             _device(BRAKE, [0x4C42, 0, 0, 0], [0, 0], self._brake),
-            _device(REMOTE_IO, [0x4C49, 0b11, 253, 0xFFCE, 0], [0], self._contacts),
+            _device(REMOTE_IO, _contacts_and_sensors(), [0], self._contacts),
         ]
         if self._serial_port:
             self._server = ModbusSerialServer(devices, port=self._serial_port, baudrate=115200)

@@ -6,11 +6,16 @@ wind-up inside the unit.
 
 from __future__ import annotations
 
+import json
 import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from patient import QUICK_RECIPE, write_changed
+from lostmotion_command import COMMAND, ROOT
+from patient import QUICK_RECIPE, VIRTUAL_BENCH, write_changed
 
 from benchmarks.slow_amplifier import bench_of, samples
 from station.bench.request import load_job
@@ -48,13 +53,16 @@ def beyond_its_uncertainty(result: dict, truth: dict[str, float]) -> list[str]:
     ]
 
 
-def run_on(lostmotion, recipe: str, bench: str, folder: Path = BENCHES) -> dict:
-    """The result of the recipe on a bench, which completes."""
+def run_on(
+    lostmotion, recipe: str, bench: str, folder: Path = BENCHES, seed: tuple[str, ...] = ("--seed", "1")
+) -> dict:
+    """The result of the recipe on a bench, which completes; a bench that was started has its own seed."""
     ran = lostmotion(
-        "run", recipe, "--bench", str(folder / f"{bench}.yaml"), "--seed", "1", "--serial", "P1-0001",
+        "run", recipe, "--bench", str(folder / f"{bench}.yaml"), *seed, "--serial", "P1-0001",
         "--json", "--pace", "fast", "--no-report",
     )  # fmt: skip
-    assert (ran.json["state"], ran.json["alarms"]) == ("complete", []), ran.json["reasons"]
+    assert ran.json.get("state") == "complete", ran.json
+    assert ran.json["alarms"] == [], ran.json["reasons"]
     return ran.json
 
 
@@ -84,11 +92,49 @@ def test_torques_and_angles_of_two_canopen_sensors(lostmotion, recipe, truth):
     assert all("encoders" in note for note in of_sensors)
 
 
-def test_raw_frames_that_a_dbc_file_describes(lostmotion, recipe, truth):
+def test_raw_frames_that_a_dbc_file_describes_and_a_brake_at_an_output_of_the_drive(lostmotion, recipe, truth):
     result = run_on(lostmotion, recipe, "can-dbc")
     assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
     assert result["timing"]["wires"]["box.frames"] > 1.98 * result["timing"]["scans"]
     assert not any("torque_out of box: not proven" in note for note in result["notes"]), "its noise proves it new"
+    (said,) = [note for note in result["notes"] if "its outputs may fall then" in note]
+    assert said.startswith("Brake: not proven that the lock stays closed")
+    assert not any("brake is on: what was ordered" in note for note in result["notes"]), "a contact says so"
+
+
+@pytest.fixture
+def rtu_amplifier() -> Iterator[Path]:
+    """The virtual bench as a process of its own, its amplifier on a serial line and asked every 10 ms."""
+    with tempfile.TemporaryDirectory() as folder:  # names of ports below /dev are refused
+        line = {"transport": "rtu", "serial_port": f"{folder}/box", "baudrate": 115200, "unit_id": 1}
+        box = {"name": "box", "profile": "virtual-amplifier", "poll_every": "10 ms", "timeout": "20 ms"} | line
+        units = {"torque_in": "nm", "torque_out": "nm", "angle_in": "rad", "angle_out": "rad"}
+        common = {"device": "box", "alive": "counter", "alive_field": "sample_counter"}
+        channels = {name: common | {"field": f"{name}_{unit}"} for name, unit in units.items()}
+        here = Path(folder) / "rtu.yaml"
+        changes = {
+            "bench": {"name": "rtu", "embedded": False},
+            "amplifier": None,
+            "devices": [box],
+            "channels": channels,
+        }
+        write_changed(VIRTUAL_BENCH, here, changes)
+        ports = ("--can", "127.0.0.1:0", "--modbus", "127.0.0.1:0")
+        command = [*COMMAND, "virtual-bench", "--bench", str(here), "--seed", "1", *ports]
+        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+            assert process.stdout is not None
+            ready = json.loads(process.stdout.readline())
+            at = {part: {key: ready[part][key] for key in ("host", "port")} for part in ("can", "brake", "remote_io")}
+            yield write_changed(here, here, at, {"pace": ready["pace"]}).parent
+            process.terminate()
+
+
+def test_an_amplifier_on_a_serial_line_that_is_asked_every_10_ms(lostmotion, recipe, truth, rtu_amplifier):
+    result = run_on(lostmotion, recipe, "rtu", rtu_amplifier, ())
+    assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
+    wires = result["timing"]["wires"]
+    assert wires["box.replies"] > 0.095 * PERIOD_MS * result["timing"]["scans"]
+    assert wires["box.timeouts"] == wires["box.garbage"] == 0
 
 
 def test_encoders_that_send_every_20_ms_cost_uncertainty_and_no_stop(lostmotion, recipe, truth, tmp_path):

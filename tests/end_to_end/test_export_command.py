@@ -129,7 +129,7 @@ def test_a_file_that_has_lost_its_steps_is_told_with_the_way_out(lostmotion, shi
     pq.write_table(bare.replace_schema_metadata({b"lostmotion": json.dumps(run)}), path)
     ran = lostmotion("analyze", str(path), *how)
     assert (ran.exit_code, ran.json["verdict"], ran.json["origin"]["changed"]) == (3, "NOT DECIDABLE", False)
-    assert "evaluated anew it is NOT DECIDABLE: both by lostmotion" in ran.json["reasons"][0]
+    assert "re-evaluated it is NOT DECIDABLE: both by lostmotion" in ran.json["reasons"][0]
     assert f"Export run {record.name} again" in ran.json["reasons"][0]
     run["software"]["version"] = "0.0.9"
     pq.write_table(bare.replace_schema_metadata({b"lostmotion": json.dumps(run)}), path)
@@ -170,7 +170,7 @@ def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, t
     for changes, reason in (
         ({"altered": ["timing.json: other bytes"]}, "exported from an altered record: timing.json"),
         ({"recorded": said["run"]["recorded"] | {"missed": 30000}, "verdict": "NOT DECIDABLE"}, "missed_periods"),
-        ({"verdict": "FAIL"}, "the run's own verdict is FAIL, evaluated anew it is PASS"),
+        ({"verdict": "FAIL"}, "the run's own verdict is FAIL, re-evaluated it is PASS"),
     ):
         ran = analyzed(**changes)
         assert (ran.exit_code, ran.json["verdict"]) == (3, "NOT DECIDABLE"), changes

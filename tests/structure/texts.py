@@ -24,11 +24,15 @@ LEAST_WORDS = {"error": 1, "help": 1, "table": 3, "line": 4}
 TABLES = {"Fault", "Check", "Metric", "Bad", "Grade", "Fit"}
 """Rows of the vocabulary: every argument with words is read by people."""
 
-COMMAND_LINE = ("Option", "Argument", "Typer")
-LINES = {"print", "append", "add_row", "Text", "assemble", "paragraph", "section", "heading", "say", "echo", "note"}
-"""Calls that put words on screen or into a report."""
+SCREEN = {"print", "append", "add_row", "Text", "assemble", "paragraph", "section", "heading", "say", "echo", "note"}
+PAGES = {"label", "button", "input", "number", "select", "tab", "set_text", "html", "notify", "refusal", "Action"}
+LINES = SCREEN | PAGES | {"Finding", "Condition", "Grid", "tell"}
+"""Calls that put words on screen, onto a page or into a report."""
 
-WHERE_LINES = ("station/cli/", "station/reports/", "station/run/", "station/results/", "faultlab/")
+WHERE_LINES = (
+    "station/cli/", "station/reports/", "station/run/", "station/results/", "station/web/", "station/commissioning/",
+    "faultlab/",
+)  # fmt: skip
 
 
 class Seen(NamedTuple):
@@ -75,12 +79,13 @@ def _in_file(name: str, tree: ast.Module) -> Iterator[tuple[str, int, str]]:
 
 def _of_call(name: str, call: ast.Call) -> Iterator[tuple[str, int, str]]:
     called = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
-    if called in COMMAND_LINE:
-        yield from _said("help", call, [one.value for one in call.keywords if one.arg in {"help", "epilog"}])
+    options = [one.value for one in call.keywords if one.arg in {"help", "epilog"}]
+    if options:
+        yield from _said("help", call, options)
     elif name.startswith("definitions/") and called in TABLES:
         yield from _said("table", call, [*call.args, *(one.value for one in call.keywords)])
     elif name.startswith(WHERE_LINES) and called in LINES:
-        yield from _said("line", call, call.args)
+        yield from _said("line", call, [*call.args, *(one.value for one in call.keywords)])
 
 
 def _is_command(decorator: ast.expr) -> bool:

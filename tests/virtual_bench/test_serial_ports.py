@@ -77,6 +77,14 @@ def test_each_device_of_a_line_answers_its_own_unit_only(unit_id: int, found: li
     assert asyncio.run(asked(line, unit_id, 0.3 if found is None else 10.0)) == found
 
 
+def test_the_bytes_that_a_scan_waits_for_are_those_of_the_line() -> None:
+    """Unit, function, count, two registers and check sum: an answer on a line has no header as on TCP."""
+    time = bench_time()
+    there = server(time, 2, 17)
+    assert asyncio.run(asked(RtuLine([there], "", quiet, time), 2)) == [0x4C42, 17]
+    assert there.bytes_sent == 1 + 1 + 1 + 2 * 2 + 2
+
+
 @pytest.mark.parametrize("verb", ["off", "silence", "exception", "truncate", "wrong_unit"])
 def test_a_device_with_a_fault_on_its_line_is_not_believed(verb: str) -> None:
     time = bench_time()

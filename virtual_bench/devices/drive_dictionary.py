@@ -63,7 +63,7 @@ class DriveDictionary:
         for row in VALUES:
             write = None if row.write is None else self._writer(row)
             read = partial(self._shown, STATUS_PLACES[row.object_index]) if row.object_index in STATUS_PLACES else None
-            table[row.object_index, 0] = Mappable(
+            table[row.object_index, row.subindex] = Mappable(
                 STRUCT_LETTERS[row.datatype], read or partial(row.read, machine), write
             )
         return table
@@ -135,10 +135,16 @@ class DriveDictionary:
 
     def _add_value(self, row: Value) -> None:
         od, machine = self._od, self._axis.machine
-        od[row.object_index] = Variable(row.datatype, "ro" if row.write is None else "rw", 0, name=row.name)
-        od.set_read_callback(row.object_index, 0, partial(row.read, machine))
+        variable = Variable(row.datatype, "ro" if row.write is None else "rw", 0, name=row.name)
+        if not row.subindex:
+            od[row.object_index] = variable
+        else:
+            if row.object_index not in od:
+                od[row.object_index] = Record(name=row.name)
+            od[row.object_index][row.subindex] = variable
+        od.set_read_callback(row.object_index, row.subindex, partial(row.read, machine))
         if row.write is not None:
-            od.download_callbacks[row.object_index, 0].add(self._writer(row))
+            od.download_callbacks[row.object_index, row.subindex].add(self._writer(row))
 
     def _consume(self, subindex: int, value: int) -> None:
         """Take 0x1016: node << 16 | time-out in ms."""

@@ -71,7 +71,8 @@ class RtuLine:
         if pieces == self._pieces:  # otherwise it was continued
             self._buffer = b""
 
-    def _reply(self, response: bytes) -> None:
+    def _reply(self, response: bytes) -> int:
         """Send a response that faults have left as a frame of TCP; on this line it has a check sum and no header."""
         body = response[TCP_HEADER_BYTES:]
-        self._port.write(body + FramerRTU.compute_CRC(body).to_bytes(2, "big"))
+        frame = body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
+        return len(frame) if self._port.write(frame) else 0

@@ -163,11 +163,12 @@ class ModbusServer:
         return int(self._server.sockets[0].getsockname()[1])
 
     def answer(
-        self, request: ModbusPDU, asked: bytes, build: Callable[[ModbusPDU], bytes], send: Callable[[bytes], None]
+        self, request: ModbusPDU, asked: bytes, build: Callable[[ModbusPDU], bytes], send: Callable[[bytes], int]
     ) -> None:
         """Answer a request as the device's faults say: at once, late, wrongly, or not at all.
 
-        `asked` is its frame as on TCP; `build` makes such a frame of the response, and `send` gets what goes out.
+        `asked` is its frame as on TCP; `build` makes such a frame of the response. `send` gets what goes out, and
+        returns how many bytes of its own line that is.
         """
         self.requests += 1
         if self._time.led:
@@ -188,7 +189,7 @@ class ModbusServer:
         return self._server is None or bool(self.connections)
 
     def _answer(
-        self, request: ModbusPDU, asked: bytes, build: Callable[[ModbusPDU], bytes], send: Callable[[bytes], None]
+        self, request: ModbusPDU, asked: bytes, build: Callable[[ModbusPDU], bytes], send: Callable[[bytes], int]
     ) -> None:
         faults = self.faults
         if faults.is_cut(self.name):
@@ -205,9 +206,8 @@ class ModbusServer:
             else:
                 self._send(send, piece.data)
 
-    def _send(self, send: Callable[[bytes], None], data: bytes) -> None:
-        self.bytes_sent += len(data)
-        send(data)
+    def _send(self, send: Callable[[bytes], int], data: bytes) -> None:
+        self.bytes_sent += send(data)
 
     def cut(self) -> None:
         """Drop all connections."""
@@ -267,9 +267,11 @@ class Connection(asyncio.Protocol):
             if request is not None:
                 self._owner.answer(request, asked, self._framer.buildFrame, self._send)
 
-    def _send(self, data: bytes) -> None:
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write(data)
+    def _send(self, data: bytes) -> int:
+        if self._transport is None or self._transport.is_closing():
+            return 0
+        self._transport.write(data)
+        return len(data)
 
     def drop(self) -> None:
         """End the connection at once."""

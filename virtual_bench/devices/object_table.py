@@ -38,6 +38,7 @@ class Value(NamedTuple):
     name: str
     read: Callable[[Cia402Machine], int]
     write: Callable[[Cia402Machine, int, int], None] | None = None  # machine, value, time in ns
+    subindex: int = 0
 
 
 SETTINGS: tuple[Setting, ...] = (
@@ -69,6 +70,14 @@ def _write_velocity(machine: Cia402Machine, value: int, _now_ns: int) -> None:
     machine.motion.write_target_velocity(value)
 
 
+def _write_outputs(machine: Cia402Machine, value: int, _now_ns: int) -> None:
+    machine.objects.digital_outputs = value
+
+
+def _write_output_mask(machine: Cia402Machine, value: int, _now_ns: int) -> None:
+    machine.objects.output_mask = value
+
+
 def _int32(value: int) -> int:
     return ((value + 0x80000000) & 0xFFFFFFFF) - 0x80000000
 
@@ -89,6 +98,9 @@ VALUES: tuple[Value, ...] = (
     Value(0x6071, I16, "Target torque", lambda machine: machine.motion.target_torque, _write_torque),
     Value(0x6077, I16, "Torque actual value", lambda machine: _int16(machine.motor.torque_permille)),
     Value(0x60FF, I32, "Target velocity", lambda machine: machine.motion.target_velocity, _write_velocity),
+    Value(0x60FD, U32, "Digital inputs", lambda machine: machine.digital_inputs),
+    Value(0x60FE, U32, "Physical outputs", lambda machine: machine.objects.digital_outputs, _write_outputs, 1),
+    Value(0x60FE, U32, "Output mask", lambda machine: machine.objects.output_mask, _write_output_mask, 2),
     Value(0x6502, U32, "Supported drive modes", lambda _machine: tables.SUPPORTED_MODES),
 )
 """All of these may be mapped into PDOs: into receive PDOs where they can be written."""

@@ -41,6 +41,8 @@ class Cia402Machine:
         self.state = PowerState.SWITCH_ON_DISABLED
         self.motor = MotorView(0, 0, 0, limited=False)
         """What the drive measured at its last step."""
+        self.digital_inputs = 0
+        """0x60FD, set by whoever knows what is connected to them."""
         self.controlword = 0
         """Control word 0x6040 as last received."""
         self.error_code = 0

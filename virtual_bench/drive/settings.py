@@ -25,3 +25,5 @@ class DriveObjects:
     halt_option: int = 1  # 0x605D
     fault_reaction_option: int = 2  # 0x605E
     setpoint_timeout_ms: int = 0  # 0x1400:5
+    digital_outputs: int = 0  # 0x60FE:1
+    output_mask: int = 0  # 0x60FE:2, of the outputs that 0x60FE:1 sets

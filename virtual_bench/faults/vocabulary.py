@@ -123,7 +123,7 @@ def faults_of_devices(modbus: Mapping[str, Iterable[str]], sensors: Mapping[str,
         rows |= {(target, verb): row for verb, row in BYTES_OF_FRAMES.items()}
         if is_node:
             rows[f"{target}.heartbeat", "off"] = _plain("no heartbeat of this sensor")
-            rows[f"{target}.node", "reset"] = _plain("the sensor starts anew: what was set in it is gone")
+            rows[f"{target}.node", "reset"] = _plain("the sensor restarts: what was set in it is lost")
     return rows
 
 

@@ -93,38 +93,30 @@ def io(
     raise typer.Exit(steps.contacts(bench, seconds, by, as_json=as_json))
 
 
-@bench_app.command()
-def direction(
-    bench: BenchFileOption,
-    recipe: TrialRecipeOption,
-    data: DataOption = DEFAULT_DATA,
-    by: ByOption = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Step 4: find the signs of motor, torques and angles with small torques on a locked unit. The shaft moves.
+def _small_run(name: str, *, help: str) -> None:  # noqa: A002 - as typer calls it
+    """Add a step that makes small runs on a locked unit: all of them have the same options."""
 
-    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
-    """
-    from station.cli.commissioning import trials
+    @bench_app.command(name, help=f"{help}\n\nExit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.")
+    def step(
+        bench: BenchFileOption,
+        recipe: TrialRecipeOption,
+        data: DataOption = DEFAULT_DATA,
+        by: ByOption = None,
+        as_json: JsonOption = False,
+    ) -> None:
+        from station.cli.commissioning import trials
 
-    raise typer.Exit(trials.direction(bench, recipe, data, by, as_json=as_json))
+        raise typer.Exit(trials.STEPS[name](bench, recipe, data, by, as_json=as_json))
 
 
-@bench_app.command()
-def latency(
-    bench: BenchFileOption,
-    recipe: TrialRecipeOption,
-    data: DataOption = DEFAULT_DATA,
-    by: ByOption = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Step 5: measure age and lag of every channel with small torque steps on the locked unit.
-
-    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
-    """
-    from station.cli.commissioning import trials
-
-    raise typer.Exit(trials.latency(bench, recipe, data, by, as_json=as_json))
+_small_run(
+    "direction",
+    help="Step 4: find the signs of motor, torques and angles with small torques on a locked unit. The shaft moves.",
+)
+_small_run(
+    "latency",
+    help="Step 5: measure age and lag of every channel with small torque steps on the locked unit.",
+)
 
 
 @bench_app.command()
@@ -138,21 +130,10 @@ def watchdogs(bench: BenchFileOption, by: ByOption = None, as_json: JsonOption =
     raise typer.Exit(steps.watchdogs(bench, by, as_json=as_json))
 
 
-@bench_app.command()
-def tune(
-    bench: BenchFileOption,
-    recipe: TrialRecipeOption,
-    data: DataOption = DEFAULT_DATA,
-    by: ByOption = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Step 7: measure the torque loop with small torque steps and propose its gain. Nothing is written.
-
-    Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
-    """
-    from station.cli.commissioning import trials
-
-    raise typer.Exit(trials.tune(bench, recipe, data, by, as_json=as_json))
+_small_run(
+    "tune",
+    help="Step 7: measure the torque loop with small torque steps and propose its gain. Nothing is written.",
+)
 
 
 @bench_app.command()

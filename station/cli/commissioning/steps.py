@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import NamedTuple
 
 from definitions.commissioning import STEP_BY_ID, STEPS
 from drivers.can.bus import open_can
 from drivers.can.other_controller import refuse_other_controller
 from drivers.config import WireBenchConfig
 from drivers.modbus.part_fields import PART_FIELDS
-from station.bench.commissioned import protocol_path
+from drivers.servo_drive.comparison import Compared
+from station.bench.commissioned import Change, protocol_path
 from station.cli.say import Grid, say
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
+from station.commissioning.probe import Live
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
 from station.documents.commissioning import StepDone
 from station.documents.entries import plain
@@ -21,6 +23,41 @@ from station.errors import StationError
 
 NOT_PASSED = 1
 Block = str | Grid
+
+
+class SaidOfProbe(NamedTuple):
+    """What `probe` tells a program."""
+
+    objects: list[Compared]
+    live: list[Live]
+    missing: list[str]
+
+
+class FieldRow(NamedTuple):
+    """A field of a device as `registers` shows it."""
+
+    device: str
+    register: str
+    field: str
+    type: str
+    raw: str
+    order_big: str
+    little: str
+    changes: str
+    shows: str
+
+
+class SaidOfRegisters(NamedTuple):
+    """What `registers` tells a program."""
+
+    fields: list[FieldRow]
+    moved: Collection[str]
+
+
+class SaidOfWatchdogs(NamedTuple):
+    """What `watchdogs` tells a program: the reaction to each trial, with the drive's state by its name."""
+
+    trials: list[Mapping[str, object]]
 
 
 def status(bench_name: str, *, as_json: bool) -> int:
@@ -64,7 +101,7 @@ def status(bench_name: str, *, as_json: bool) -> int:
     return NOT_PASSED if following is not None else 0
 
 
-def _why(changes: Sequence[Any], waits_for: Sequence[str], state: str) -> str:
+def _why(changes: Sequence[Change], waits_for: Sequence[str], state: str) -> str:
     if state == "passed":
         return ""
     if changes:
@@ -91,12 +128,7 @@ def probe(bench_name: str, seconds: float, by: str | None, *, as_json: bool) -> 
         Grid(("value", "now", "", "from", "age"), live, right=(1, 4)),
     ]
     done = write_down(bench, "probe", by, seen.findings, seen.figures)
-    more = {
-        "objects": [one._asdict() for one in seen.objects],
-        "live": [one._asdict() for one in seen.live],
-        "missing": seen.missing,
-    }
-    return end(bench, done, blocks, more, as_json=as_json)
+    return end(bench, done, blocks, SaidOfProbe(seen.objects, seen.live, seen.missing), as_json=as_json)
 
 
 def registers(
@@ -123,7 +155,7 @@ def registers(
     with bench.alone():
         seen = browse(bench, part, seconds, begun, pressed, without)
     rows = [
-        (
+        FieldRow(
             row.part,
             row.address,
             row.field,
@@ -136,9 +168,9 @@ def registers(
         )
         for row in seen.rows
     ]
-    heads = ("device", "register", "field", "type", "raw", "order big", "little", "changes", "shows")
+    heads = [name.replace("_", " ") for name in FieldRow._fields]
     blocks: list[Block] = [Grid(heads, rows, right=(1, 5, 6, 7))]
-    more = {"fields": [dict(zip(heads, row, strict=True)) for row in rows], "moved": list(seen.moved)}
+    more = SaidOfRegisters(rows, seen.moved)
     if part is not None:
         say(more, [*blocks, *(f"{one.what} {one.cure}" for one in seen.findings)], as_json=as_json)
         return 0
@@ -159,7 +191,7 @@ def contacts(bench_name: str, seconds: float, by: str | None, *, as_json: bool) 
     with bench.alone():
         guided = guide(bench, seconds, teller(as_json=as_json))
     done = write_down(bench, "io", by, guided.findings, guided.figures)
-    return end(bench, done, [], {}, as_json=as_json)
+    return end(bench, done, [], as_json=as_json)
 
 
 def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
@@ -193,8 +225,8 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
     ]
     heads = ("trial", "drive reacts", "after", "without torque after", "time-out", "EMCY")
     done = write_down(bench, "watchdogs", by, trials.judged(reactions), trials.figures(reactions))
-    more = {"trials": [{**one._asdict(), "state": one.state.name.lower()} for one in reactions]}
-    return end(bench, done, [Grid(heads, rows)], more, as_json=as_json)
+    said = SaidOfWatchdogs([{**one._asdict(), "state": one.state.name.lower()} for one in reactions])
+    return end(bench, done, [Grid(heads, rows)], said, as_json=as_json)
 
 
 STALE_MS = 500
@@ -229,9 +261,13 @@ def teller(*, as_json: bool) -> Callable[[str], None]:
     return tell
 
 
-def end(bench: OnWires, done: StepDone, blocks: list[Block], more: dict[str, Any], *, as_json: bool) -> int:
-    """Print what came of a step and which one is next; 1 when it has not passed."""
-    document = plain(done) | {"bench": bench.bench.bench.name, "protocol": str(protocol_path(bench.path))} | more
+def end(bench: OnWires, done: StepDone, blocks: list[Block], said: tuple[object, ...] = (), *, as_json: bool) -> int:
+    """Print what came of a step and which one is next; 1 when it has not passed.
+
+    said: what the step has to say beside its protocol, a named tuple, for a program.
+    """
+    document = plain(done) | {"bench": bench.bench.bench.name, "protocol": str(protocol_path(bench.path))}
+    document |= plain(said) if said else {}
     del document["parts"]
     step = STEP_BY_ID[done.step]
     for finding in done.findings:

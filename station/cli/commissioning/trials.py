@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple, Protocol
 
 from station.bench.request import load_job
 from station.cli.commissioning.steps import Block, end, teller
@@ -18,6 +20,22 @@ from station.documents.commissioning import Figure, Finding
 from station.timing.rates import MISSED_ALLOWED
 from station.timing.report import Asked
 from station.timing.run import measure
+
+
+class SaidOfDirection(NamedTuple):
+    """What `direction` tells a program; ended: why the small run did not complete, '' where it did."""
+
+    channels: list[directions.Seen]
+    ended: str
+    record: str
+
+
+class SaidOfLatency(NamedTuple):
+    """What `latency` tells a program; `ended` as above."""
+
+    ages: list[latencies.Age]
+    lags: list[latencies.Lag]
+    ended: str
 
 
 def direction(bench_name: str, recipe: str, data: Path, by: str | None, *, as_json: bool) -> int:
@@ -44,8 +62,8 @@ def direction(bench_name: str, recipe: str, data: Path, by: str | None, *, as_js
         Grid(("channel", "against", "direction", "moved", "", "over expected"), rows, right=(3, 5)),
         *_left(bench, data, [tried]),
     ]
-    more = {"channels": [one._asdict() for one in seen], "ended": tried.why, "record": str(tried.record.folder)}
-    return end(bench, done, blocks, more, as_json=as_json)
+    said = SaidOfDirection(seen, tried.why, str(tried.record.folder))
+    return end(bench, done, blocks, said, as_json=as_json)
 
 
 def latency(bench_name: str, recipe: str, data: Path, by: str | None, *, as_json: bool) -> int:
@@ -76,8 +94,7 @@ def latency(bench_name: str, recipe: str, data: Path, by: str | None, *, as_json
         Grid(("lag [ms] of", "behind", "measured", "bench file", "allowed"), late, right=(2, 3, 4)),
         *_left(bench, data, [tried]),
     ]
-    more = {"ages": [one._asdict() for one in ages], "lags": [one._asdict() for one in lags], "ended": tried.why}
-    return end(bench, done, blocks, more, as_json=as_json)
+    return end(bench, done, blocks, SaidOfLatency(ages, lags, tried.why), as_json=as_json)
 
 
 def tune(bench_name: str, recipe: str, data: Path, by: str | None, *, as_json: bool) -> int:
@@ -102,8 +119,17 @@ def tune(bench_name: str, recipe: str, data: Path, by: str | None, *, as_json: b
         blocks.append(
             f"Gain in the bench file {gain_per_s:g} 1/s, proposed {tuned.proposed_per_s:.2g} 1/s. Nothing was written"
         )
-    more = {"steps": [step._asdict() for step in tuned.steps], "proposed_per_s": tuned.proposed_per_s}
-    return end(bench, done, blocks, more, as_json=as_json)
+    return end(bench, done, blocks, tuned, as_json=as_json)
+
+
+class SmallRun(Protocol):
+    """A step that makes small runs: bench file, recipe, data folder, who does it."""
+
+    def __call__(self, bench_name: str, recipe: str, data: Path, by: str | None, *, as_json: bool) -> int:
+        """Do it; 1 when it has not passed."""
+
+
+STEPS: Mapping[str, SmallRun] = {"direction": direction, "latency": latency, "tune": tune}
 
 
 def timing(bench_name: str, recipe: str, seconds: float, by: str | None, *, as_json: bool) -> int:
@@ -125,7 +151,7 @@ def timing(bench_name: str, recipe: str, seconds: float, by: str | None, *, as_j
     )
     done = write_down(bench, "timing", by, findings, figures)
     rows = [(one.name, str(one.value), one.unit) for one in figures]
-    return end(bench, done, [Grid(("", "", ""), rows, right=(1,))], {}, as_json=as_json)
+    return end(bench, done, [Grid(("", "", ""), rows, right=(1,))], as_json=as_json)
 
 
 def _run(bench: OnWires, recipe: str, plan: Plan, data: Path, by: str | None, *, as_json: bool) -> Tried:

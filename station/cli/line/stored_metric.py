@@ -7,11 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from operator import attrgetter
-from pathlib import Path
 from typing import NamedTuple
 
 from station.errors import StationError
-from station.records.run_record import RunRecord
 from station.store.metric_rows import MetricRow, Place
 from station.store.stored_runs import is_trusted
 from station.store.view import View
@@ -54,29 +52,38 @@ def asked_of(
 
 
 class StoredValue(NamedTuple):
-    """One run's value of a metric, with the run it came from; operator: '' where the run has none."""
+    """One run's value of a metric, and the row that says what it is a value of.
 
-    data: Path
-    run_id: str
-    serial: str
-    started: datetime
-    bench: str
+    What else is known of the run is read from its row where it is asked for: of 20 000 runs most is never looked at.
+    """
+
+    metric: MetricRow
     value: float
-    virtual: bool
-    operator: str = ""
-    faults: bool = False
 
     @property
-    def run(self) -> RunRecord:
-        """Folder of the run."""
-        return RunRecord(self.data / self.run_id)
+    def run_id(self) -> str:
+        """Id of the run."""
+        return self.metric.run
 
+    @property
+    def serial(self) -> str:
+        """Serial number of the unit."""
+        return self.metric.serial
 
-class StoredMetric(NamedTuple):
-    """What a run that counts has of the metric: its value, and the row that says what it is a value of."""
+    @property
+    def started(self) -> datetime:
+        """When the run was started."""
+        return datetime.fromisoformat(self.metric.started)
 
-    value: StoredValue
-    metric: MetricRow
+    @property
+    def bench(self) -> str:
+        """Name of the bench."""
+        return self.metric.bench
+
+    @property
+    def operator(self) -> str:
+        """Who ran it; '' where the run names nobody."""
+        return self.metric.operator or ""
 
 
 def kinds_of(metrics: Iterable[MetricRow]) -> Counter[Kind]:
@@ -102,7 +109,7 @@ def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> MetricRow | str:
     return reason or _metric(rows, ask) or f"without {ask.metric}"
 
 
-def value_of(data: Path, metric: MetricRow, ask: Ask, beside: Mapping[Place, float | None]) -> StoredMetric | str:
+def value_of(metric: MetricRow, ask: Ask, beside: Mapping[Place, float | None]) -> StoredValue | str:
     """Return the value of the side that is asked for, or why there is none, in words.
 
     beside: values of that side where the verdict goes by another one.
@@ -113,12 +120,7 @@ def value_of(data: Path, metric: MetricRow, ask: Ask, beside: Mapping[Place, flo
         if place not in beside:
             return f"without side {ask.side} of {ask.metric} (there is {metric.side})"
         value = beside[place]
-    if value is None:
-        return "whose value could not be evaluated"
-    started = datetime.fromisoformat(metric.started)
-    who, faults = metric.operator or "", bool(metric.scenario)
-    found = StoredValue(data, metric.run, metric.serial, started, metric.bench, value, metric.virtual, who, faults)
-    return StoredMetric(found, metric)
+    return "whose value could not be evaluated" if value is None else StoredValue(metric, value)
 
 
 def _left_out(view: View, run: MetricRow) -> str:
@@ -136,6 +138,8 @@ def _left_out(view: View, run: MetricRow) -> str:
 
 def _metric(rows: list[MetricRow], ask: Ask) -> MetricRow | None:
     """Return the metric that is asked for; of several with its id, the one with no other choices."""
+    if len(rows) == 1 and ask.branch is None and " " not in ask.metric:
+        return rows[0] if rows[0].position is not None else None
     name, *words = ask.metric.split() or [""]
     wanted = [row for row in rows if row.position is not None and ask.branch in (None, row.branch)]
     if len(wanted) == 1 and not words:
@@ -145,8 +149,8 @@ def _metric(rows: list[MetricRow], ask: Ask) -> MetricRow | None:
     if len(found) > 1 and len(exact) != 1:
         there = ", ".join(" ".join(f"{name} {row.choices} ({row.branch})".split()) for row in found)
         raise StationError(
-            f"--metric: {ask.metric} stands {len(found)} times in run {rows[0].run}: {there}. Choose with --branch, or "
-            "name the choice with the metric in quotes"
+            f"--metric: {ask.metric} is there {len(found)} times in run {rows[0].run}: {there}. Choose with --branch, "
+            "or name the choice with the metric in quotes"
         )
     chosen = exact or found
     return chosen[0] if chosen else None

@@ -10,7 +10,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from station.cli.line.stored_metric import Ask, Kind, StoredMetric, StoredValue, kinds_of, read_metric, value_of
+from station.cli.line.stored_metric import Ask, Kind, StoredValue, kinds_of, read_metric, value_of
 from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
@@ -32,6 +32,7 @@ ELSEWHERE = frozenset({"not_in_chain", "copied", "renamed"})
 class StoredValues:
     """Values of one metric in order of time, its limits in the newest run, and what was left out (reason, count)."""
 
+    data: Path
     ask: Ask
     unit: str
     name: str
@@ -41,11 +42,15 @@ class StoredValues:
     left_out: Counter[str] = field(default_factory=Counter)
     kinds: Counter[Kind] = field(default_factory=Counter)
 
+    def runs(self) -> list[RunRecord]:
+        """Return the runs that the values are of."""
+        return [RunRecord(self.data / one.run_id) for one in self.values]
+
     def notes(self) -> list[str]:
         """Return what a reader must know of the runs behind the figures."""
-        virtual = sum(one.virtual for one in self.values)
+        virtual = sum(one.metric.virtual for one in self.values)
         notes = [f"VIRTUAL: {virtual} of {len(self.values)} runs are of the virtual bench"] if virtual else []
-        faults = sum(one.faults for one in self.values)
+        faults = sum(bool(one.metric.scenario) for one in self.values)
         notes += [f"FAULTS INJECTED: in {faults} of {len(self.values)} runs"] if faults else []
         for what in ("revision", "torque"):
             counts = _counts(self.kinds, what)
@@ -62,8 +67,8 @@ class StoredValues:
             "recipe": self.ask.recipe,
             "runs": [one.run_id for one in self.values],
             "left_out": dict(self.left_out),
-            "virtual_runs": sum(one.virtual for one in self.values),
-            "runs_with_faults": sum(one.faults for one in self.values),
+            "virtual_runs": sum(one.metric.virtual for one in self.values),
+            "runs_with_faults": sum(bool(one.metric.scenario) for one in self.values),
         }
 
 
@@ -123,9 +128,9 @@ def _collected(
 def _of_side(
     data: Path, ask: Ask, metrics: list[MetricRow], beside: Mapping[Place, float | None], left_out: Counter[str]
 ) -> StoredValues:
-    rows: list[StoredMetric] = []
+    rows: list[StoredValue] = []
     for one in metrics:
-        found = value_of(data, one, ask, beside)
+        found = value_of(one, ask, beside)
         if isinstance(found, str):
             left_out[found] += 1
         else:
@@ -140,9 +145,8 @@ def _of_side(
         _check_one_kind(ask.metric, pooled)
     side = ask.side or metric.side
     name = ask.metric if side == "both" else f"{ask.metric} side {side.replace('-', '−')}"
-    values = [row.value for row in rows]
     limits = Limits(min=metric.limit_min, max=metric.limit_max)
-    return StoredValues(ask, metric.unit, name, metric.definition, limits, values, left_out, pooled)
+    return StoredValues(data, ask, metric.unit, name, metric.definition, limits, rows, left_out, pooled)
 
 
 def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[MetricRow], Counter[str]]:
@@ -204,28 +208,26 @@ def _check_one_kind(metric: str, kinds: Counter[Kind]) -> None:
         )
 
 
-def _attempts(rows: list[StoredMetric], which: str, left_out: Counter[str]) -> list[StoredMetric]:
+def _attempts(rows: list[StoredValue], which: str, left_out: Counter[str]) -> list[StoredValue]:
     if which == "all":
         return rows
-    kept: dict[str, StoredMetric] = {}
-    for row in rows:
-        if which == "last" or row.value.serial not in kept:
-            kept[row.value.serial] = row
+    in_turn = rows if which == "last" else reversed(rows)
+    kept = {row.metric.serial: row for row in in_turn}  # the later one stays
     if len(rows) > len(kept):
         left_out[f"that are not the {which} of their unit"] += len(rows) - len(kept)
-    return sorted(kept.values(), key=lambda row: row.value.run_id)
+    return sorted(kept.values(), key=lambda row: row.metric.run)
 
 
-def _same(rows: list[StoredMetric], name: str) -> MetricRow:
+def _same(rows: list[StoredValue], name: str) -> MetricRow:
     """Return the metric of the newest run; StationError when another run means something else by it."""
-    newest, metric = rows[-1]
+    metric = rows[-1].metric
     of = attrgetter(*SAME)
     meaning = of(metric)
-    for value, other in rows:
+    for other, _ in rows:
         if of(other) != meaning:
             differs = [key for key in SAME if getattr(other, key) != getattr(metric, key)]
             raise StationError(
-                f"runs {value.run_id} and {newest.run_id} mean different things by {name}: {differs[0]} is "
+                f"runs {other.run} and {metric.run} mean different things by {name}: {differs[0]} is "
                 f"{_shown(other, differs[0])} and {_shown(metric, differs[0])}. Choose runs of one recipe with --recipe"
             )
     return metric

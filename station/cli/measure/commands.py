@@ -151,6 +151,13 @@ def recover(
     yes: Annotated[
         bool, typer.Option("--yes", help="Skip the question. Only after you have checked the bench.")
     ] = False,
+    by_signal: Annotated[
+        bool,
+        typer.Option(
+            "--by-signal", help="Without a terminal, as the station does it: SIGUSR1 answers yes, SIGINT leaves it."
+        ),
+    ] = False,
+    operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Who recovers the bench.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Recover the bench after a fault: show its state, acknowledge, bring the torque to zero, open the lock.
@@ -160,7 +167,9 @@ def recover(
     """
     from station.cli.measure import recover as command_recover
 
-    raise typer.Exit(command_recover.recover(bench, data, yes=yes, as_json=as_json))
+    raise typer.Exit(
+        command_recover.recover(bench, data, yes=yes, as_json=as_json, by_signal=by_signal, operator=operator)
+    )
 
 
 def conclude(

@@ -10,7 +10,9 @@ from __future__ import annotations
 import contextlib
 import json
 import select
+import signal
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +25,7 @@ from station.documents.events import Alarm, LeftState
 from station.documents.manifest import LeftBy, Setup
 from station.errors import BenchFaultError, RecordError, StationError
 from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
-from station.records.data_folder import Store
+from station.records.data_folder import Store, check_operator
 from station.records.left_state import left_state
 from station.records.program_file import PROGRAM, StoredProgram, plain_program
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
@@ -37,9 +39,12 @@ from station.run.pacing import pacing_of
 from station.run.supervisor import Supervisor
 from station.run.way_back.guide import Guide
 from station.run.way_back.recover import recover as conclude_deserted
+from station.run.way_back.recoveries import is_released, recoveries
 from station.version import software
 
-FOLDER = "recoveries"
+ACKNOWLEDGED_BY = signal.SIGUSR1
+"""Signal that is the answer of whoever has no terminal, such as the station; SIGINT leaves the bench as it is."""
+
 NO_FAULT = FAULT_BY_ID["brake_stays_closed"].number
 """Where a run was torn off without a fault: what goes on is the lock that was left closed."""
 
@@ -59,8 +64,12 @@ class Recovery:
     record: str
 
 
-def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
+def recover(
+    bench: str | None, data: Path, *, yes: bool, as_json: bool, by_signal: bool = False, operator: str | None = None
+) -> int:
     """Lead a person through the way back; 0 when the unit is unloaded and the lock open, else 4.
+
+    yes: nobody is asked. by_signal: whoever is asked answers by `ACKNOWLEDGED_BY`. operator: who recovers the bench.
 
     Raises:
         StationError, RecipeError: no run has left this bench, or nobody is there to answer.
@@ -93,14 +102,15 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
             f"{run.id}: its virtual bench ended with the run, so there is nothing to recover. Name a bench that is "
             "still running with --bench"
         )
-    if not yes and not sys.stdin.isatty():
+    if not (yes or by_signal) and not sys.stdin.isatty():
         raise StationError(
             "no terminal to answer in: run it in a terminal, or with --yes after you have checked the bench"
         )
     job = stored_job(run) if bench is None else load_job(str(run.folder / "recipe.yaml"), bench)
     left = left_by(table)
-    record = _create(data, run, job, left)
-    guide = Guide(job.program, say, _say_yes if yes else _typed)
+    asked = _Signalled() if by_signal else _Said(_say_yes if yes else _typed)
+    record = _create(data, run, job, left, None if operator is None else check_operator(operator))
+    guide = Guide(job.program, say, asked.answer, asked.forget)
     with contextlib.closing(record.lock):
         try:
             outcome = Supervisor(
@@ -111,7 +121,7 @@ def recover(bench: str | None, data: Path, *, yes: bool, as_json: bool) -> int:
             outcome = RunOutcome.refused_by(record, error)
         result = conclude(record, job, outcome).result
     after = result.left
-    released = result.state == "stopped" and after is not None and after.lock == "open"
+    released = is_released(result.state, after)
     report = Recovery(
         bench=job.bench.bench.name,
         run=run.id,
@@ -155,7 +165,7 @@ def left_by(table: Table) -> LeftBy:
 def _last_run(store: Store, bench: str | None) -> RunRecord:
     """Return the newest run over wires, on this bench when one is named, or the recovery that came after it."""
     name = None if bench is None else load_bench(find_bench(bench)).bench.name
-    runs = [*store.runs(), *Store(store.data / FOLDER).runs()]
+    runs = [*store.runs(), *recoveries(store.data).runs()]
     virtual = False
     for run in sorted(runs, key=lambda item: item.id, reverse=True):
         try:
@@ -174,13 +184,11 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
             return run
     on = f" on bench {name}" if name else ""
     if virtual:
-        raise StationError(
-            f"{store.data}: the runs{on} are in virtual time, which leaves no bench behind: nothing to recover"
-        )
+        raise StationError(f"{store.data}: the runs{on} were in virtual time: there is no bench to recover")
     raise StationError(f"{store.data}: no run{on} has left a record: name the runs' folder with --data")
 
 
-def _create(data: Path, run: RunRecord, job: Job, left: LeftBy) -> RunRecord:
+def _create(data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | None) -> RunRecord:
     of = run.manifest()
     setup = Setup(
         recipe=of.recipe,
@@ -189,15 +197,45 @@ def _create(data: Path, run: RunRecord, job: Job, left: LeftBy) -> RunRecord:
         clock=pacing_of(job).clock,
         software=software(),
         scenario=None,  # that of the run before is not injected again
+        operator=operator,
         bench=bench_source(job),
         recovery_of=run.id,
         left=left,
     )
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
     files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
-    record = Store(data / FOLDER).create(of.serial, setup, files, own=True)
+    record = recoveries(data).create(of.serial, setup, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))
     return record
+
+
+class _Said:
+    """The answer of a person at this terminal, or of one who has checked the bench before."""
+
+    def __init__(self, answer: Callable[[], str | None]) -> None:
+        self.answer = answer
+
+    def forget(self) -> None:
+        """What was typed ahead counts: it was typed here."""
+
+
+class _Signalled:
+    """The answer of a person who has no terminal here. What came before the question is no answer to it."""
+
+    def __init__(self) -> None:
+        self._heard = False
+        signal.signal(ACKNOWLEDGED_BY, self._hear)
+
+    def _hear(self, *_: object) -> None:
+        self._heard = True
+
+    def forget(self) -> None:
+        """A question is asked now."""
+        self._heard = False
+
+    def answer(self) -> str | None:
+        """Return yes once it was said, None before."""
+        return "y" if self._heard else None
 
 
 def _say_yes() -> str | None:

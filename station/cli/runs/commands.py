@@ -190,14 +190,20 @@ def verify(
         str | None, typer.Option("--bench", metavar="FILE", help="Bench file that contains the public key.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Compare the size of the samples, not their bytes.")] = False,
+    code: Annotated[
+        str | None, typer.Option("--code", metavar="TEXT", help="Check one certificate by its code instead.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Check that no run is missing or altered: the chain, its signatures and every file.
 
+    With --code: is a certificate genuine, altered or unknown?
     Exit code: 0 passed, 1 not, 2 bad input.
     """
     from station.cli.runs import verify as command_verify
 
+    if code is not None:
+        raise typer.Exit(command_verify.verify_code(data, code, as_json=as_json))
     raise typer.Exit(command_verify.verify(data, key or [], bench, samples=not quick, as_json=as_json))
 
 

@@ -38,7 +38,7 @@ from station.results.export_origin import Origin, origin_of
 from station.results.judged import judged_in
 from station.results.run_analysis import evaluate_run
 from station.results.trace_origin import check_recipe_fits, objections_to_bench
-from station.results.unit_hint import torque_unit_hint
+from station.results.unit_hint import in_other_unit, torque_unit_hint
 from station.run.conclusion import NOT_DECIDABLE
 from station.version import version
 from station.wall_clock import WALL_CLOCK
@@ -89,6 +89,9 @@ def elsewhere(
     if bench is None:
         judged = _with_unknown_lag(judged, found)
     judged = _with_warnings(judged, recipe, recipe_file, bench)
+    unit_hint = torque_unit_hint(trace, recipe)
+    if origin is None and unit_hint:
+        judged = _with_other_unit(judged, unit_hint)
     reading = f"{path}: {trace.reading}" if trace.reading else ""
     result = Evaluation(
         run=None,
@@ -101,13 +104,31 @@ def elsewhere(
         metrics=judged.metrics,
         gates=judged.gates,
         not_excluded=judged.not_excluded,
-        notes=(*[text for text in (torque_unit_hint(trace, recipe), reading) if text], *judged.notes),
+        notes=(*[text for text in (unit_hint, reading) if text], *judged.notes),
         stages=judged.stages,
         record=str(path),
         preset=selection.preset,
         selection=tuple(selection.parts),
     )
     return result if origin is None else _with_origin(result, origin, bench_name)
+
+
+def _with_other_unit(judged: Judged, hint: str) -> Judged:
+    """Decide nothing by a torque that stands in another unit: its stiffness is off by as much as its peak."""
+    shown = next((check.figure for check in judged.gates if check.id == "stiffness_high"), None)
+    if not in_other_unit(hint, shown):
+        return judged
+    metrics = tuple(
+        replace(
+            one,
+            verdict=NOT_DECIDABLE,
+            sides={side: replace(value, verdict=NOT_DECIDABLE) for side, value in one.sides.items()},
+        )
+        if one.verdict
+        else one
+        for one in judged.metrics
+    )
+    return replace(judged, verdict=NOT_DECIDABLE, metrics=metrics, reasons=(hint, *judged.reasons))
 
 
 def _with_origin(result: Evaluation, origin: Origin, bench_name: str | None) -> Evaluation:
@@ -259,7 +280,7 @@ def _unlike_the_run(verdict: str, original: str | None, made_by: Software, again
         if was == now
         else f"by lostmotion {was} then, and by {now} now. Evaluate it by {was}, or measure again"
     )
-    return f"the run's own verdict is {original}, evaluated anew it is {verdict}: {software}"
+    return f"the run's own verdict is {original}, re-evaluated it is {verdict}: {software}"
 
 
 def _with_unknown_lag(judged: Judged, found: Found) -> Judged:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import Any
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from rich.padding import Padding
 from rich.text import Text
@@ -13,6 +14,7 @@ from definitions.metrics import FITS, METRICS
 from recipes import PRESETS
 from recipes.schema.metric_schema import MetricWanted, preset_metrics
 from station.cli.runs.evaluate_anew import known_preset
+from station.documents.entries import plain
 from station.reports.result_view import result_console
 
 
@@ -25,13 +27,14 @@ def metrics(preset: str | None, *, as_json: bool) -> int:
     if as_json:
         fits = {name: {"text": fit.text, "source": fit.source} for name, fit in FITS.items()}
         found = {"metrics": rows, "fits": fits, "presets": [_preset(name) for name in names]}
-        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(plain(found), ensure_ascii=False) + "\n")
         return 0
     console = result_console()
     for metric in rows:
-        unit = "" if metric["unit"] == "1" else f"  {metric['unit']}"
-        console.print(Text.assemble((metric["title"], "bold"), (f"  {metric['id']}{unit}", "dim")))
-        lines = [metric["definition"], *(f"{name}: {', '.join(metric[name])}" for name in CHOICES if metric[name])]
+        unit = "" if metric.unit == "1" else f"  {metric.unit}"
+        console.print(Text.assemble((metric.title, "bold"), (f"  {metric.id}{unit}", "dim")))
+        choices = {name: getattr(metric, name) for name in CHOICES}
+        lines = [metric.definition, *(f"{name}: {', '.join(chosen)}" for name, chosen in choices.items() if chosen)]
         console.print(Padding(Text("\n".join(lines)), (0, 0, 0, 4)))
     console.print(Text("\nFits of the stiffness curve", style="bold"))
     for name, fit in FITS.items():
@@ -39,48 +42,70 @@ def metrics(preset: str | None, *, as_json: bool) -> int:
     for name in names:
         shown = _preset(name)
         console.print(Text(f"\npreset {name}", style="bold"))
-        lines = [shown["text"], f"percentages of: {shown['reference']}", f"break torques: {shown['breaks']}"]
-        console.print(Padding(Text("\n".join([*lines, *shown["metrics"]])), (0, 0, 0, 4)))
+        lines = [shown.text, f"percentages of: {shown.reference}", f"break torques: {shown.breaks}"]
+        console.print(Padding(Text("\n".join([*lines, *shown.metrics])), (0, 0, 0, 4)))
     return 0
 
 
+class ShownMetric(NamedTuple):
+    """A metric; the choices are empty where there is one only."""
+
+    id: str
+    symbol: str
+    title: str
+    unit: str
+    definition: str
+    source: str
+    branches: Sequence[str]
+    sides: Sequence[str]
+    variants: Sequence[str]
+    fits: Sequence[str]
+    free: Sequence[str]
+
+
+class ShownPreset(NamedTuple):
+    """A preset: what its percentages are of, its break torques, and its metrics with what is chosen for each."""
+
+    name: str
+    text: str
+    reference: str
+    breaks: str
+    metrics: Sequence[str]
+
+
 CHOICES = ("branches", "sides", "variants", "fits", "free")
-"""What can be chosen for a metric, by the names of the JSON object."""
+"""What can be chosen for a metric."""
 
 
 def _metrics_of(preset: str | None) -> list[str]:
     return list(METRICS) if preset is None else list(dict.fromkeys(row.id for row in PRESETS[preset].metrics))
 
 
-def _metric(name: str) -> dict[str, Any]:
+def _metric(name: str) -> ShownMetric:
     row = METRICS[name]
-    several = {
-        "branches": row.branches,
-        "sides": row.sides,
-        "variants": row.variants,
-        "fits": row.fits,
-    }
-    return {
-        "id": name,
-        "symbol": row.symbol,
-        "title": row.title,
-        "unit": row.unit,
-        "definition": row.text,
-        "source": row.source,
-        **{key: list(choices) if len(choices) > 1 else [] for key, choices in several.items()},
-        "free": list(row.free),
-    }
+    return ShownMetric(
+        id=name,
+        symbol=row.symbol,
+        title=row.title,
+        unit=row.unit,
+        definition=row.text,
+        source=row.source,
+        branches=_several(row.branches),
+        sides=_several(row.sides),
+        variants=_several(row.variants),
+        fits=_several(row.fits),
+        free=row.free,
+    )
 
 
-def _preset(name: str) -> dict[str, Any]:
+def _several(choices: Sequence[str]) -> Sequence[str]:
+    return choices if len(choices) > 1 else ()
+
+
+def _preset(name: str) -> ShownPreset:
     row = PRESETS[name]
-    return {
-        "name": name,
-        "text": row.text,
-        "reference": row.reference,
-        "breaks": row.breaks,
-        "metrics": [metric_text(metric) for metric in preset_metrics(name)],
-    }
+    metrics = [metric_text(metric) for metric in preset_metrics(name)]
+    return ShownPreset(name, row.text, row.reference, row.breaks, metrics)
 
 
 def metric_text(metric: MetricWanted) -> str:

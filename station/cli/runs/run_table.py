@@ -7,7 +7,6 @@ import io
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from station.cli.out_file import refuse_records, writing
 from station.cli.say import Grid, say
@@ -53,7 +52,12 @@ def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: b
     if as_csv and out is None:
         sys.stdout.write(csv_of(rows, LOCALES[locale]))
         return 0
-    return 0 if as_csv else say(_document(rows), _blocks(rows), as_json=as_json)
+    runs = [
+        {name: getattr(row.run, name) for name in RUN_COLUMNS}
+        | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
+        for row in rows
+    ]
+    return 0 if as_csv else say({"runs": runs}, _blocks(rows), as_json=as_json)
 
 
 def moment_of(text: str, option: str = "--since") -> str:
@@ -84,16 +88,6 @@ def csv_of(rows: list[RunTableRow], style: CsvStyle) -> str:
             cells += [figure_cell(part, style) for part in ((None, None) if found is None else found[:2])]
         writer.writerow(cells)
     return stream.getvalue()
-
-
-def _document(rows: list[RunTableRow]) -> dict[str, Any]:
-    return {
-        "runs": [
-            {name: getattr(row.run, name) for name in RUN_COLUMNS}
-            | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
-            for row in rows
-        ]
-    }
 
 
 def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from recipes import find_bench, load_bench
-from station.cli.measure.recover import FOLDER as RECOVERIES
 from station.documents.entries import left_out, plain
 from station.errors import StationError
 from station.own_place import own_place
+from station.records.certificate_code import GENUINE, check_code
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
 from station.records.chain.problems import PROBLEMS
 from station.records.verify import Verified, verify_folder
+from station.run.way_back.recoveries import FOLDER as RECOVERIES
 
 EXIT_PROBLEMS = 1
 MOST_OF_A_KIND = 20
@@ -43,6 +44,40 @@ def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_
         for folder, one in found.items():
             sys.stdout.writelines(f"{line}\n" for line in _lines(folder, one))
     return EXIT_PROBLEMS if any(one.problems for one in found.values()) else 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedCertificate:
+    """What `verify --code` prints: genuine, altered or unknown, why, and what the certificate has to say."""
+
+    certificate: str
+    text: str
+    run: str
+    serial: str
+    attempt: int | None
+    verdict: str | None
+
+
+def verify_code(data: Path, code: str, *, as_json: bool) -> int:
+    """Say whether a certificate is genuine, and what it has to say; 0 genuine, 1 not.
+
+    Raises:
+        StationError: the text is no code, or the data folder cannot be read.
+
+    """
+    found = check_code(data, code)
+    if as_json:
+        whole = CheckedCertificate(
+            certificate=found.standing, text=found.text, run=found.run, serial=found.serial, attempt=found.attempt,
+            verdict=found.verdict,
+        )  # fmt: skip
+        sys.stdout.write(json.dumps(plain(whole), ensure_ascii=False) + "\n")
+    else:
+        told = [f"{found.standing.upper()}  {found.text}", f"run      {found.run}"]
+        told += [f"serial   {found.serial}, attempt {found.attempt}"] if found.serial else []
+        told += [f"verdict  {found.verdict}"] if found.verdict else []
+        sys.stdout.write("\n".join(told) + "\n")
+    return 0 if found.standing == GENUINE else EXIT_PROBLEMS
 
 
 def _key_of(bench: str | None) -> tuple[str, ...]:

@@ -144,7 +144,7 @@ class Question:
         own = self._result(self._own, table, [])
         objections = [reason for reason in recorded.reasons if reason not in own.reasons]
         if own.verdict != recorded.verdict and not objections:
-            said = f"the run's own verdict is {recorded.verdict}, evaluated anew it is {own.verdict}"
+            said = f"the run's own verdict is {recorded.verdict}, re-evaluated it is {own.verdict}"
             objections = [f"{said}: the software is not the one that made it"]
         return self._result(self._other, table, objections)
 

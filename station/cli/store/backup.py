@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
+from station.documents.entries import plain
 from station.records.backup import Kept, back_up, restore
 from station.records.verify import verify_folder
 from station.web.people import audit
@@ -39,15 +38,21 @@ def restored(file: Path, data: Path, *, as_json: bool) -> int:
 def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
     found = verify_folder(data)
     head = _audit_head(data)
-    document: dict[str, Any] = {"file": str(file), "data": str(data), **asdict(kept)}
-    document |= {"runs": found.runs, "chain_entries": found.walk.entries, "audit": head, "passed": not found.problems}
     if as_json:
+        document = plain(kept) | {
+            "file": str(file),
+            "data": str(data),
+            "runs": found.runs,
+            "chain_entries": found.walk.entries,
+            "audit": plain(head),
+            "passed": not found.problems,
+        }
         sys.stdout.write(json.dumps(document, ensure_ascii=False) + "\n")
     else:
         lines = [
             f"{file}: {kept.files} files, {kept.bytes / 1e6:.1f} MB, made {kept.made}",
             f"{data}: {found.runs} runs, {found.walk.entries} entries of the chain",
-            *([] if head is None else [f"audit trail: {head['lines']} lines, head {head['sha256']}"]),
+            *([] if head is None else [f"audit trail: {head.lines} lines, head {head.sha256}"]),
             "every file has its recorded hash; 'verify' " + ("passed" if not found.problems else "finds problems:"),
             *(f"  {problem.text}" for problem in found.problems[:20]),
         ]
@@ -55,11 +60,11 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
     return EXIT_PROBLEMS if found.problems else 0
 
 
-def _audit_head(data: Path) -> dict[str, Any] | None:
+def _audit_head(data: Path) -> audit.Head | None:
     if not (data / FILE).is_file():
         return None
     database = StationDatabase(data)
     with database.reading() as connection:
         head = audit.head_of(connection)
     database.close()
-    return {"lines": head.lines, "sha256": head.sha256}
+    return head

@@ -83,7 +83,7 @@ def _runs(asks: Sequence[Ask], data: Path) -> Source:
             raise StationError(
                 f"{other.ask.metric} is there in other runs than {asks[0].metric}; choose runs of one --recipe"
             )
-    positions = [lock_position_deg(one.run) for one in found[0].values]
+    positions = [lock_position_deg(run) for run in found[0].runs()]
     head = {"runs": ids, "serial": asks[0].serial, "lock_position_deg": positions}
     places = ", ".join(figure(place, "", 4) for place in positions)
     notes = [f"locked shaft at {places}° (by its encoder)", *found[0].notes()]
@@ -135,7 +135,7 @@ def temperature(
 
 def _temperatures(values: Values) -> list[float]:
     if values.stored is not None:
-        return [housing_temperature_c(one.run) for one in values.stored.values]
+        return [housing_temperature_c(run) for run in values.stored.runs()]
     return values.table.numbers(TEMPERATURE) if values.table is not None else []
 
 

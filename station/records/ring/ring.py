@@ -140,7 +140,7 @@ class MappedRing:
             raise RingError(f"{path}: cannot be mapped: {error}") from error
         if len(self._memory) < HEADER_BYTES or len(self._memory) % WORD_BYTES:
             self._memory.close()
-            raise RingError(f"{path}: is not a ring: it has {path.stat().st_size} bytes")
+            raise RingError(f"{path}: is not the ring buffer of a run: it has {path.stat().st_size} bytes")
         self._bytes = memoryview(self._memory)
         self._words = self._bytes.cast("Q")
         words = self._words

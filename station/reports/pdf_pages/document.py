@@ -13,9 +13,11 @@ from reportlab.platypus import SimpleDocTemplate, Spacer, Table
 
 from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
+from station.reports.certificate import Certificate
 from station.reports.content import CHECK_HEADS, FAILED, Content
 from station.reports.headline import badges, headline, how_it_ended, remaining_reasons
 from station.reports.html_page import FIRST, MetricGroup, explained, metric_groups, rule_text, side_text
+from station.reports.pdf_pages.certificate import certificate_parts
 from station.reports.pdf_pages.evidence import budget_parts, evaluation_parts, provenance_parts, timing_parts
 from station.reports.pdf_pages.layout import (
     BADGE_COLOUR,
@@ -43,16 +45,18 @@ PICTURE_SHARE = 0.84
 """Share of the width at which the first pictures leave room on the first page for what is said there."""
 
 
-def report_pdf(
+def report_pdf(  # noqa: PLR0917 - parts of one report, in their order
     result: Result,
     run: Manifest,
     content: Content,
     pictures: dict[str, bytes],
     conditions: dict[str, str],
+    certificate: Certificate | None = None,
 ) -> bytes:
     """Return the report as PDF; arguments as of `report_html`. The same record gives the same bytes."""
     first = [name for name in FIRST if name in pictures]
     story = [
+        *(certificate_parts(certificate, pictures.get("loop.png"), rule_text(result)) if certificate else ()),
         *_top(result, run, content),
         *(picture(pictures[name], PICTURE_SHARE) for name in first),
         *_metrics(result, content),

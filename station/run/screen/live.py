@@ -39,6 +39,8 @@ class LiveReader:
     """Turns records into `LiveView`s for one program."""
 
     def __init__(self, program: Program, *, angle_out: bool = True) -> None:
+        self.program = program
+        """What the controller of the run steps through."""
         self._program = program
         self._angle_out = angle_out
         self._cycles = max((segment.cycle for segment in program.segments), default=0)

@@ -36,10 +36,16 @@ class Step(Enum):
 
 
 class Guide:
-    """One way back. `answer` returns what a person typed, None while nothing has come."""
+    """One way back. `answer` returns what a person said, None while nothing has come; `asks` is called before that."""
 
-    def __init__(self, program: Program, say: Callable[[str], None], answer: Callable[[], str | None]) -> None:
-        self._program, self._say, self._answer = program, say, answer
+    def __init__(
+        self,
+        program: Program,
+        say: Callable[[str], None],
+        answer: Callable[[], str | None],
+        asks: Callable[[], None],
+    ) -> None:
+        self._program, self._say, self._answer, self._asks = program, say, answer, asks
         self._step = Step.WAITING
         self._tries = 0
         self._ordered_s = 0.0
@@ -71,6 +77,7 @@ class Guide:
             self._say(f"not released after {MOST_TRIES} tries: the bench stays as it is")
             self._leave(ring)
             return
+        self._asks()
         self._say(QUESTION)
         self._step = Step.ASKING
 

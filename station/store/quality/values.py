@@ -115,7 +115,7 @@ def one_of(there: Sequence[Characteristic], name: str, branch: str | None = None
     if not found:
         raise StationError(f"--metric: found '{name:.60}'; the newest run of this lot has {names}")
     raise StationError(
-        f"--metric: {name} stands {len(found)} times in a run: {names}. Choose with its words or --branch"
+        f"--metric: {name} is there {len(found)} times in a run: {names}. Choose with its words or --branch"
     )
 
 

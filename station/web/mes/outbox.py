@@ -108,7 +108,9 @@ def _content(data: Path, offset: int) -> bytes:
     try:
         with (data / CHAIN).open("rb") as file:
             if file.seek(0, 2) < offset:
-                raise StationError(f"{data / CHAIN}: is shorter than it was. The MES is told nothing until it is whole")
+                raise StationError(
+                    f"{data / CHAIN}: is shorter than before. No results go to the MES until it is restored"
+                )
             file.seek(offset)
             return file.read()
     except FileNotFoundError:

@@ -13,7 +13,14 @@ from station.web.people.accounts import COOKIE, Session, session_of
 
 HERE = Path(__file__).parent
 
-PAGES = {"bench": "/", "results": "/results", "quality": "/quality", "recipes": "/recipes"}
+PAGES = {
+    "bench": "/",
+    "results": "/results",
+    "quality": "/quality",
+    "recipes": "/recipes",
+    "maintenance": "/maintenance",
+    "certificates": "/certificates",
+}
 """The pages by their names in the bar."""
 
 LONGEST_BUILD_S = 15.0

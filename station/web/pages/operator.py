@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import secrets
 import time
 from html import escape
@@ -18,7 +19,8 @@ from station.reports.headline import remaining_reasons
 from station.reports.result_text import limits_text
 from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
-from station.web.actions import OK, Answer, Station, perform, unconfirmed_run
+from station.web.action_values import refusal
+from station.web.actions import BAD_INPUT, OK, Answer, Station, perform, unconfirmed_run
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.pages.frame import HERE, bar, session_of_request
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
@@ -26,12 +28,15 @@ from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED, Now
 from station.web.running import RUNNING as IS_RUNNING
 from station.web.running import STARTING as IS_STARTING
+from station.web.scanner_test import is_test_code
 
 LOOK_EVERY_S = 0.1
 SESSION_EVERY_S = 2.0
 SAME_SCAN_S = 2.0
 """A code that comes twice within this is one scan, unless the first was refused."""
 
+CAPS_LOCK_ON = "Caps Lock is on: it changes what the scanner sends. Switch it off, then scan the unit again."
+SCANNER_TESTED = "The scanner is read as it should be. Scan the unit."
 PUT_AWAY = "The bad unit is in the NOK box"
 RETEST_REASONS = ("seating of the unit", "result not decidable", "technician asked for it")
 
@@ -41,7 +46,8 @@ def add_pages(station: Station) -> None:
 
     @ui.page("/enter")
     def enter() -> Response:
-        return HTMLResponse((HERE / "enter.html").read_text(encoding="utf-8"))
+        scan = (HERE / "scan.js").read_text(encoding="utf-8")
+        return HTMLResponse((HERE / "enter.html").read_text(encoding="utf-8").replace("/* scan.js */", scan))
 
     @ui.page("/", title="lostmotion")
     async def operator(request: Request) -> Response | None:
@@ -133,7 +139,23 @@ class _Page:
         self._chart.update()
 
     async def _scanned(self, event: Any) -> None:
-        text = str(event.args.get("text", ""))
+        text, settings = str(event.args.get("text", "")), self._station.settings
+        if settings.is_badge(text):
+            # Kept by the browser for the page of the log-in alone: an address would keep it in its history.
+            ui.run_javascript(f"sessionStorage.setItem('badge', {json.dumps(text)}); location.href = '/enter'")
+            return
+        if settings.scanner_test is not None and is_test_code(settings.scanner_test.code, text):
+            answer = await self._perform("test_scanner", {"scanned": text}, secrets.token_hex(16))
+            self._say(answer, text)
+            if answer.status == OK:
+                self._scan = ("", time.monotonic(), "")
+                with self._refused:
+                    ui.label(SCANNER_TESTED)
+                self._refused.set_visibility(True)
+            return
+        if event.args.get("caps"):
+            self._say(Answer(BAD_INPUT, refusal("scan", CAPS_LOCK_ON)), text)
+            return
         before, at, key = self._scan
         if text != before or time.monotonic() - at > SAME_SCAN_S:
             at, key = time.monotonic(), secrets.token_hex(16)

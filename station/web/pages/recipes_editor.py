@@ -205,7 +205,7 @@ class _Editor:
         self._messages.clear()
         with self._messages:
             if looked.job is not None:
-                ui.label("✓ The recipe is in order.").classes("lm-in-order")
+                ui.label("✓ No errors found.").classes("lm-in-order")
             for one in looked.messages:
                 with ui.element("div").classes("lm-warning" if one.is_warning else "lm-problem"):
                     if one.line:
@@ -326,7 +326,9 @@ class _Editor:
 
 def _dry_run_html(now: DryRun, stage: str) -> str:
     if stage == IDLE:
-        return "<p>A unit of the catalogue values of this model is measured by this text. Nothing of it is kept.</p>"
+        return (
+            "<p>Runs this text with a virtual unit that has the catalogue values of the model. Nothing is stored.</p>"
+        )
     if stage == TRYING:
         return f"<p>{escape(now.title)} is being tried. {escape(now.said)}</p>"
     if stage == FAILED or now.result is None:

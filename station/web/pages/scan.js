@@ -1,25 +1,29 @@
 // A scanner types faster than anybody, or begins with the "]" of a symbology identifier; it ends with Enter or Tab.
-// It is taken wherever the focus is.
+// It is taken wherever the focus is. A key that gives no character by itself (a dead key of another layout) leaves a
+// mark in its place: what is lost must not make another serial number. So does every key while Caps Lock is on.
 (() => {
-  const FASTEST_MS = 50, PAUSE_MS = 1000, LEAST = 4, PREFIX = "]";
-  let text = "", first = 0, last = 0;
+  const FASTEST_MS = 50, PAUSE_MS = 1000, LEAST = 4, PREFIX = "]", LOST = "\ufffd", NO_CHARACTER = ["Dead", "Process", "Unidentified"];
+  let text = "", first = 0, last = 0, caps = false;
   const isScan = () => text.length >= LEAST
     && (text.startsWith(PREFIX) || (last - first) / (text.length - 1) <= FASTEST_MS);
+  const tell = (scan) => window.emitEvent ? emitEvent("scan", scan) : document.dispatchEvent(new CustomEvent("scan", { detail: scan }));
   document.addEventListener("keydown", (event) => {
     if (event.altKey || event.metaKey || (event.ctrlKey && event.key !== PREFIX)) return;
+    const lost = NO_CHARACTER.includes(event.key);
     if (event.key === "Enter" || event.key === "Tab") {
       if (isScan()) {
         event.preventDefault();
         event.stopPropagation();
         if (document.activeElement && document.activeElement.blur) document.activeElement.blur();
-        emitEvent("scan", { text: text });
+        tell({ text: text, caps: caps });
       }
       text = "";
-    } else if (event.key.length === 1) {
+    } else if (event.key.length === 1 || lost) {
       const now = event.timeStamp;
-      if (!text || now - last > PAUSE_MS) { text = ""; first = now; }
+      if (!text || now - last > PAUSE_MS) { text = ""; first = now; caps = false; }
       last = now;
-      text += event.ctrlKey ? "\u001d" : event.key;
+      caps = caps || Boolean(event.getModifierState && event.getModifierState("CapsLock"));
+      text += lost ? LOST : event.ctrlKey ? "\u001d" : event.key;
     }
   }, true);
 })();

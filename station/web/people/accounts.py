@@ -41,9 +41,9 @@ WRONG = "name or password is wrong"
 AT_ONCE, LONGEST_WAIT_S = 2, 3.0
 """How many passwords are checked at once, and how long others wait for that."""
 
-_CHECKS = BoundedSemaphore(AT_ONCE)
+CHECKS = BoundedSemaphore(AT_ONCE)
 _HASHER = PasswordHasher()
-_NOBODY = _HASHER.hash(secrets.token_urlsafe())
+NOBODY = _HASHER.hash(secrets.token_urlsafe())
 """Checked for names that do not exist, so that the time to an answer does not tell them from others."""
 
 
@@ -52,7 +52,14 @@ class AccountError(StationError):
 
 
 class EntryRefusedError(StationError):
-    """Wrong name or password, or an account that is locked or disabled. It says the same of the first two."""
+    """Wrong name or password, or an account that is locked or disabled. It says the same of the first two.
+
+    name: whose account it is, where that is known, for the audit trail alone.
+    """
+
+    def __init__(self, text: str, name: str = "?") -> None:
+        super().__init__(text)
+        self.name = name
 
 
 class TooManyEntriesError(StationError):
@@ -143,9 +150,9 @@ def change_password(connection: Connection, name: str, old: str, new: str) -> No
     if new == old:
         raise AccountError("new_password: is the old one. Choose another")
     row = connection.execute(select(PEOPLE).where(PEOPLE.c.name == name)).one()
-    if (locked := _locked(row)) is not None:
+    if (locked := locked_out(row)) is not None:
         raise locked
-    if not _fits(row.password, old):
+    if not fits(row.password, old):
         raise EntryRefusedError("the old password is wrong")
     connection.execute(
         update(PEOPLE).where(PEOPLE.c.name == name).values(password=_HASHER.hash(new), must_change=False)
@@ -165,24 +172,29 @@ def enter(database: StationDatabase, name: str, password: str) -> Session | Entr
     by_name = select(PEOPLE).where(PEOPLE.c.name == (name if is_name(name) else ""))
     with database.reading() as connection:
         before = connection.execute(by_name).first()
-    if not _CHECKS.acquire(timeout=LONGEST_WAIT_S):
+    if not CHECKS.acquire(timeout=LONGEST_WAIT_S):
         raise TooManyEntriesError("too many people log in at once. Try again in a moment")
     try:
-        fits = _fits(_NOBODY if before is None else before.password, password)
+        right = fits(NOBODY if before is None else before.password, password)
     finally:
-        _CHECKS.release()
+        CHECKS.release()
     with database.writing() as connection:
         row = connection.execute(by_name).first()
         if row is None or row.disabled:
             return EntryRefusedError(WRONG)
-        if (locked := _locked(row)) is not None:
+        if (locked := locked_out(row)) is not None:
             return locked
-        if not fits or before is None or row.password != before.password:
+        if not right or before is None or row.password != before.password:
             count_wrong(connection, name)
             return EntryRefusedError(WRONG)
-        connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(failed=0, locked_until_s=None))
-        connection.execute(delete(SESSIONS).where(SESSIONS.c.ends_s < WALL_CLOCK.now().timestamp()))
-        return open_session(connection, Person(name, row.role, row.must_change))
+        return let_in(connection, row)
+
+
+def let_in(connection: Connection, row: Any) -> Session:
+    """Open a session for the account of a row of `PEOPLE`: wrong tries are forgotten, and sessions that have ended."""
+    connection.execute(update(PEOPLE).where(PEOPLE.c.name == row.name).values(failed=0, locked_until_s=None))
+    connection.execute(delete(SESSIONS).where(SESSIONS.c.ends_s < WALL_CLOCK.now().timestamp()))
+    return open_session(connection, Person(row.name, row.role, row.must_change))
 
 
 def count_wrong(connection: Connection, name: str) -> None:
@@ -193,7 +205,8 @@ def count_wrong(connection: Connection, name: str) -> None:
     connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(**changes))
 
 
-def _locked(row: Any) -> EntryRefusedError | None:
+def locked_out(row: Any) -> EntryRefusedError | None:
+    """Return the refusal where the account of a row is locked now."""
     left_s = 0.0 if row.locked_until_s is None else row.locked_until_s - WALL_CLOCK.now().timestamp()
     if left_s <= 0.0:
         return None
@@ -239,7 +252,13 @@ def _check_password(password: str) -> None:
         )
 
 
-def _fits(kept: str, password: str) -> bool:
+def hashed(password: str) -> str:
+    """Return what is kept of a password or a PIN."""
+    return _HASHER.hash(password)
+
+
+def fits(kept: str, password: str) -> bool:
+    """Say whether a password or a PIN is the one that was kept."""
     try:
         return _HASHER.verify(kept, password[: LONGEST_PASSWORD + 1])
     except (VerificationError, UnicodeEncodeError):

@@ -48,6 +48,27 @@ PEOPLE = Table(
     Column("locked_until_s", Float),
     Column("disabled", Boolean, nullable=False),
 )  # fmt: skip
+BADGES = Table(
+    "badges", METADATA,
+    Column("name", String(64), primary_key=True),
+    Column("digest", String(64), nullable=False, unique=True),
+    Column("pin", Text, nullable=False),
+)  # fmt: skip
+"""Badges by their owners: the hash of the number, and of the PIN."""
+
+BADGE_SALT = Table(
+    "badge_salt", METADATA, Column("number", Integer, primary_key=True), Column("salt", String(64), nullable=False)
+)
+"""One row: the salt of all hashes of badge numbers."""
+
+SCANNER_TESTS = Table(
+    "scanner_tests", METADATA,
+    Column("number", Integer, primary_key=True),
+    Column("name", String(64), nullable=False),
+    Column("at_s", Float, nullable=False),
+)  # fmt: skip
+"""When the test code of the scanner was read as it was printed."""
+
 SESSIONS = Table(
     "sessions", METADATA,
     Column("token_sha256", String(64), primary_key=True),

@@ -121,6 +121,23 @@ def test_a_fixture_that_takes_the_whole_windup_is_told() -> None:
     assert of(result, "clipping").passed is False
 
 
+def test_coarse_angles_are_the_one_reason() -> None:
+    """Rounded to a tenth of a radian: what else fails then, fails by it."""
+    coarse = np.round(GOOD.angle_in_rad, 1)
+    result = judged(trace=dataclasses.replace(GOOD, angle_in_rad=coarse, drive_angle_rad=None))
+    assert [reason.split(":")[1].strip() for reason in result.reasons] == ["angle_steps"]
+    assert of(result, "clipping").passed is False
+
+
+def test_angles_in_milliradians_are_not_an_encoder_that_stands() -> None:
+    """The lock gives way by less than they are rounded to: more digits are wanted, not another encoder."""
+    rounded = {name: np.round(getattr(GOOD, name), 3) for name in ("angle_in_rad", "angle_out_rad")}
+    result = judged(trace=dataclasses.replace(GOOD, drive_angle_rad=None, **rounded))
+    assert result.verdict is Verdict.NOT_DECIDABLE
+    for check in ("late_torque", "locked_compliance"):
+        assert "with more digits" in of(result, check).text
+
+
 def test_an_angle_without_any_change_is_no_measurement() -> None:
     result = judged(trace=dataclasses.replace(GOOD, angle_in_rad=np.zeros(GOOD.samples)))
     assert of(result, "clipping").figure > 40.0

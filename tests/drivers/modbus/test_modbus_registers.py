@@ -68,10 +68,11 @@ def test_what_is_written_reads_back(byte_order: str, word_order: str, whole: int
 
 
 def test_bits_gaps_and_scales() -> None:
-    reader = RegisterReader(modbus_profile(raw_profile("virtual-remote-io")))
-    names = ("identity", "estop_released", "guard_closed", "housing_temp_c", "ambient_temp_c", "life_counter")
-    assert reader.names == names
-    assert reader.values(sent(0x4C49, 0b10, 0xFFFF, 251, 7)) == [0x4C49, 0, 1, -0.1, pytest.approx(25.1), 7]
+    bits = [{"name": f"bit_{bit}", "offset": 1, "type": "u16", "bit": bit} for bit in (0, 1)]
+    scaled = [{"name": f"scaled_{offset}", "offset": offset, "type": "i16", "scale": 0.1} for offset in (2, 4)]
+    reader = RegisterReader(profile([*bits, *scaled, {"name": "whole", "offset": 5, "type": "u16"}], 6))
+    assert reader.names == ("bit_0", "bit_1", "scaled_2", "scaled_4", "whole")
+    assert reader.values(sent(0x4C49, 0b10, 0xFFFF, 99, 251, 7)) == [0, 1, -0.1, pytest.approx(25.1), 7]
 
 
 @pytest.mark.parametrize("bits", [0x7FC00000, 0x7F800000, 0xFF800000])

@@ -64,6 +64,11 @@ def bench_with(folder: Path, name: str, file: str, old: str, new: str) -> str:
 
 
 REFUSED = {
+    "outputs that no PDO has": (
+        "can-dbc", "can-dbc.yaml", "profile: drive-with-outputs", "profile: virtual-drive", r"digital_outputs \(60FE",
+    ),
+    "two brakes": ("can-dbc", "can-dbc.yaml", "drive_brake: ", "brake: {transport: tcp}\ndrive_brake: ", "brake"),
+    "no brake": ("can-dbc", "can-dbc.yaml", "drive_brake: ", "pace: {port: 1}\n# ", "neither brake nor drive_brake"),
     "signal that is not there": ("can-dbc", "can-dbc.yaml", "Torques.InputTorque", "Torques.InTorque", "InputTorque"),
     "proof in another frame": (
         "can-dbc", "can-dbc.yaml", "alive: noise, still: 50 ms", "alive: counter, alive_field: Angles.InputAngle",

@@ -63,8 +63,10 @@ def prepared(data: Path) -> Path:
 
 
 @contextmanager
-def served(data: Path) -> Iterator[Served]:
-    command = [sys.executable, "-m", "station", "serve", "--port", "0", "--fast", "--data", str(data)]
+def served(data: Path, *words: str) -> Iterator[Served]:
+    """Serve a data folder; a virtual bench runs as fast as it can, unless other words say how it is served."""
+    how = words or ("--fast",)
+    command = [sys.executable, "-m", "station", "serve", "--port", "0", *how, "--data", str(data)]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         first = process.stdout.readline()

@@ -86,19 +86,19 @@ def test_who_guesses_keeps_nobody_waiting(database: StationDatabase, monkeypatch
     with database.writing() as connection:
         accounts.add_person(connection, "Ada", "operator", FIRST)
     monkeypatch.setattr(accounts, "LONGEST_WAIT_S", 0.01)
-    checked = accounts._fits
+    checked = accounts.fits
 
     def slow(kept: str, password: str) -> bool:
         with database.writing():  # what others do meanwhile
             pass
         if password == "first":  # noqa: S105
-            assert accounts._CHECKS.acquire(timeout=0.0), "a second check may go beside"
+            assert accounts.CHECKS.acquire(timeout=0.0), "a second check may go beside"
             with pytest.raises(TooManyEntriesError):
                 enter(database, "Ada", FIRST)
-            accounts._CHECKS.release()
+            accounts.CHECKS.release()
         return checked(kept, password)
 
-    monkeypatch.setattr(accounts, "_fits", slow)
+    monkeypatch.setattr(accounts, "fits", slow)
     assert isinstance(entered(database, "Ada", "first"), EntryRefusedError)
     assert entered(database, "Ada", FIRST).person.name == "Ada"
 

@@ -17,9 +17,14 @@ from station_support import released, write_models
 from recipes import RecipeError, shipped_recipes
 from recipes.schema.bench_schema import MasterPart
 from station.bench.request import Job
+from station.documents.entries import plain
+from station.documents.events import LeftState
 from station.documents.manifest import EarlierAttempt
+from station.documents.result import Result
 from station.records.data_folder import Store
 from station.records.recipe_revisions import save_draft
+from station.records.run_record import RESULT
+from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
 from station.web import permission
 from station.web.mes.previous_step import PreviousStep
@@ -42,7 +47,7 @@ def run(attempt: int, verdict: str | None = "PASS", state: str = "complete") -> 
 
 
 def newest(state: str, started: str = "2026-01-01T00:00:00+00:00") -> SimpleNamespace:
-    manifest = SimpleNamespace(started=started, verdict=None)
+    manifest = SimpleNamespace(started=started, verdict=None, bench=SimpleNamespace(name="bench"))
     return SimpleNamespace(id="R1", state=lambda: state, manifest=lambda: manifest)
 
 
@@ -65,6 +70,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
     return {
         "bench_free": dataclasses.replace(good, busy=True),
         "model_known": dataclasses.replace(good, model=None, job=None),
+        "scanner_tested": dataclasses.replace(good, scanner_tested=False),
         "previous_step_passed": dataclasses.replace(good, previous_step=FAILED_BEFORE),
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
         "recipe_released": dataclasses.replace(good, release=None),
@@ -88,6 +94,14 @@ def test_each_condition_fails_alone_with_its_reason(good: Situation, monkeypatch
         assert why
 
 
+def test_a_code_that_was_read_twice_in_one_is_no_unit(good: Situation) -> None:
+    loose = good.model.model_copy(update={"serial": "[A-Z0-9-]{4,32}"})
+    for serial, allowed in (("SN-1", True), ("SN-1SN-1", False), ("SN-1SN-2", True)):
+        found = refusals(dataclasses.replace(good, model=loose, wanted=Wanted(serial)))
+        assert [name for name, _ in found] == ([] if allowed else ["model_known"])
+    assert refusals(dataclasses.replace(good, wanted=Wanted("1111"))) == [], "half of it would be none of this model"
+
+
 def test_all_reasons_are_told_at_once(good: Situation) -> None:
     both = dataclasses.replace(good, before=(run(1),), unconfirmed="R1")
     assert [name for name, _ in refusals(both)] == ["bad_unit_put_away", "retest_reason"]
@@ -109,6 +123,28 @@ def test_master_parts_may_always_be_measured_and_a_bad_one_that_failed_is_no_bad
     one = dataclasses.replace(good, job=with_master_parts(good.job), before=often)
     assert [name for name, _ in refusals(one)] == ["attempts_left", "master_parts"]
     assert refusals(dataclasses.replace(one, wanted=Wanted("MASTER-BAD"))) == []
+
+
+@pytest.mark.parametrize(
+    ("state", "lock", "allowed"),
+    [("stopped", "open", True), ("stopped", "closed", False), ("fault", "open", False), ("recording", "", False)],
+)
+def test_a_bench_is_free_again_when_a_recovery_has_opened_the_lock(
+    good: Situation, tmp_path: Path, state: str, lock: str, *, allowed: bool
+) -> None:
+    fault = Store(tmp_path).create("SN-1", SETUP, {})
+    fault.update(state="fault", files={})
+    one = dataclasses.replace(good, data=tmp_path, job=on_a_cable(good.job), newest=fault)
+    assert [name for name, _ in refusals(one)] == ["bench_recovered"]
+    recovery = recoveries(tmp_path).create("SN-1", dataclasses.replace(SETUP, recovery_of=fault.id), {})
+    if state != "recording":
+        left = LeftState(torque_nm=0.0, torque_known=True, lock=lock, lock_known=True, drive="off", drive_known=True,
+                         release_torque_nm=1.0)  # fmt: skip
+        told = Result(run=recovery.id, serial="SN-1", recipe=SETUP.recipe.head, state=state, verdict="NOT DECIDABLE",
+                      reasons=(), metrics=(), left=left)  # fmt: skip
+        recovery.write_json(RESULT, plain(told))
+        recovery.update(state=state, files={})
+    assert [name for name, _ in refusals(one)] == ([] if allowed else ["bench_recovered"])
 
 
 def test_a_recipe_that_cannot_be_had_is_said(tmp_path: Path) -> None:

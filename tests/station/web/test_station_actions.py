@@ -25,6 +25,9 @@ VALUES = {
     "announce_unit": {"serial": "ä", "previous_step": "passed"},
     "stop_run": {},
     "confirm_nok": {"run": "R"},
+    "begin_recovery": {},
+    "acknowledge_fault": {"recovery": "R"},
+    "leave_recovery": {"recovery": "R"},
     "add_bypass": {"condition": "bench_free", "reason": "r", "hours": 1.0},
     "end_bypass": {"condition": "bench_free"},
     "save_recipe": {"text": "no recipe"},
@@ -32,6 +35,10 @@ VALUES = {
     "ask_release": {"name": "none", "revision": 1, "sha256": "0" * 64},
     "release_recipe": {"name": "none", "revision": 1, "sha256": "0" * 64},
     "add_person": {"name": " no", "role": "operator", "password": FIRST},
+    "assign_badge": {"name": "nobody of this name", "badge": "B-100001", "pin": "8305"},
+    "withdraw_badge": {"name": "nobody of this name"},
+    "change_pin": {"password": "wrong", "pin": "8"},
+    "test_scanner": {"scanned": "yz"},
     "disable_person": {"name": "nobody of this name"},
     "reset_person": {"name": "nobody of this name", "password": FIRST},
     "change_password": {"old_password": PASSWORD, "new_password": PASSWORD},
@@ -149,7 +156,7 @@ def test_the_trail_is_for_those_who_look_after_it(shared_station: Station) -> No
 
 def test_reading_needs_a_session(shared_station: Station) -> None:
     nobody = client_of(shared_station).http
-    for path in ("/api/me", "/api/now", "/api/audit", "/api/runs/x"):
+    for path in ("/api/me", "/api/now", "/api/bench", "/api/audit", "/api/runs/x"):
         assert nobody.get(path).status_code == 401
     nobody.cookies.set(COOKIE, "of nobody")
     assert nobody.get("/api/me").status_code == 401

@@ -1,0 +1,117 @@
+"""The code on a certificate: run id and SHA-256 of its sealed `run.json`, and whether a code is that of a record.
+
+`run.json` has the checksums of every file of the run, and the signed chain has its hash; so one hash stands for all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from station.atomic_file import open_file, refused
+from station.documents.manifest import MANIFEST, Manifest
+from station.errors import StationError
+from station.records.chain.chain_file import Chain
+from station.records.chain.entries import SEALED, Entry
+from station.records.chain.walk import trust_of
+from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.records.seal import alterations, is_sealed
+
+GENUINE, ALTERED, UNKNOWN = "genuine", "altered", "unknown"
+LONGEST_CODE = 400
+
+_CODE = re.compile(r"LM1\.([0-9a-f]{64})\.(.+)", re.IGNORECASE)
+"""Full stops divide it: a scanner sends them alike on the keyboards of most countries."""
+
+
+class CodeError(StationError):
+    """A text that is no code of a certificate."""
+
+
+@dataclass(frozen=True)
+class CheckedCode:
+    """What a code is: genuine, altered or unknown, in words. What a certificate has to say is that of `manifest`.
+
+    manifest: of the run where its record is here. entry: serial number, attempt and verdict as the chain has them.
+    """
+
+    standing: str
+    text: str
+    run: str
+    serial: str = ""
+    attempt: int | None = None
+    verdict: str | None = None
+    manifest: Manifest | None = None
+
+
+def code_of(run: RunRecord) -> str:
+    """Return the code of a concluded run; RecordError when its run.json cannot be read."""
+    return f"LM1.{_hash(run)}.{run.id}"
+
+
+def _hash(run: RunRecord) -> str:
+    path = run.folder / MANIFEST
+    try:
+        with open_file(path) as file:
+            return hashlib.sha256(file.read()).hexdigest()
+    except OSError as error:
+        raise refused(path, error, "read") from error
+
+
+def check_code(data: Path, text: str) -> CheckedCode:
+    """Return what a code is, against the records and the chain of a data folder.
+
+    Raises:
+        CodeError: the text is no code.
+        RecordError: the chain or the record cannot be read.
+
+    """
+    found = _CODE.fullmatch(text.strip()) if len(text) <= LONGEST_CODE else None
+    if found is None:
+        raise CodeError(
+            f"found {text.strip()[:40]!r}; a code begins with 'LM1.', then 64 hexadecimal digits, a full stop and the "
+            "run. Scan the square on the certificate again"
+        )
+    sha256, name = found[1].lower(), found[2]
+    run, chain = Store(data).by_id(name), Chain(data)
+    entry = _sealed(chain, name)
+    if run is None:
+        return _without_record(sha256, name, entry)
+    manifest = run.manifest()
+    known = CheckedCode(ALTERED, "", name, manifest.serial, manifest.attempt, manifest.verdict, manifest)
+    if not is_sealed(manifest):
+        return _said(known, ALTERED, "The run was not concluded, so no certificate was made of it.")
+    if altered := alterations(run, chain=chain):
+        return _said(known, ALTERED, f"The record is not as it was when the run was concluded: {altered[0]}.")
+    if sha256 != _hash(run):
+        return _said(known, ALTERED, "The hash on the certificate is not that of the record: one of the two is forged.")
+    return _said(known, GENUINE, "The record is as it was when the run was concluded. Compare what the paper says.")
+
+
+def _said(known: CheckedCode, standing: str, text: str) -> CheckedCode:
+    shown = known.verdict if standing == GENUINE else None
+    return CheckedCode(standing, text, known.run, known.serial, known.attempt, shown, known.manifest)
+
+
+def _sealed(chain: Chain, run: str) -> Entry | None:
+    """Return the newest signed line with which a run was concluded, by a key that this computer knows."""
+    if not chain.there:
+        return None
+    trusted = trust_of(chain).keys
+    lines = (one for one in chain.entries_of(run) if one.fields["kind"] == SEALED)
+    return next((one for one in reversed(list(lines)) if one.signed and one.fields["key"] in trusted), None)
+
+
+def _without_record(sha256: str, run: str, entry: Entry | None) -> CheckedCode:
+    if entry is None:
+        return CheckedCode(UNKNOWN, "No run of this name was ever made here.", run)
+    fields = entry.fields
+    serial, attempt = str(fields["serial"]), int(fields["attempt"])
+    if sha256 != fields["sha256"]:
+        text = "The hash on the certificate is not the one in the signed chain. The record itself is not here any more."
+        return CheckedCode(ALTERED, text, run, serial, attempt)
+    text = "The signed chain has this run with this hash. The record itself is not here any more."
+    return CheckedCode(GENUINE, text, run, serial, attempt, fields["verdict"])

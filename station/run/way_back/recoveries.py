@@ -1,0 +1,70 @@
+"""Recoveries of a bench: where they are kept, the record that the bench was left by, and whether a fault is over.
+
+A recovery is recorded like a run, in a folder below the runs. The bench is as its newest record left it, be that a run
+or a recovery; a fault is over when a recovery that came after it has unloaded the unit and opened the lock.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from station.documents.events import LeftState
+from station.documents.manifest import RECORDING
+from station.documents.result import Result
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.run_record import RESULT, RunRecord
+from station.records.seal import is_sealed
+
+FOLDER = "recoveries"
+
+NEWEST_LOOKED_AT = 20
+"""Recoveries: of those after the newest run of a bench, the last one counts."""
+
+
+def recoveries(data: Path) -> Store:
+    """Return the recoveries of a data folder."""
+    return Store(data / FOLDER)
+
+
+def is_released(state: str, after: LeftState | None) -> bool:
+    """Say whether a recovery has ended as it should: torque brought to zero, lock open."""
+    return state == "stopped" and after is not None and after.lock == "open"
+
+
+def newest_recovery(data: Path, run: RunRecord) -> RunRecord | None:
+    """Return the newest recovery of a run's bench that was begun after the run; None where there is none.
+
+    Raises:
+        RecordError: run.json of the run cannot be read.
+
+    """
+    bench = run.manifest().bench.name
+    for found in reversed(recoveries(data).newest(NEWEST_LOOKED_AT)):
+        if found.id < run.id:
+            return None
+        try:
+            if found.manifest().bench.name == bench:
+                return found
+        except StationError:
+            return found  # nobody knows what it did: it is not the word that the bench is free
+    return None
+
+
+def is_under_way(recovery: RunRecord) -> bool:
+    """Say whether a recovery is on; RecordError when it cannot be read."""
+    return recovery.manifest().state == RECORDING and not recovery.deserted()
+
+
+def was_recovered(data: Path, run: RunRecord) -> bool:
+    """Say whether the bench was recovered since a run that ended in a fault.
+
+    Raises:
+        RecordError: the run, the recovery or its result cannot be read.
+
+    """
+    found = newest_recovery(data, run)
+    if found is None or not is_sealed(found.manifest()) or not found.has(RESULT):
+        return False
+    result = found.read(Result, RESULT)
+    return is_released(result.state, result.left)

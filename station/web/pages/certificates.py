@@ -1,0 +1,90 @@
+"""The page that checks a certificate: its code is scanned or typed, and the page says what the paper has to say."""
+
+from __future__ import annotations
+
+import asyncio
+from html import escape
+from urllib.parse import quote
+
+from fastapi import Request, Response
+from fastapi.responses import RedirectResponse
+from nicegui import ui
+
+from station.errors import StationError
+from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CheckedCode, check_code
+from station.web.actions import Station
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.words import CIRCLE, SQUARE, TRIANGLE, Shown, local
+from station.web.people.accounts import Session
+
+STANDINGS: dict[str, Shown] = {
+    GENUINE: Shown("PASS", CIRCLE, "GENUINE", "Compare the paper with what stands below."),
+    ALTERED: Shown("FAIL", SQUARE, "ALTERED", "Do not trust this certificate. Call quality."),
+    UNKNOWN: Shown("OPEN", TRIANGLE, "UNKNOWN", "It was not made from the records of this station."),
+}
+"""Style, shape, word and what to do, by what a code is."""
+
+
+def add_certificates(station: Station) -> None:
+    """Add the page to the running application."""
+
+    @ui.page("/certificates", title="lostmotion: certificates", response_timeout=LONGEST_BUILD_S)
+    async def page(request: Request) -> Response | None:
+        session = await asyncio.to_thread(session_of_request, station, request)
+        if session is None or session.person.must_change:
+            return RedirectResponse("/enter")
+        _Certificates(station, session).build()
+        return None
+
+
+class _Certificates:
+    """One open page: the code that was entered last, and what it is."""
+
+    def __init__(self, station: Station, session: Session) -> None:
+        self._station, self._session = station, session
+
+    def build(self) -> None:
+        """Lay the page out."""
+        bar(self._session, "certificates")
+        with ui.element("main").classes("lm-page lm-certificates"):
+            with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
+                self._code = ui.input("Code of the certificate: scan the square, or type it").classes("lm-code")
+                self._code.props("outlined dense clearable autofocus").on("keydown.enter", self._check)
+                ui.button("Check", on_click=self._check, color=None).props("no-caps").classes("lm-button")
+            self._found = ui.html(sanitize=False).classes("lm-stack").props('role="status" aria-live="polite"')
+        ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
+
+    async def _check(self) -> None:
+        if not await still_open(self._station, self._session):
+            return
+        code = (self._code.value or "").strip()
+        try:
+            found = await asyncio.to_thread(check_code, self._station.data, code)
+        except StationError as error:
+            self._found.set_content(f'<div class="lm-refused" role="alert">{escape(str(error))}</div>')
+            return
+        self._found.set_content(_html(found))
+
+
+def _html(found: CheckedCode) -> str:
+    shown, manifest = STANDINGS[found.standing], found.manifest
+    facts = [
+        ("serial number", found.serial),
+        ("attempt", "" if found.attempt is None else str(found.attempt)),
+        ("verdict", found.verdict or ""),
+    ]
+    if manifest is not None:
+        facts += [
+            ("model", manifest.unit.model),
+            ("recipe", f"{manifest.recipe.name} revision {manifest.recipe.revision}"),
+            ("tested", local(manifest.started)),
+        ]
+    name = escape(found.run)
+    run = name if manifest is None else f'<a href="/runs/{quote(found.run, safe="")}">{name}</a>'
+    rows = "".join(f"<dt>{title}</dt><dd>{escape(text)}</dd>" for title, text in facts if text)
+    return (
+        f'<div class="lm-tile lm-wide {shown.style}">{shown.shape}<div><div class="lm-word">{shown.word}</div>'
+        f'<div class="lm-do">{shown.to_do}</div></div></div>'
+        f'<section class="lm-card"><p>{escape(found.text)}</p>'
+        f'<dl class="lm-facts">{rows}<dt>run</dt><dd>{run}</dd></dl></section>'
+    )

@@ -1,0 +1,74 @@
+"""The file `station.yaml`: what a site decides about its station. Without the file everything is as it comes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from recipes import load_document
+from recipes.text.section import refusal
+
+FILE = "station.yaml"
+
+
+class ScannerTest(BaseModel):
+    """The code by which a scanner shows that its keyboard layout is that of the computer, and how long that holds.
+
+    `code`: what is printed on the card at the bench. It has to hold what other layouts and Caps Lock change.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    code: str = "yz-YZ_019/?+=;"
+    hours: float = Field(default=8.0, ge=0.5, le=24.0)
+
+    @field_validator("code")
+    @classmethod
+    def _shows_what_changes(cls, text: str) -> str:
+        needed = {"y", "z", "Y", "Z", "-", "/"}
+        if not text.isascii() or not text.isprintable() or needed - set(text) or text != text.strip():
+            raise refusal(text, f"printable ASCII characters with {' '.join(sorted(needed))} among them")
+        return text
+
+
+class Settings(BaseModel):
+    """The file.
+
+    `operator_by_badge_alone`: whether an operator logs in with a badge and no PIN; nobody else ever does. `badge`:
+    syntax of badge numbers, by which the bench page knows a badge from a unit; without it badges are read on the page
+    for logging in only. `scanner_test`: asked for once a shift where it is given.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    operator_by_badge_alone: bool = False
+    badge: str | None = None
+    scanner_test: ScannerTest | None = None
+
+    @field_validator("badge")
+    @classmethod
+    def _is_expression(cls, text: str | None) -> str | None:
+        if text is None:
+            return None
+        try:
+            re.compile(text)
+        except re.error as error:
+            raise refusal(text, f"a regular expression: {error}") from error
+        return text
+
+    def is_badge(self, scanned: str) -> bool:
+        """Say whether what was scanned is a badge number by its syntax."""
+        return self.badge is not None and re.fullmatch(self.badge, scanned) is not None
+
+
+def load_settings(data: Path) -> Settings:
+    """Return the settings of a data folder; those that it comes with where it has no `station.yaml`.
+
+    Raises:
+        RecipeError: with all problems of the file.
+
+    """
+    file = data / FILE
+    return load_document(file, Settings) if file.exists() else Settings()

@@ -30,7 +30,6 @@ ALLOWED_MS = 1000.0
 
 METRIC = "lost_motion"
 LOT = Lot(recipe="small")
-ALL = LOT._replace(newest=10**9)
 
 FIGURES: dict[str, Callable[[Production], object]] = {
     "yield": lambda look: yield_of(look, LOT),
@@ -41,9 +40,6 @@ FIGURES: dict[str, Callable[[Production], object]] = {
     "trend by month": lambda look: trend_of(look, LOT, METRIC, "month"),
     "trend by shift": lambda look: trend_of(look, LOT, METRIC, "shift"),
     "limits on trial": lambda look: flips(look, LOT, characteristic(look, LOT, METRIC), Rule(None, 0.51, 0.5)),
-    "limits on trial, all runs": lambda look: flips(
-        look, ALL, characteristic(look, ALL, METRIC), Rule(None, 0.51, 0.5)
-    ),
 }
 """What is asked: counts and trends of all runs, values of the newest 2000 first attempts."""
 

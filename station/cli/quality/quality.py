@@ -75,7 +75,7 @@ def print_yield(data: Path, lot: Lot, by: str | None, level: float, *, as_json: 
     heads = (by or "", "first pass", "yield", f"{level:.0%} interval", "final", "yield", f"{level:.0%} interval",
              "FAIL", "NOT DECIDABLE", "stopped or fault")  # fmt: skip
     explained = "first pass: units that passed at their first attempt; final: units by the newest run of each"
-    return say(plain(found), [Grid(heads, rows, right=tuple(range(1, 10))), explained, *notes], as_json=as_json)
+    return say(found, [Grid(heads, rows, right=tuple(range(1, 10))), explained, *notes], as_json=as_json)
 
 
 def _yield_row(one: YieldRow) -> tuple[str, ...]:
@@ -97,7 +97,7 @@ def print_causes(data: Path, lot: Lot, *, as_json: bool) -> int:
     ):  # fmt: skip
         heads = (head, "runs", "share", "cumulative")
         blocks.append(Grid(heads, _cause_rows(causes) or [("none", "", "", "")], right=(1, 2, 3)))
-    return say(plain(found), [*blocks, *notes], as_json=as_json)
+    return say(found, [*blocks, *notes], as_json=as_json)
 
 
 def _cause_rows(causes: Sequence[Cause]) -> list[tuple[str, ...]]:
@@ -119,7 +119,7 @@ def print_capability(
     many = max((one.found.values for one in found.rows if one.found is not None), default=0)
     notes += [f"of the newest {many} first attempts; more with --newest N"] if many == lot.newest else []
     notes.append("other side: its Ppk; the side with the smaller one judges")
-    return say(plain(found), [Grid(heads, rows, right=tuple(range(3, 12))), *notes], as_json=as_json)
+    return say(found, [Grid(heads, rows, right=tuple(range(3, 12))), *notes], as_json=as_json)
 
 
 def _capability_cells(row: CapabilityRow) -> tuple[str, ...]:
@@ -222,7 +222,7 @@ def print_trend(  # noqa: PLR0917 - what is asked for
         f"({percent(one.share_between)} of the variance); p of no difference {one.p_same:.2g}"
     )
     notes += _meanings([(found.metric.name, found.other_meanings)])
-    return say(plain(found), [*blocks, *notes], as_json=as_json)
+    return say(found, [*blocks, *notes], as_json=as_json)
 
 
 def print_type_one(  # noqa: PLR0917 - what is asked for
@@ -253,5 +253,5 @@ def print_type_one(  # noqa: PLR0917 - what is asked for
     blocks += [few] if one.measurements < USUAL else []
     blocks += ["readings are resolved too coarsely: more than 5 % of the tolerance"] if not one.fine_enough else []
     blocks += ["VIRTUAL: units of the virtual bench"] if part.virtual else []
-    say(plain(found), blocks, as_json=as_json)
+    say(found, blocks, as_json=as_json)
     return 0 if one.capable else NOT_SO

@@ -12,15 +12,12 @@ from station.documents.result import Limits
 from station.errors import StationError
 from station.quality.figures import CapabilityRow, capability_of, causes_of, yield_of
 from station.records.run_record import RunRecord
-from station.reports.loop_curves import Line, loop_curves
+from station.reports.loop_curves import FALLING, RISING, Line, loop_curves
 from station.reports.result_text import limits_text, minus, unit_text
 from station.store.quality.lot import Lot, production
 from station.store.quality.values import Characteristic, ValueRow, characteristics, values
 
 Cell = str | float | int | None
-
-LOOP_NAMES = ("rising", "falling")
-"""How the branches of a loop are called, by which the first cycle is taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +162,7 @@ def _loops(
         except StationError:
             without += 1
             continue
-        first = [next((line for line in lines if line.name.startswith(name)), None) for name in LOOP_NAMES]
+        first = [next((line for line in lines if line.name.startswith(name)), None) for name in (RISING, FALLING)]
         branches = tuple(line for line in first if line is not None) or lines[:1]
         found.append(BatchLoop(run, serials[run][0], branches))
     return tuple(found), without

@@ -98,7 +98,9 @@ class _Editor:
             self._refused = ui.label().classes("lm-refused").props('role="alert"')
             self._refused.set_visibility(False)
             with ui.element("div").classes("lm-recipe"):
-                self._editor = ui.codemirror(self._text, language="YAML", indent="  ", on_change=self._typed)
+                self._editor = ui.codemirror(
+                    self._text, language="YAML", theme="githubLight", indent="  ", on_change=self._typed
+                )
                 self._editor.classes("lm-recipe-text")
                 with ui.element("section").classes("lm-recipe-side"):
                     self._load = ui.label().classes("lm-recipe-load").props('role="status"')

@@ -112,6 +112,7 @@ class _Results:
             links = [place for place, one in enumerate(COLUMNS) if one["field"] in LINKS]
             self._grid = ui.aggrid(options, html_columns=links).classes("lm-grid")
             self._behind = ui.label().classes("lm-bypasses").props('role="status"')
+            self._behind.set_visibility(False)
         ui.timer(SESSION_EVERY_S, self._look_again)
         await self._look()
 
@@ -148,6 +149,7 @@ class _Results:
             page = await asyncio.to_thread(search, self._station.data, wanted, first=self._first, count=ROWS)
         except StationError as error:
             self._said.set_text(str(error))
+            self._runs_behind = 1  # a store that is being brought up is there in a moment: it is looked again
             return
         if number == self._searches:  # else something else is looked for by now
             self._show(page)

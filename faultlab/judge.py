@@ -196,7 +196,7 @@ def not_as_in_table(run: FaultRun, place: int) -> list[str]:
     )
     if row.then is not None and following is not None and following.name != row.then.name.lower():
         usual = row.then.name.lower()
-        wrong.append(f"then ordered {following.name} {at(run, following.place)}, the reaction then orders {usual}")
+        wrong.append(f"the next order was {following.name} {at(run, following.place)}, this reaction allows {usual}")
     return wrong
 
 

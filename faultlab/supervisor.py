@@ -16,6 +16,7 @@ from faultlab.record import create_record
 from station.bench.assemble_virtual import load_scenario, vocabulary_on
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.entries import plain
 from station.documents.timing import Timing
 from station.errors import BenchFaultError, StationError
 from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
@@ -120,8 +121,7 @@ def run_apart(job: Job, unit: VirtualUnit | None, scenario_path: Path, data: Pat
         place = Path(cleanup.enter_context(TemporaryDirectory(prefix="lostmotion-supervisor-")))
         sources = {"recipe": str(job.recipe_source.path), "bench": str(job.bench_source.path)}
         spec = place / "spec.json"
-        plain = None if unit is None else unit.plain()
-        spec.write_text(json.dumps(sources | {"unit": plain, "scenario": str(scenario_path), "data": str(data)}))
+        spec.write_text(json.dumps(sources | {"unit": plain(unit), "scenario": str(scenario_path), "data": str(data)}))
         supervisor = children.run_module(
             "faultlab.supervisor_process", spec, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
         )

@@ -15,6 +15,7 @@ from pathlib import Path
 from faultlab.supervisor import EXIT_RECORD_WAITS, run_here
 from station.bench.request import load_job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.reading import of_plain
 from station.errors import RecordError
 from station.run.faults.machine_faults import free_disk
 
@@ -35,7 +36,7 @@ def main() -> int:
     job = load_job(spec["recipe"], spec["bench"])
     try:
         scenario, data = Path(spec["scenario"]), Path(spec["data"])
-        unit = None if spec["unit"] is None else VirtualUnit.from_plain(spec["unit"])
+        unit = None if spec["unit"] is None else of_plain(VirtualUnit, spec["unit"], Path(sys.argv[1]))
         left = run_here(job, unit, scenario, data, _say, begun=lambda folder: _tell(record=str(folder)))
     except RecordError as error:
         free_disk()  # what is still to be said may go to a file

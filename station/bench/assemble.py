@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Literal
 
 from definitions.profiles.drive import DriveProfile
 from definitions.profiles.modbus import ModbusProfile
@@ -12,11 +12,10 @@ from drivers.config import CanConfig, DriveBrakeConfig, DriveConfig, ModbusConfi
 from drivers.pace import PaceConfig
 from recipes import Bench, parse_document
 from recipes.schema.bench_schema import ModbusDevice
+from station.bench.bench_spec import Ports
 from station.bench.files import File
 from station.bench.measuring import blocks, can_sensors, channels, sources
-
-Ports = Mapping[str, Any]
-"""Ready line of the virtual bench: host and port of `can` and of each Modbus device, by its name."""
+from station.errors import StationError
 
 PARITY_LETTERS: dict[str, Literal["N", "E", "O"]] = {"none": "N", "even": "E", "odd": "O"}
 
@@ -75,7 +74,9 @@ def _modbus_profile(content: bytes, path: str) -> ModbusProfile:
 
 def _pace(bench: Bench, ports: Ports | None) -> PaceConfig | None:
     if ports is not None:
-        return PaceConfig(ports["pace"]["host"], ports["pace"]["port"])
+        if ports.pace is None:
+            raise StationError("the bench that was started does not wait for the scan: its ready line names no pace")
+        return PaceConfig(ports.pace.host, ports.pace.port)
     return None if bench.pace is None else PaceConfig(bench.pace.host, bench.pace.port)
 
 
@@ -83,9 +84,9 @@ def can_config(bench: Bench, ports: Ports | None = None) -> CanConfig:
     """Return how to reach the CAN bus of a bench file; `ports` of a started virtual bench replace the file's."""
     can = bench.can
     if ports is not None:
-        there = ports["can"]
+        there = ports.can
         interface: Literal["socketcand"] = "socketcand"
-        return CanConfig(interface, channel=there["channel"], host=there["host"], port=there["port"])
+        return CanConfig(interface, channel=there.channel, host=there.host, port=there.port)
     serial_port = can.channel if can.interface == "slcan" else ""
     return CanConfig(can.interface, can.channel, can.host, can.port, can.bitrate, serial_port)
 
@@ -121,11 +122,11 @@ def drive_brake_config(bench: Bench) -> DriveBrakeConfig | None:
 
 
 def _modbus(device: ModbusDevice, profiles: Mapping[str, File], ports: Ports | None, part: str) -> ModbusConfig:
-    there: Mapping[str, Any] = {"host": device.host, "port": device.port} if ports is None else ports[part]
+    there = device if ports is None else ports.devices[part]
     return ModbusConfig(
         transport=device.transport if ports is None else "tcp",
-        host=there["host"],
-        port=there["port"],
+        host=there.host,
+        port=there.port,
         unit_id=device.unit_id,
         profile=modbus_profile(profiles[device.profile]),
         poll_every_s=device.poll_every_s,

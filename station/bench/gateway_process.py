@@ -1,11 +1,10 @@
 """Entry of the gateway before a bench on a cable: `python -m station.bench.gateway_process SPEC.json`.
 
-The spec names bench file, profiles and scenario, as that of `station.bench.virtual_bench_process`.
+The spec is a `BenchSpec` with a scenario and without a unit.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Mapping
@@ -19,9 +18,11 @@ from recipes.schema.bench_schema import ModbusDevice
 from station.bench.assemble import can_config, modbus_profile
 from station.bench.assemble_virtual import load_scenario, vocabulary_on
 from station.bench.bench_lock import alone_on
+from station.bench.bench_spec import BenchSpec
 from station.bench.files import FileAt
 from station.bench.measuring import can_sensors
 from station.bench.virtual_bench_process import FIFO_PRIORITY
+from station.documents.reading import read_document
 from station.errors import StationError
 from virtual_bench.devices.gateway import GatewayConfig, run_gateway
 from virtual_bench.devices.modbus_gateway import ModbusTarget
@@ -57,16 +58,22 @@ def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_wit
         uvloop.run(run_gateway(config, faults))
 
 
+def _scenario(spec: BenchSpec) -> Path:
+    if spec.scenario is None:
+        raise StationError("the spec of a gateway names no scenario")
+    return Path(spec.scenario)
+
+
 def main() -> int:
     """Read the spec and serve; 2 when the bench cannot be had as asked."""
     try:
-        spec = json.loads(Path(sys.argv[1]).read_text())
+        spec = read_document(BenchSpec, Path(sys.argv[1]))
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         except OSError as error:
             log_line("fifo_refused", str(error))
-        profiles = {name: Path(path) for name, path in spec["profiles"].items()}
-        serve(load_bench(spec["bench"]), profiles, Path(spec["scenario"]), end_with_parent=True)
+        profiles = {name: Path(path) for name, path in spec.profiles.items()}
+        serve(load_bench(spec.bench), profiles, _scenario(spec), end_with_parent=True)
     except (VirtualBenchError, RecipeError, StationError, DriverError) as error:
         log_line("refused", str(error))
         return 2

@@ -219,7 +219,7 @@ def find_profile(name: str, bench_path: Path) -> Path:
     for place in places:
         if place.is_file():
             return place
-    shipped = ", ".join(sorted(path.stem for path in DRIVER_PROFILES.glob("*.yaml")))
+    shipped = ", ".join(sorted(path.stem for path in DRIVER_PROFILES.iterdir() if path.suffix in (".yaml", DBC)))
     found = f"there is no profile '{name}' beside the bench file"
     raise RecipeError([Problem(str(bench_path), 0, 0, "profile", found, f"a file there, or one of {shipped}")])
 

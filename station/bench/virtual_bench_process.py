@@ -1,27 +1,24 @@
 """Entry of the embedded virtual bench: `python -m station.bench.virtual_bench_process SPEC.json`.
 
-The spec names bench file, profiles, unit, scenario, where the torque in the unit is to be written (`truth`), and the
-clock: "scan" lets the scan lead, "wall" has the bench live by the wall clock. The
-ready line with the ports goes to standard output, what the drive and the injected faults do to standard error, one
-JSON line each.
+The spec is a `BenchSpec`. The ready line with the ports goes to standard output, what the drive and the injected faults
+do to standard error, one JSON line each.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import uvloop
 
 from recipes import Bench, RecipeError, load_bench
 from station.bench.assemble_virtual import load_scenario, server_config, vocabulary_on
+from station.bench.bench_spec import BenchSpec
 from station.bench.files import FileAt
-from station.bench.virtual_unit import VirtualUnit
+from station.documents.reading import document_in, read_document
 from station.records.clocks import SCAN
 from virtual_bench.config import ServerConfig
 from virtual_bench.devices.process_lines import log_line
@@ -33,27 +30,29 @@ FIFO_PRIORITY = 60
 """The bench plays hardware, which never waits for a processor: below the scan, above everything ordinary."""
 
 
-def serve(spec: dict[str, Any]) -> None:
+def serve(spec: BenchSpec) -> None:
     """Run the virtual bench of a spec until it is told to end or its parents are gone."""
-    bench = load_bench(spec["bench"])
+    bench = load_bench(spec.bench)
     config = _config(spec, bench)
     faults = None
     if config.scenario is not None:
-        named = {name: FileAt(Path(path)) for name, path in spec["profiles"].items()}
+        named = {name: FileAt(Path(path)) for name, path in spec.profiles.items()}
         faults = load_scenario(config.scenario, vocabulary_on(bench, named))
     play_hardware(config)
     uvloop.run(run(config, faults))
 
 
-def _config(spec: dict[str, Any], bench: Bench) -> ServerConfig:
+def _config(spec: BenchSpec, bench: Bench) -> ServerConfig:
+    if spec.unit is None:
+        raise VirtualBenchError("the spec of a virtual bench names no unit")
     return server_config(
         bench,
-        {name: Path(path) for name, path in spec["profiles"].items()},
-        VirtualUnit.from_plain(spec["unit"]),
-        scenario=None if spec["scenario"] is None else Path(spec["scenario"]),
-        embedded=spec["embedded"],
-        truth=None if spec["truth"] is None else Path(spec["truth"]),
-        waits=spec["clock"] == SCAN,
+        {name: Path(path) for name, path in spec.profiles.items()},
+        spec.unit,
+        scenario=None if spec.scenario is None else Path(spec.scenario),
+        embedded=spec.embedded,
+        truth=None if spec.truth is None else Path(spec.truth),
+        waits=spec.clock == SCAN,
     )
 
 
@@ -72,15 +71,15 @@ def prepare(like: str) -> Callable[[], int]:
     like: that spec as JSON. What is wrong with it is told by the run that it is for.
     """
     with suppress(VirtualBenchError, RecipeError):
-        spec = json.loads(like)
-        warm_up(_config(spec, load_bench(spec["bench"])).bench)
+        spec = document_in(BenchSpec, like.encode(), Path("likely spec"))
+        warm_up(_config(spec, load_bench(spec.bench)).bench)
     return main
 
 
 def main() -> int:
     """Read the spec and serve; 2 when the bench cannot be had as asked."""
     try:
-        serve(json.loads(Path(sys.argv[1]).read_text()))
+        serve(read_document(BenchSpec, Path(sys.argv[1])))
     except (VirtualBenchError, RecipeError) as error:
         log_line("refused", str(error))
         return 2

@@ -6,8 +6,7 @@ Kept apart from what assembles the bench: a real bench has none of it, and this 
 from __future__ import annotations
 
 import secrets
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from virtual_bench.config import Catalogue
 
@@ -28,16 +27,6 @@ class VirtualUnit:
 
     def __str__(self) -> str:
         return self.name
-
-    def plain(self) -> dict[str, Any]:
-        """Return plain data for a spec."""
-        return asdict(self)
-
-    @classmethod
-    def from_plain(cls, data: dict[str, Any]) -> VirtualUnit:
-        """Return what `plain` said."""
-        catalogue = data["catalogue"]
-        return cls(data["name"], data["seed"], None if catalogue is None else Catalogue(**catalogue))
 
 
 def drawn_seed() -> int:

@@ -26,10 +26,11 @@ from station.cli.measure import commands as cli_measure
 from station.cli.quality.commands import quality_app
 from station.cli.runs import commands as cli_runs
 from station.cli.store import commands as cli_store
-from station.cli.store.commands import store_app
+from station.cli.store.commands import retention_app, store_app
 from station.cli.studies import model_commands as cli_models
 from station.cli.studies.commands import study_app
 from station.cli.web import commands as cli_web
+from station.cli.web.accounts_commands import recipes_app, users_app
 from station.errors import BenchFaultError
 from station.plain_text import never_crash
 
@@ -68,9 +69,10 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "verify": cli_runs.verify,
         "backup": cli_store.backup,
         "restore": cli_store.restore,
+        "retention": retention_app,
         "store": store_app,
     },
-    "Station": {"serve": cli_web.serve, "audit": cli_web.audit_app},
+    "Station": {"serve": cli_web.serve, "recipes": recipes_app, "users": users_app, "audit": cli_web.audit_app},
     "Models": {
         "model": cli_models.model,
         "play-model": cli_models.play_model,

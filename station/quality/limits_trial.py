@@ -161,7 +161,7 @@ def draft_of(data: Path, found: Trial, person: str) -> Revision:
     places = [place for place, one in enumerate(recipe.metrics) if one.id == found.metric.metric]
     if len(places) != 1:
         raise StationError(
-            f"{found.metric.metric} stands {len(places)} times in the recipe's own metrics; change it in the station"
+            f"{found.metric.metric} is there {len(places)} times in the recipe's own metrics; change it in the station"
         )
     for name in ("limit_min", "limit_max"):
         now, new = getattr(found.before, name), getattr(found.after, name)

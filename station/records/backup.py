@@ -15,7 +15,7 @@ import sqlite3
 import tarfile
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -189,7 +189,23 @@ def restore(file: Path, data: Path) -> Kept:
     return kept
 
 
+def backed_up(file: Path) -> dict[str, str]:
+    """Return the SHA-256 of every file in a backup by its path in the data folder, each computed from its content.
+
+    Raises:
+        RecordError: as `restore`.
+
+    """
+    return {name: sha256 for name, (_, sha256) in _looked_through(file, None)[0].items()}
+
+
 def _read(file: Path, into: Path) -> Kept:
+    found, made = _looked_through(file, into)
+    return Kept(len(found), sum(size for size, _ in found.values()), made)
+
+
+def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int, str]], str]:
+    """Return size and SHA-256 of every file of a whole backup, and when it was made; into: where they are written."""
     found: dict[str, tuple[int, str]] = {}
     listed: FileList | None = None
     try:
@@ -218,24 +234,31 @@ def _read(file: Path, into: Path) -> Kept:
         raise RecordError(
             f"{file}: {wrong[0]} differs from what was backed up ({len(wrong)} files). Take another backup"
         )
-    return Kept(len(found), sum(size for size, _ in found.values()), listed.made)
+    return found, listed.made
 
 
-def _extracted(file: Path, name: str, content: Any, into: Path) -> tuple[int, str]:
+def _extracted(file: Path, name: str, content: Any, into: Path | None) -> tuple[int, str]:
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
         raise RecordError(
             f"{file}: {name!r} would be written outside the data folder; it is not a backup of this program"
         )
-    path = into.joinpath(*pure.parts)
-    path.parent.mkdir(parents=True, exist_ok=True)
     size, digest = 0, hashlib.sha256()
-    with path.open("xb") as out:
+    with ExitStack() as opened:
+        out = None if into is None else opened.enter_context(_made(into.joinpath(*pure.parts)))
         while block := content.read(COPY_BYTES):
-            out.write(block)
             digest.update(block)
             size += len(block)
-        out.flush()
-        os.fsync(out.fileno())
-    path.chmod(0o600 if name in DATABASES else 0o644)
+            if out is not None:
+                out.write(block)
+        if out is not None:
+            out.flush()
+            os.fsync(out.fileno())
+    if into is not None:
+        into.joinpath(*pure.parts).chmod(0o600 if name in DATABASES else 0o644)
     return size, digest.hexdigest()
+
+
+def _made(path: Path) -> Any:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path.open("xb")

@@ -15,7 +15,11 @@ from station.records.run_record import RunRecord
 
 
 def folder_problems(
-    data: Path, known: AbstractSet[str], folders: Mapping[str, str | None], about: Callable[[str], str]
+    data: Path,
+    known: AbstractSet[str],
+    folders: Mapping[str, str | None],
+    about: Callable[[str], str],
+    removed: AbstractSet[str] = frozenset(),
 ) -> list[Problem]:
     """Return what is wrong with the folders.
 
@@ -24,6 +28,7 @@ def folder_problems(
         known: every run that the chain knows of.
         folders: every folder with a run.json, and the run that this run.json names; None where it cannot be read.
         about: says of a run that is missing what a person looks for it by.
+        removed: runs whose records a rule has removed: they are not missing.
 
     """
     problems = []
@@ -43,7 +48,7 @@ def folder_problems(
             problems.append(Problem("renamed", name, f"{name}: contains run {run}; the folder was renamed"))
         else:
             problems.append(Problem("not_in_chain", name, f"{name}: contains run {run}, which is not in the chain"))
-    lost = sorted(known - folders.keys() - elsewhere)
+    lost = sorted(known - folders.keys() - elsewhere - removed)
     return problems + [
         Problem("missing", run, f"{run}: {about(run)}; its folder is missing")
         for run in lost

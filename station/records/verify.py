@@ -15,6 +15,7 @@ from station.records.folder_check import about_run, folder_problems, runs_before
 from station.records.recipe_revisions import History
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, is_sealed
+from station.records.traces import trace_problems
 
 NAMED_ONCE = frozenset({"renamed", "copied", "swapped", "not_in_chain"})
 """Kinds of problem that say already why a folder does not fit its run.json."""
@@ -30,6 +31,8 @@ class Verified:
     runs: int
     concluded: int
     problems: list[Problem]
+    removed: int = 0
+    """Runs whose records a retention rule has removed; each has its signed line."""
 
 
 def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = True) -> Verified:
@@ -55,7 +58,9 @@ def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = Tr
         before, old_problems = runs_before(chain)
         held = {run.id: _named_in(run) for run in runs}
         known = {*found.created, *found.sealed, *before}
-        problems += [*old_problems, *folder_problems(data, known, held, partial(about_run, found))]
+        removed = {run: line for run, line in found.removed.items() if line.key in trust.keys}
+        problems += [*old_problems, *folder_problems(data, known, held, partial(about_run, found), removed.keys())]
+        problems += trace_problems(data, removed)
     told = {problem.run for problem in problems if problem.kind in NAMED_ONCE}
     concluded = 0
     for run in runs:
@@ -69,7 +74,8 @@ def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = Tr
             problems += [Problem("altered", run.id, f"{run.id}: {one}") for one in altered]
     history = History(data, trust.keys)
     problems += [Problem("recipes", "", text) for text in (*history.problems, *history.text_problems())]
-    return Verified(chain, found, trust, len(runs), concluded, problems)
+    gone = sum(line.key in trust.keys and run not in {one.id for one in runs} for run, line in found.removed.items())
+    return Verified(chain, found, trust, len(runs), concluded, problems, gone)
 
 
 def _named_in(run: RunRecord) -> str | None:

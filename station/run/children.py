@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import selectors
 import signal
@@ -14,6 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from station.bench.bench_spec import Ports
 from station.errors import BenchFaultError
 from station.run.ahead import Ahead
 from station.scan.scan_spec import SpecFile
@@ -76,8 +76,8 @@ def start_virtual_bench(
     life_line: LifeLine,
     meanwhile: Callable[[], None] = nothing,
     ahead: Ahead | None = None,
-) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    """Start the embedded virtual bench; return its process and its ready line. `meanwhile` is done until that comes.
+) -> tuple[subprocess.Popen[bytes], Ports]:
+    """Start the embedded virtual bench; return its process and where it listens. `meanwhile` is done until that comes.
 
     ahead: one that was started before, and waits.
 
@@ -90,7 +90,7 @@ def start_virtual_bench(
 
 def start_gateway(
     spec: Path, log: Path, life_line: LifeLine, meanwhile: Callable[[], None] = nothing
-) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+) -> tuple[subprocess.Popen[bytes], Ports]:
     """Start the gateway before a bench on a cable; as `start_virtual_bench`."""
     return _start_serving(GATEWAY, "gateway", spec, log, life_line, meanwhile, None)
 
@@ -103,7 +103,7 @@ def _start_serving(  # noqa: PLR0917 - a process, and what is done while it star
     life_line: LifeLine,
     meanwhile: Callable[[], None],
     ahead: Ahead | None,
-) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+) -> tuple[subprocess.Popen[bytes], Ports]:
     reader, writer = os.pipe()
     said = os.fdopen(reader, "rb")
     try:
@@ -122,12 +122,12 @@ def _start_serving(  # noqa: PLR0917 - a process, and what is done while it star
         raise
     line = _first_line(process, READY_TIMEOUT_S)
     try:
-        ready: dict[str, Any] = json.loads(line)
+        ports = Ports.of_ready_line(line)
     except ValueError:
         stop(process)
         last = log.read_text(errors="replace").strip().splitlines()[-3:]
         raise BenchFaultError(f"the {name} did not start: {' '.join(last) or 'it said nothing'}") from None
-    return process, ready
+    return process, ports
 
 
 def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> bytes:

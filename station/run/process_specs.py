@@ -11,15 +11,16 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Any
 
 from controller.held_lock import Left
 from definitions.plain_data import exact, plain
 from definitions.program import Program
 from station.atomic_file import as_json
-from station.bench.assemble import Ports, wire_config
+from station.bench.assemble import wire_config
+from station.bench.bench_spec import BenchSpec, Ports
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
+from station.documents import entries as documents
 from station.documents.manifest import LeftBy
 from station.errors import StationError
 from station.records.clocks import SCAN, Pacing
@@ -40,33 +41,23 @@ def write_bench_spec(job: Job, record: RunRecord, unit: VirtualUnit | None, scen
     """Write what the embedded virtual bench, or the gateway before a real one, is told; return its path."""
     folder = record.folder
     truth = None if scenario is None else folder / TRUTH
-    spec = _bench_spec(folder / "bench.yaml", _profiles(job, record), unit, scenario, truth, clock)
-    return _written(folder / "virtual-bench-spec.json", spec)
+    spec = BenchSpec(
+        bench=str(folder / "bench.yaml"),
+        profiles=_profiles(job, record),
+        unit=unit,
+        scenario=None if scenario is None else str(scenario),
+        truth=None if truth is None else str(truth),
+        clock=clock,
+    )
+    path = folder / "virtual-bench-spec.json"
+    path.write_text(_json(spec), encoding="utf-8")
+    return path
 
 
 def likely_bench_spec(job: Job, unit: VirtualUnit) -> str:
     """Return as JSON what the embedded virtual bench of a run of this job would be told, from the files as they are."""
     profiles = {name: str(path) for name, path in job.profile_paths.items()}
-    return json.dumps(_bench_spec(job.bench_source.path, profiles, unit, None, None, SCAN))
-
-
-def _bench_spec(  # noqa: PLR0917 - one for each entry
-    bench: Path,
-    profiles: dict[str, str],
-    unit: VirtualUnit | None,
-    scenario: Path | None,
-    truth: Path | None,
-    clock: str,
-) -> dict[str, Any]:
-    return {
-        "bench": str(bench),
-        "profiles": profiles,
-        "unit": None if unit is None else unit.plain(),
-        "scenario": None if scenario is None else str(scenario),
-        "truth": None if truth is None else str(truth),
-        "embedded": True,
-        "clock": clock,
-    }
+    return _json(BenchSpec(bench=str(job.bench_source.path), profiles=profiles, unit=unit, clock=SCAN))
 
 
 def write_scan_spec(
@@ -74,7 +65,7 @@ def write_scan_spec(
     record: RunRecord,
     ring: Path,
     report: Path,
-    ports: dict[str, Any] | None,
+    ports: Ports | None,
     *,
     pacing: Pacing,
     after_end_scans: int,
@@ -82,7 +73,7 @@ def write_scan_spec(
 ) -> SpecFile:
     """Write what the scan process is told; return its file.
 
-    `ports` is the ready line of a bench that was started for this run, None for one on its own wires; `left` says how
+    `ports`: where a bench listens that was started for this run, None for one on its own wires; `left` says how
     the bench was left, for a recovery. This process is named as the supervisor.
     """
     waits = pacing.clock == SCAN
@@ -123,6 +114,5 @@ def _profiles(job: Job, record: RunRecord) -> dict[str, str]:
     return {name: str(record.folder / "profiles" / path.name) for name, path in job.profile_paths.items()}
 
 
-def _written(path: Path, spec: dict[str, Any]) -> Path:
-    path.write_text(json.dumps(spec))
-    return path
+def _json(spec: BenchSpec) -> str:
+    return json.dumps(documents.plain(spec), ensure_ascii=False)

@@ -14,10 +14,11 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from definitions.image import Command
 from station.atomic_file import Appender
+from station.bench.bench_spec import Ports
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.manifest import LeftBy
@@ -166,20 +167,20 @@ class Supervisor:
         life_line: children.LifeLine,
         unit: VirtualUnit | None,
         scenario: Path | None,
-    ) -> dict[str, Any]:
+    ) -> Ports:
         self._say("starting the gateway" if self._gateway else "starting the virtual bench")
         spec = write_bench_spec(self._job, self._record, unit, scenario, self._pacing.clock)
         log = self._record.folder / BENCH_LOG
         if self._gateway:
-            process, ready = children.start_gateway(spec, log, life_line, self._meanwhile)
+            process, ports = children.start_gateway(spec, log, life_line, self._meanwhile)
         else:
             ahead = self._ahead.get(children.VIRTUAL_BENCH)
-            process, ready = children.start_virtual_bench(spec, log, life_line, self._meanwhile, ahead)
+            process, ports = children.start_virtual_bench(spec, log, life_line, self._meanwhile, ahead)
         cleanup.callback(children.stop, process)
-        return ready
+        return ports
 
     def _start_scan(
-        self, ring: Path, report: Path, ports: dict[str, Any] | None, life_line: children.LifeLine | None
+        self, ring: Path, report: Path, ports: Ports | None, life_line: children.LifeLine | None
     ) -> subprocess.Popen[bytes]:
         self._say("opening the bench: identities, drive protections")
         after_end_scans = 0 if self._companion is None else self._companion.after_end_scans

@@ -23,6 +23,7 @@ from station.store.view import opened
 
 MOST_ROWS = 500
 MISSING = "its folder is missing"
+REMOVED_BY = "its record was removed by the retention rule {}"
 CATCH_UP_S = 0.1
 """Longest time for putting runs into the store that have come since: those of a line that is watched."""
 
@@ -70,7 +71,11 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
     finally:
         database.close()
     trust = trust_of(chain)
-    shown = [rows[run] if now[run][0] else rows[run]._replace(altered=MISSING) for run in named if run in rows]
+    removed = chain.removed() if any(not seen_now for seen_now, _ in now.values()) else {}
+    gone = {run: REMOVED_BY.format(line.fields["rule"]) for run, line in removed.items() if line.key in trust.keys}
+    shown = [
+        rows[run] if now[run][0] else rows[run]._replace(altered=gone.get(run, MISSING)) for run in named if run in rows
+    ]
     return Page(tuple(believed(one, chain, trust) for one in shown), total, recipes, models, behind)
 
 

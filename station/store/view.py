@@ -116,7 +116,10 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
         stored = _stored(connection, chain) if changed or gone else stored
         altered = _altered(connection, chain)
         found = stored_walk(connection, chain)
-    view.missing = [run for run in stored if run not in folders]
+    absent = [run for run in stored if run not in folders]
+    lines = chain.removed() if absent else {}
+    removed = {run for run, line in lines.items() if line.key in view.trust.keys}
+    view.missing = [run for run in absent if run not in removed]
     view.runs = sorted({*folders, *view.missing})
     view.open = [run for run, row in stored.items() if row.seen is None and run in folders]
     held: dict[str, str | None] = dict(zip(folders, folders, strict=True))
@@ -128,7 +131,7 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
         return "from before the chain" if row is None else f"attempt {row.attempt} of {row.serial}, {row.verdict}"
 
     known = {*stored, *before} if chain.there else set(folders)
-    named = folder_problems(data, known, held, about)
+    named = folder_problems(data, known, held, about, removed)
     told = {problem.run for problem in named}
     view.problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, view.trust)]
     view.problems += [*old_problems, *named]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
 import time
@@ -15,8 +14,9 @@ from definitions.image import Image
 from definitions.plain_data import plain
 from recipes import Recipe
 from station.atomic_file import as_json
-from station.bench.assemble import Ports
+from station.bench.bench_spec import BenchSpec, Ports
 from station.bench.request import Job
+from station.documents import entries as documents
 from station.documents.reading import read_document
 from station.errors import BenchFaultError
 from station.records.clocks import WALL
@@ -130,15 +130,13 @@ def _virtual_bench(
 ) -> tuple[int, Ports]:
     from station.bench.assemble_virtual import choose_unit  # noqa: PLC0415 - brings the virtual bench
 
-    unit = choose_unit(None, job.recipe).plain()
-    bench = str(job.bench_source.path)
-    spec = {"bench": bench, "profiles": profiles, "unit": unit, "scenario": None, "truth": None, "embedded": True}
-    spec["clock"] = WALL
+    unit = choose_unit(None, job.recipe)
+    spec = BenchSpec(bench=str(job.bench_source.path), profiles=profiles, unit=unit, clock=WALL)
     path = folder / "virtual-bench-spec.json"
-    path.write_text(json.dumps(spec), encoding="utf-8")
-    process, ready = children.start_virtual_bench(path, folder / "virtual-bench.jsonl", life_line)
+    path.write_bytes(as_json(documents.plain(spec)))
+    process, ports = children.start_virtual_bench(path, folder / "virtual-bench.jsonl", life_line)
     cleanup.callback(children.stop, process)
-    return process.pid, ready
+    return process.pid, ports
 
 
 def cpu_seconds(pid: int) -> float:

@@ -112,6 +112,12 @@ class NewPin(Values):
     pin: str = Field(max_length=64)
 
 
+class ChosenLanguage(Values):
+    """A language of the pages."""
+
+    language: Literal["en", "de", "zh"]
+
+
 class RecipeText(Values):
     """The text of a recipe; `replaces`: SHA-256 of the draft of the same revision that was read before, if any."""
 

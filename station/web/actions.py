@@ -29,6 +29,7 @@ from station.web.action_values import (
     Announced,
     BypassAdded,
     BypassEnded,
+    ChosenLanguage,
     Confirm,
     DryRunStarted,
     EndedBypass,
@@ -76,6 +77,7 @@ from station.web.people.accounts import (
     add_person,
     brings_token,
     change_password,
+    choose_language,
     count_wrong,
     disable_person,
     leave,
@@ -388,6 +390,11 @@ def _test_scanner(call: Call, given: Scanned) -> Outcome:
     return Outcome()
 
 
+def _choose_language(call: Call, given: ChosenLanguage) -> Outcome:
+    choose_language(call.connection, call.person.name, given.language)
+    return Outcome()
+
+
 def _leave(call: Call, _given: Nothing) -> Outcome:
     leave(call.connection, call.session.token)
     return Outcome()
@@ -436,6 +443,8 @@ ACTIONS: dict[str, Action] = {
                Scanned, _test_scanner, Outcome),
         Action("change_password", "change your own password", EVERYBODY, NewPassword, _change_password, Outcome,
                with_first_password=True),
+        Action("choose_language", "choose the language of your pages", EVERYBODY, ChosenLanguage, _choose_language,
+               Outcome, ("language",)),
         Action("leave", "end the session", EVERYBODY, Nothing, _leave, Outcome, with_first_password=True),
     )
 }  # fmt: skip

@@ -30,6 +30,7 @@ from station.reports.export_of_run import export_run
 from station.reports.loop_curves import LoopCurves, loop_curves
 from station.reports.report_of_run import loop_of, report_of
 from station.reports.stored_result import refuse_doubtful
+from station.run.conclusion import load_ahead
 from station.store.projection import seen, seen_files
 from station.store.view import bring_up
 
@@ -163,6 +164,7 @@ def _begin(server: int) -> None:
         os._exit(0)
 
     Thread(target=watch, daemon=True).start()
+    load_ahead()  # now, and not when the first person waits for a loop
 
 
 def _on_run(make: Callable[[RunRecord], Made], folder: Path) -> Made:

@@ -73,7 +73,9 @@ class Situation:
             raise StationError("there is no recipe to run: the start conditions are not met")
         model, (recipe, named) = self.model, self.likely
         bench = ["--bench", named] if named else []
-        return [recipe, *bench, *(["--unit", model.unit] if model.unit else [])]
+        # What was judged is what runs: the files are read again by the process of the run.
+        judged = [f"--judged={one.sha256}" for one in (self.job.recipe_source, self.job.bench_source)]
+        return [recipe, *bench, *(["--unit", model.unit] if model.unit else []), *judged]
 
     @property
     def likely(self) -> tuple[str, str]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import os
 import socket
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -120,6 +122,9 @@ def serve(served: Served) -> None:
 
     """
     station, password = open_station(served)
+    if station.settings.time_zone is not None:
+        os.environ["TZ"] = station.settings.time_zone
+        time.tzset()  # from here on local time is the plant's, on every page and in every search
     sender = None
     try:
         sender = None if station.mes is None else Sender(station.database, station.data, station.mes)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Literal
+from zoneinfo import available_timezones
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
@@ -38,7 +40,8 @@ class Settings(BaseModel):
 
     `operator_by_badge_alone`: whether an operator logs in with a badge and no PIN; nobody else ever does. `badge`:
     syntax of badge numbers, by which the bench page knows a badge from a unit; without it badges are read on the page
-    for logging in only. `scanner_test`: asked for once a shift where it is given.
+    for logging in only. `scanner_test`: asked for once a shift where it is given. `language`: of the pages, for who has
+    chosen none. `time_zone`: of the plant, as in Europe/Berlin; without it that of the computer.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -46,6 +49,15 @@ class Settings(BaseModel):
     operator_by_badge_alone: bool = False
     badge: str | None = None
     scanner_test: ScannerTest | None = None
+    language: Literal["en", "de", "zh"] = "en"
+    time_zone: str | None = None
+
+    @field_validator("time_zone")
+    @classmethod
+    def _is_zone(cls, text: str | None) -> str | None:
+        if text is not None and text not in available_timezones():
+            raise refusal(text, "a name of the time zone database, such as Europe/Berlin")
+        return text
 
     @field_validator("badge")
     @classmethod

@@ -30,7 +30,8 @@ def test_the_page_of_the_command_line_has_every_command_once_and_in_the_order_of
     rows = re.findall(r"^\| `([^`]+)`(.*)", page.partition("\n## ")[0], re.MULTILINE)
     listed = [what.split()[0] for what, _ in rows]
     assert list(dict.fromkeys(listed)) == [name for commands in COMMANDS.values() for name in commands]
-    assert [name for name, times in Counter(listed).items() if times > 1] == ["profile", "faults"]
+    groups = {name for name, command in get_command(app).commands.items() if hasattr(command, "commands")}
+    assert {name for name, times in Counter(listed).items() if times > 1} <= groups, "one row for each of its commands"
     for group in ("study", "faults"):
         row = " ".join(what + rest for what, rest in rows if what.startswith(group))
         missing = [name for name in get_command(app).commands[group].commands if name not in row]

@@ -8,6 +8,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
+from definitions.profiles.can import CanProfile
 from definitions.profiles.drive import DriveProfile
 from definitions.profiles.modbus import ModbusProfile
 from drivers.config import DriveConfig, ModbusConfig
@@ -28,6 +29,10 @@ def drive_profile(raw: Any) -> DriveProfile:
 
 def modbus_profile(raw: Any) -> ModbusProfile:
     return reader(ModbusProfile).validate_json(json.dumps(raw))
+
+
+def can_profile(raw: Any) -> CanProfile:
+    return reader(CanProfile).validate_json(json.dumps(raw))
 
 
 def drive_config(**changes: Any) -> DriveConfig:

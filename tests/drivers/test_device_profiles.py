@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from drivers_support import PROFILES, drive_profile, modbus_profile, raw_profile
+from drivers_support import PROFILES, can_profile, drive_profile, modbus_profile, raw_profile
 from pydantic import ValidationError
 
-READERS = {"cia402-drive": drive_profile, "modbus": modbus_profile}
+READERS = {"cia402-drive": drive_profile, "modbus": modbus_profile, "can": can_profile}
 
 
 @pytest.mark.parametrize("path", sorted(PROFILES.glob("*.yaml")), ids=lambda path: path.stem)

@@ -147,6 +147,7 @@ def test_a_wrong_word_order_is_found_by_registers(bench: Bench) -> None:
 def test_sensors_on_can_are_probed_and_their_frames_browsed(tmp_path: Path) -> None:
     """Objects and live values without a write; torques that are pressed on; a byte order that is the other one."""
     shutil.copytree(CAN_SENSORS.parent / "profiles", tmp_path / "profiles")
+    shutil.copy(DRIVER_PROFILES / "can-torque.yaml", tmp_path / "profiles")
     bench = Bench(tmp_path, CAN_SENSORS)
     try:
         told = bench.step("probe").json

@@ -51,7 +51,7 @@ def served(bench_file: Path, tmp_path: Path) -> Iterator[dict]:
         assert process.stdout is not None
         yield json.loads(process.stdout.readline()) | {"process": process}
         process.send_signal(signal.SIGTERM)
-        code = process.wait(10)
+        code = process.wait(60)
     if code == 0:
         assert not (tmp_path / "can").is_symlink(), "its serial ports are gone with it"
 

@@ -155,8 +155,8 @@ def _no_limit(found: Values) -> str:
         return f"a file has no limits; {give}"
     newest = found.stored.values[-1].run_id
     return (
-        f"the recipe of the newest run, {newest}, has no limit on it; {give}, or choose with --recipe NAME the runs "
-        "of a recipe that has one"
+        f"the newest run, {newest}, has no limit on it in its recipe; {give}, or name a recipe that has a limit: "
+        "--recipe NAME"
     )
 
 

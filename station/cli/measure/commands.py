@@ -79,6 +79,12 @@ def run(
         list[str] | None, typer.Option("--note", metavar="TEXT", help="A note for record and report; repeatable.")
     ] = None,
     report: ReportOption = None,
+    judged: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--judged", metavar="SHA256", help="Refuse a recipe or bench file of another SHA-256; repeatable."
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run a recipe: measure a unit, judge it, store the record.
@@ -105,6 +111,7 @@ def run(
         notes=tuple(note or ()),
         wall_clock=wall_clock,
         fast=pace is Pace.fast,
+        judged=tuple(judged or ()),
     )
     ahead = context.find_object(dict)
     raise typer.Exit(command_run.run(options, ahead))

@@ -72,6 +72,8 @@ class Options:
     """What else is to stand in record and report, such as a start condition that was bypassed."""
     fast: bool = False
     """Whether scans follow each other without waiting for deadlines, on a bench that waits for them."""
+    judged: tuple[str, ...] = ()
+    """SHA-256 of the recipe and the bench that the start was allowed for; nothing where nobody was asked."""
 
 
 def exit_code(result: Result) -> int:
@@ -94,6 +96,7 @@ def run(options: Options, ahead: Mapping[str, Ahead] | None = None) -> int:
     reason = None if options.retest_reason is None else check_reason(options.retest_reason)
     options = dataclasses.replace(options, operator=operator, retest_reason=reason)
     job = load_job(options.recipe, options.bench)
+    _refuse_another(options.judged, job)
     if not options.virtual_time and job.no_automatic_run:
         raise StationError(job.no_automatic_run)
     unit = _unit(options, job)
@@ -152,6 +155,21 @@ def finish(record: RunRecord, result: Result, shown: Callable[[], Shown] | None,
     if shown is None and not as_json:
         sys.stdout.write(f"report  lostmotion report {record.folder}\n")
     return exit_code(result)
+
+
+def _refuse_another(judged: tuple[str, ...], job: Job) -> None:
+    """Refuse a recipe or bench that is not, letter by letter, what the start was allowed for.
+
+    Raises:
+        StationError: the file has changed since.
+
+    """
+    for source in (job.recipe_source, job.bench_source):
+        if judged and source.sha256 not in judged:
+            raise StationError(
+                f"{source.path}: was changed after the start had been allowed (SHA-256 {source.sha256[:12]}…). "
+                "Nothing was started. Scan the unit again"
+            )
 
 
 def report_wanted(recipe: Recipe, *, asked: bool | None) -> bool:

@@ -287,7 +287,8 @@ def dfq(
 def report(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write to.")],
     loops: Annotated[
-        int, typer.Option("--loops", metavar="N", min=0, max=1000, help="Newest loops to draw; each is evaluated anew.")
+        int,
+        typer.Option("--loops", metavar="N", min=0, max=1000, help="Newest loops to draw; each is evaluated again."),
     ] = 30,
     locale: Annotated[
         str,

@@ -100,6 +100,7 @@ class CheckedFolder:
     keys: Mapping[str, int]
     runs: int
     concluded: int
+    removed: int
     passed: bool
     warning: str | None
     problems: tuple[Mapping[str, str], ...]
@@ -114,6 +115,7 @@ def _checked(folder: Path, one: Verified) -> CheckedFolder:
         keys=dict(one.walk.keys),
         runs=one.runs,
         concluded=one.concluded,
+        removed=one.removed,
         passed=not one.problems,
         warning=one.trust.warning or None,
         problems=tuple(problem.as_json() for problem in one.problems),
@@ -123,7 +125,8 @@ def _checked(folder: Path, one: Verified) -> CheckedFolder:
 def _lines(folder: Path, one: Verified) -> list[str]:
     """Return what a person reads: how much was checked, then every kind of problem with what to do about it."""
     signed = f"{one.walk.entries} entries of the chain" if one.chain.there else "no chain: its runs are unsigned"
-    lines = [f"{folder}: {one.runs} runs, {one.concluded} concluded, {signed}"]
+    gone = f", {one.removed} removed by a retention rule" if one.removed else ""
+    lines = [f"{folder}: {one.runs} runs, {one.concluded} concluded{gone}, {signed}"]
     for kind, action in PROBLEMS.items():
         texts = [problem.text for problem in one.problems if problem.kind == kind]
         lines += [f"  {text}" for text in texts[:MOST_OF_A_KIND]]

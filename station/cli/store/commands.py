@@ -17,6 +17,37 @@ store_app = typer.Typer(
 )
 
 
+retention_app = typer.Typer(
+    help="Removal of old records by rules. A removed run has its signed line, and is not missing.",
+    no_args_is_help=True,
+)
+RulesOption = Annotated[
+    Path | None, typer.Option("--rules", metavar="FILE", help="Rules. Default: retention.yaml in the data folder.")
+]
+
+
+@retention_app.command("plan")
+def retention_plan(rules: RulesOption = None, data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
+    """Print the runs whose days are over, and why some of them would stay. Nothing is removed."""
+    from station.cli.store import retention as command_retention
+
+    raise typer.Exit(command_retention.plan_retention(data, rules, as_json=as_json))
+
+
+@retention_app.command("apply")
+def retention_apply(
+    backup: Annotated[Path, typer.Option("--backup", metavar="FILE", help="Backup that holds what is removed.")],
+    operator: Annotated[str, typer.Option("--operator", metavar="NAME", help="Who removes the records.")],
+    rules: RulesOption = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Remove the runs whose days are over and that a backup holds. Exit code: 0, 1 some stay, 2 bad input."""
+    from station.cli.store import retention as command_retention
+
+    raise typer.Exit(command_retention.apply_retention(data, rules, backup, operator, as_json=as_json))
+
+
 @store_app.command()
 def rebuild(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
     """Rebuild the store from the run folders. Exit code: 0, or 2 if the store cannot be used."""

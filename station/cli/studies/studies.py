@@ -81,7 +81,7 @@ def _runs(asks: Sequence[Ask], data: Path) -> Source:
     for other in found[1:]:
         if [one.run_id for one in other.values] != ids:
             raise StationError(
-                f"{other.ask.metric} is there in other runs than {asks[0].metric}; choose runs of one --recipe"
+                f"{other.ask.metric} and {asks[0].metric} come from different runs. Choose one recipe with --recipe"
             )
     positions = [lock_position_deg(run) for run in found[0].runs()]
     head = {"runs": ids, "serial": asks[0].serial, "lock_position_deg": positions}

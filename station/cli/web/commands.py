@@ -38,8 +38,23 @@ def serve(
     fast: Annotated[
         bool, typer.Option("--fast", help="On a virtual bench: run as fast as possible, for trying things out.")
     ] = False,
+    install_unit: Annotated[
+        Path | None,
+        typer.Option(
+            "--install-unit", metavar="DIR", help="Serve nothing: write the units of systemd for these options."
+        ),
+    ] = None,
 ) -> None:
     """Serve the station: the operator's page and the REST interface. Runs go on without it."""
+    if install_unit is not None:
+        from station.cli.web.units import install_units
+
+        given: list[tuple[str, Path | None]] = [("--models", models), ("--certificate", certificate), ("--key", key)]
+        words = ["--host", host, "--port", str(port)]
+        words += [word for name, file in given if file is not None for word in (name, str(file.resolve()))]
+        words += [word for name in names or () for word in ("--name", name)] + (["--fast"] if fast else [])
+        scheme, shown = ("http" if certificate is None else "https"), (names or [host])[0]
+        raise typer.Exit(install_units(install_unit, data, words, f"{scheme}://{shown}:{port}/"))
     from station.web.server import Served, serve
 
     options = ("--pace", "fast") if fast else ()

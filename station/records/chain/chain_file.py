@@ -20,7 +20,7 @@ from station.atomic_file import open_file, refused, seen_text, sync_folder
 from station.documents.entries import plain
 from station.documents.manifest import ChainPlace
 from station.errors import RecordError
-from station.records.chain.entries import CREATED, LOST, START, Entry, entry_of, signed_entry, text_in_line
+from station.records.chain.entries import CREATED, LOST, REMOVED, START, Entry, entry_of, signed_entry, text_in_line
 from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, keys_in, leave_in_folder, own_key
 from station.records.chain.old_index import MANIFEST, BeforeChain, before_the_chain
@@ -35,6 +35,7 @@ CREATED_MANIFEST = ".run.json.created"
 
 TAIL_BYTES = 1 << 16
 FIRST_LINES = 4
+REMOVED_BEGINS = b'{"kind":"removed",'
 RUN_BEGINS, RUN_ENDS = b',"run":', b',"serial":'
 """What stands in a line around its run. No text in a line can hold it: there, quotes are escaped."""
 
@@ -137,6 +138,11 @@ class Chain:
             lines = self._lines.get(text_in_line(run), ())
             self._entries[run] = [entry for line in lines if (entry := entry_of(line)) is not None]
         return self._entries[run]
+
+    def removed(self) -> dict[str, Entry]:
+        """Return the signed lines by which the records of runs were removed by a rule, by run."""
+        lines = (one for one in self._with(REMOVED_BEGINS) if one.kind == REMOVED and one.signed)
+        return {str(one.fields["run"]): one for one in lines}
 
     def take(self, content: bytes) -> None:
         """Take these lines for the whole file."""

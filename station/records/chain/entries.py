@@ -29,13 +29,14 @@ from typing import Any
 
 from station.records.chain.keys import BenchKey, signed_by
 
-START, CREATED, SEALED, LOST = "start", "created", "sealed", "lost"
+START, CREATED, SEALED, LOST, REMOVED = "start", "created", "sealed", "lost", "removed"
 RECIPE_SAVED, RECIPE_ASKED, RECIPE_RELEASED = "recipe_saved", "recipe_asked", "recipe_released"
 FIELDS: dict[str, tuple[str, ...]] = {
     START: ("chain", "before", "replaces"),
     CREATED: ("run", "serial", "attempt", "recipe", "bench"),
     SEALED: ("run", "serial", "attempt", "created", "sha256", "state", "verdict"),
     LOST: ("first", "last", "sha256"),
+    REMOVED: ("run", "serial", "sha256", "rule", "person", "trace"),
     RECIPE_SAVED: ("name", "revision", "recipe", "person"),
     RECIPE_ASKED: ("name", "revision", "recipe", "person"),
     RECIPE_RELEASED: ("name", "revision", "recipe", "person"),
@@ -57,6 +58,8 @@ _TEXTS = (
     "state",
     "name",
     "person",
+    "rule",
+    "trace",
 )
 _NUMBERS = ("counter", "attempt", "first", "last", "revision")
 _BEFORE: dict[str, type] = {"bytes": int, "sha256": str, "unconcluded": list}

@@ -23,6 +23,7 @@ PROBLEMS: dict[str, str] = {
     "not_in_chain": "This run was not recorded here. Move it out of the data folder",
     "altered": "Restore the run from a backup; an altered run gives no verdict",
     "damaged": "Restore the run from a backup",
+    "trace": "Restore the folder traces from a backup",
     "attempt": "Two attempts have one number, or one is missing. Look at the runs of this serial number",
     "recipes": "Restore recipes.jsonl and the folder recipes from a backup",
 }

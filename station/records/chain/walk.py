@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from station.records.chain.chain_file import CHAIN, Chain
-from station.records.chain.entries import CREATED, LOST, SEALED, START, Entry, entry_of
+from station.records.chain.entries import CREATED, LOST, REMOVED, SEALED, START, Entry, entry_of
 from station.records.chain.head import chain_seen_in, head_of, heads_of
 from station.records.chain.keys import FOLDER_KEYS, keys_in, own_public_key, trusted_by_person
 from station.records.chain.problems import Problem
@@ -28,6 +28,7 @@ class Walk:
     place: Place = field(default_factory=Place)
     created: dict[str, Entry] = field(default_factory=dict)
     sealed: dict[str, list[Entry]] = field(default_factory=dict)
+    removed: dict[str, Entry] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     keys: Counter[str] = field(default_factory=Counter)
     entries: int = 0
@@ -67,6 +68,8 @@ def _take(found: Walk, entry: Entry) -> None:
         found.created[run] = entry
     elif entry.kind == SEALED:
         found.sealed.setdefault(run, []).append(entry)
+    elif entry.kind == REMOVED:
+        found.removed[run] = entry
     elif entry.kind == LOST:
         first, last = entry.fields["first"], entry.fields["last"]
         text = f"{CHAIN}: entries {first} to {last} were gone when entry {entry.counter} was written"

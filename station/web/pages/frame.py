@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import secrets
 from pathlib import Path
 
 from fastapi import Request
 from nicegui import ui
+from pydantic import JsonValue
 
-from station.web.actions import Station
-from station.web.people.accounts import COOKIE, Session, session_of
+from station.web.actions import Station, perform
+from station.web.languages import COOKIE as LANGUAGE_COOKIE
+from station.web.languages import ENGLISH, LANGUAGES, Words, words_of
+from station.web.people.accounts import COOKIE, Session, chosen_language, session_of
 
 HERE = Path(__file__).parent
 
@@ -22,6 +26,9 @@ PAGES = {
     "certificates": "/certificates",
 }
 """The pages by their names in the bar."""
+
+BUSY = "#2f4a5e"
+"""The colour of what can be pressed, as `--busy` of the style sheet."""
 
 LONGEST_BUILD_S = 15.0
 """Longest time in which a page reads what it shows, on a computer that does other things."""
@@ -50,15 +57,48 @@ async def still_open(station: Station, session: Session) -> bool:
     return True
 
 
-def bar(session: Session, here: str) -> ui.label:
-    """Build the bar, and return the label in its middle, for a clock; here: a name of `PAGES`."""
+def words_for(station: Station, session: Session | None, request: Request) -> Words:
+    """Return the words of a page: in the language of the person, else of the browser, else of the site."""
+    chosen = None
+    if session is not None:
+        with station.database.reading() as connection:
+            chosen = chosen_language(connection, session.person.name)
+    return words_of(chosen or request.cookies.get(LANGUAGE_COOKIE) or station.settings.language)
+
+
+def bar(session: Session, here: str, words: Words | None = None, station: Station | None = None) -> ui.label:
+    """Build the bar, and return the label in its middle, for a clock; here: a name of `PAGES`.
+
+    words: of the page; English without them. station: where the language is chosen, if it may be on this page.
+    """
+    say = words_of(ENGLISH) if words is None else words
     ui.add_css((HERE / "style.css").read_text(encoding="utf-8"))
+    ui.colors(primary=BUSY)  # what Quasar takes for its labels cannot be read on grey
+    ui.run_javascript(f"document.documentElement.lang = {say.language!r}")
     with ui.element("header").classes("lm-bar"):
         with ui.element("nav").classes("lm-nav"):
             for name, address in PAGES.items():
-                link = ui.link(name.capitalize(), address)
+                link = ui.link(say(name.capitalize()), address)
                 if name == here:
                     link.props('aria-current="page"')
         middle = ui.label()
-        ui.label(f"{session.person.name} ({session.person.role})")
+        with ui.element("div").classes("lm-nav"):
+            if station is not None:
+                _languages(station, session, say)
+            ui.label(f"{session.person.name} ({say(session.person.role)})")
     return middle
+
+
+def _languages(station: Station, session: Session, say: Words) -> None:
+    """Offer the languages; the one that is chosen is kept for the person, and for the browser's next log-in."""
+
+    async def choose(language: str) -> None:
+        values: dict[str, JsonValue] = {"language": language}
+        key = secrets.token_hex(16)
+        await asyncio.to_thread(perform, station, "choose_language", session.token, session.csrf, key, values)
+        kept = f"{LANGUAGE_COOKIE}={language}; path=/; max-age=31536000; samesite=strict"
+        ui.run_javascript(f"document.cookie = {kept!r}; location.reload()")
+
+    for language, name in LANGUAGES.items():
+        button = ui.button(name, on_click=lambda chosen=language: choose(chosen)).props("flat dense no-caps")
+        button.props(f'lang="{language}" aria-pressed="{str(language == say.language).lower()}"').classes("lm-language")

@@ -76,7 +76,7 @@ class _Maintenance:
         """Lay the page out."""
         bar(self._session, "maintenance")
         with ui.element("main").classes("lm-maintenance"):
-            with ui.element("div").classes("lm-column"):
+            with ui.element("div").classes("lm-column").props('tabindex="0"'):
                 self._head = self._part("lm-stack", 'role="status"')
                 self._title("Way back after a fault")
                 with ui.element("section").classes("lm-card"):
@@ -88,10 +88,10 @@ class _Maintenance:
                         self._buttons = {name: self._button(name) for name in BUTTONS}
                 self._title("Alarms")
                 self._alarms = self._part("lm-stack")
-            with ui.element("div").classes("lm-column"):
+            with ui.element("div").classes("lm-column").props('tabindex="0"'):
                 self._title("Inputs and outputs")
                 self._devices = self._part("lm-devices")
-            with ui.element("div").classes("lm-column"):
+            with ui.element("div").classes("lm-column").props('tabindex="0"'):
                 self._title("Interlocks, nearest first")
                 self._limits = self._part("lm-card")
                 self._title("What changed since it last worked")

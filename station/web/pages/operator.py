@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import secrets
 import time
 from html import escape
@@ -22,7 +23,8 @@ from station.wall_clock import WALL_CLOCK
 from station.web.action_values import refusal
 from station.web.actions import BAD_INPUT, OK, Answer, Station, perform, unconfirmed_run
 from station.web.bypasses import Bypass, bypasses_now
-from station.web.pages.frame import HERE, bar, session_of_request
+from station.web.languages import LANGUAGES, Words, messages
+from station.web.pages.frame import HERE, bar, session_of_request, words_for
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED, Now
@@ -45,17 +47,28 @@ def add_pages(station: Station) -> None:
     """Add the pages to the running application."""
 
     @ui.page("/enter")
-    def enter() -> Response:
-        scan = (HERE / "scan.js").read_text(encoding="utf-8")
-        return HTMLResponse((HERE / "enter.html").read_text(encoding="utf-8").replace("/* scan.js */", scan))
+    def enter(request: Request) -> Response:
+        return HTMLResponse(enter_page(words_for(station, None, request)))
 
     @ui.page("/", title="lostmotion")
     async def operator(request: Request) -> Response | None:
         session = await asyncio.to_thread(session_of_request, station, request)
         if session is None or session.person.must_change:
             return RedirectResponse("/enter")
-        _Page(station, session).build()
+        _Page(station, session, words_for(station, session, request)).build()
         return None
+
+
+def enter_page(say: Words) -> str:
+    """Return the page for logging in, in a language."""
+    scan, page = ((HERE / name).read_text(encoding="utf-8") for name in ("scan.js", "enter.html"))
+    offered = " ".join(f'<button type="button" lang="{one}">{name}</button>' for one, name in LANGUAGES.items())
+    said = re.sub(r"\{\{(.+?)\}\}", lambda found: escape(say(found[1])), page)
+    told = json.dumps(messages(say.language), ensure_ascii=False).replace("<", "\\u003c")
+    parts = {"/* scan.js */": scan, "<!-- languages -->": offered, "/* messages */": f"const told = {told};"}
+    for place, part in (*parts.items(), ('lang="en"', f'lang="{say.language}"')):
+        said = said.replace(place, part, 1)
+    return said
 
 
 def _seen(station: Station, token: str) -> tuple[Session | None, tuple[Bypass, ...]]:
@@ -67,8 +80,8 @@ def _seen(station: Station, token: str) -> tuple[Session | None, tuple[Bypass, .
 class _Page:
     """One open page. It shows what the bench does, and keeps nothing but what was scanned last."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, say: Words) -> None:
+        self._station, self._session, self._words = station, session, say
         self._shown: tuple[Any, ...] = ()
         self._points = -1
         self._scan = ("", 0.0, "")
@@ -77,7 +90,7 @@ class _Page:
     def build(self) -> None:
         """Lay the page out."""
         ui.add_body_html(f"<script>{(HERE / 'scan.js').read_text(encoding='utf-8')}</script>")
-        self._clock = bar(self._session, "bench")
+        self._clock = bar(self._session, "bench", self._words, self._station)
         with ui.element("main").classes("lm-main"):
             with ui.element("section").classes("lm-left"):
                 self._tile = ui.html(sanitize=False).classes("lm-tile").props('role="status" aria-live="polite"')
@@ -88,7 +101,9 @@ class _Page:
                 self._why = ui.html(sanitize=False).classes("lm-why").props('tabindex="0"')
             with ui.element("section").classes("lm-right"):
                 self._figures = ui.html(sanitize=False).classes("lm-figures")
-                self._chart = ui.echart(_chart_options()).classes("w-full").style("flex: 1 1 auto; height: 60vh")
+                self._chart = (
+                    ui.echart(_chart_options(self._words)).classes("w-full").style("flex: 1 1 auto; height: 60vh")
+                )
         ui.on("scan", self._scanned)
         ui.timer(LOOK_EVERY_S, self._look)
 
@@ -98,7 +113,7 @@ class _Page:
             if session is None:
                 ui.navigate.to("/enter")  # nobody sees the bench after the end of a session
                 return
-            self._bypasses.set_text(" ".join(str(one) for one in bypasses))
+            self._bypasses.set_text(" ".join(self._words(str(one)) for one in bypasses))
             self._bypasses.set_visibility(bool(bypasses))
             self._session_seen = time.monotonic()
         now = await asyncio.to_thread(self._station.running.now)
@@ -110,7 +125,9 @@ class _Page:
         if view is not None and now.stage == IS_RUNNING:
             torque, windup = signed(view.torque_nm, 1), signed(view.windup_arcmin, 3)
             figures = (("torque", f"{torque} N·m"), ("wind-up", f"{windup} ′"), ("time left", left))
-            self._figures.set_content("".join(f"<div><span>{name}</span>{text}</div>" for name, text in figures))
+            self._figures.set_content(
+                "".join(f"<div><span>{escape(self._words(name))}</span>{text}</div>" for name, text in figures)
+            )
         if what == self._shown:
             return
         if now.stage != IS_RUNNING:
@@ -125,11 +142,11 @@ class _Page:
             part for part in (now.serial, now.attempt, now.recipe if now.stage == IS_RUNNING else "") if part
         )
         self._tile.set_content(
-            f'{shown.shape}<div class="lm-word">{escape(shown.word)}</div>'
+            f'{shown.shape}<div class="lm-word">{escape(self._words(shown.word))}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'
-            f'<div class="lm-do">{escape(state or shown.to_do)}</div>'
+            f'<div class="lm-do">{escape(self._words(state or shown.to_do))}</div>'
         )
-        self._why.set_content(_why(now))
+        self._why.set_content(_why(now, self._words))
 
     def _show_loop(self, now: Now) -> None:
         if len(now.loop) == self._points:
@@ -150,7 +167,7 @@ class _Page:
             if answer.status == OK:
                 self._scan = ("", time.monotonic(), "")
                 with self._refused:
-                    ui.label(SCANNER_TESTED)
+                    ui.label(self._words(SCANNER_TESTED))
                 self._refused.set_visibility(True)
             return
         if event.args.get("caps"):
@@ -184,12 +201,14 @@ class _Page:
         names = {one.id for one in refused}
         with self._refused:
             for one in refused:
-                ui.label(one.text)
+                ui.label(self._words(one.text))
             if "bad_unit_put_away" in names:
-                ui.button(PUT_AWAY, on_click=lambda: self._put_away(scanned)).classes("lm-button")
+                ui.button(self._words(PUT_AWAY), on_click=lambda: self._put_away(scanned)).classes("lm-button")
             elif "retest_reason" in names:
                 for reason in RETEST_REASONS:
-                    ui.button(reason, on_click=lambda why=reason: self._again(scanned, why)).classes("lm-button")
+                    ui.button(self._words(reason), on_click=lambda why=reason: self._again(scanned, why)).classes(
+                        "lm-button"
+                    )
 
     async def _put_away(self, scanned: str) -> None:
         bad = await asyncio.to_thread(unconfirmed_run, self._station)
@@ -217,33 +236,33 @@ def _shown(now: Now) -> Shown:
     return VERDICTS[now.result.verdict]
 
 
-def _why(now: Now) -> str:
+def _why(now: Now, say: Words) -> str:
     """Return what stands below the tile: why a start was refused, the reasons of a verdict, the metrics."""
     if now.refused:
-        return f"<b>The run was refused.</b> {escape(now.refused)}"
+        return f"<b>{escape(say('The run was refused.'))}</b> {escape(say(now.refused))}"
     if now.altered:
         return "<br>".join(escape(one) for one in now.altered)
     if now.result is None:
         return ""
-    reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(now.result)[:4])
-    return f"{reasons}{metrics_table(now.result)}"
+    reasons = "".join(f"<p>{escape(say(one))}</p>" for one in remaining_reasons(now.result)[:4])
+    return f"{reasons}{metrics_table(now.result, say)}"
 
 
-def metrics_table(result: Result) -> str:
+def metrics_table(result: Result, say: Words) -> str:
     """Return the metrics that have limits, with value, uncertainty, limits and verdict, as a table."""
-    rows = "".join(_row(one) for one in result.metrics if one.limits)
+    rows = "".join(_row(one, say) for one in result.metrics if one.limits)
     return f'<table class="lm">{rows}</table>' if rows else ""
 
 
-def _row(metric: MetricValue) -> str:
+def _row(metric: MetricValue, say: Words) -> str:
     value = "–" if metric.value is None else f"{metric.value:.4g}"
     u = "" if metric.uncertainty is None else f" ± {metric.uncertainty:.2g}"
-    cells = (f"{value}{u}".replace("-", "−"), metric.unit, limits_text(metric.limits), metric.verdict or "")
+    cells = (f"{value}{u}".replace("-", "−"), metric.unit, limits_text(metric.limits), say(metric.verdict or ""))
     title = (metric.title or metric.id).partition(" (")[0]
     return f"<tr><td>{escape(title)}</td>" + "".join(f'<td class="n">{escape(one)}</td>' for one in cells) + "</tr>"
 
 
-def _chart_options() -> dict[str, Any]:
+def _chart_options(say: Words) -> dict[str, Any]:
     ink = "#23282b"
     axis = {
         "type": "value",
@@ -255,7 +274,7 @@ def _chart_options() -> dict[str, Any]:
     return {
         "animation": False,
         "grid": {"left": 90, "right": 30, "top": 20, "bottom": 60},
-        "xAxis": {**axis, "name": "wind-up in arcmin", "nameGap": 36},
-        "yAxis": {**axis, "name": "torque at the output in N·m", "nameGap": 62},
+        "xAxis": {**axis, "name": say("wind-up in arcmin"), "nameGap": 36},
+        "yAxis": {**axis, "name": say("torque at the output in N·m"), "nameGap": 62},
         "series": [{"type": "line", "data": [], "showSymbol": False, "lineStyle": {"width": 3, "color": "#2f4a5e"}}],
     }

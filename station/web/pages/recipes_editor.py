@@ -26,6 +26,7 @@ from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
 from station.web.action_values import RecipeChanged
 from station.web.actions import ACTIONS, Answer, Station, perform
+from station.web.languages import ENGLISH, words_of
 from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.recipes_diff import diff_html
@@ -97,13 +98,17 @@ class _Editor:
             self._refused = ui.label().classes("lm-refused").props('role="alert"')
             self._refused.set_visibility(False)
             with ui.element("div").classes("lm-recipe"):
-                self._editor = ui.codemirror(self._text, language="YAML", indent="  ", on_change=self._typed)
+                self._editor = ui.codemirror(
+                    self._text, language="YAML", theme="githubLight", indent="  ", on_change=self._typed
+                )
                 self._editor.classes("lm-recipe-text")
                 with ui.element("section").classes("lm-recipe-side"):
                     self._load = ui.label().classes("lm-recipe-load").props('role="status"')
                     self._chart = ui.echart(_chart_options()).classes("lm-recipe-chart")
                     self._build_tabs(opened)
         self._editor.set_enabled(self._may_write())
+        # What cannot be written has no cursor to scroll with.
+        ui.run_javascript(f"getHtmlElement({self._editor.id}).querySelector('.cm-scroller').tabIndex = 0")
         ui.run_javascript(f"document.querySelector('.cm-content')?.setAttribute('aria-label', '{TEXT_LABEL}')")
         self._show_head()
         ui.timer(LOOK_EVERY_S, self._look)
@@ -338,7 +343,7 @@ def _dry_run_html(now: DryRun, stage: str) -> str:
     word = shown.word if result.state == "complete" else result.state.upper()
     reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(result)[:4])
     tile = f'<div class="lm-tile lm-small {shown.style}">{shown.shape}<b>{escape(word)}</b></div>'
-    return f"{tile}{reasons}{metrics_table(result)}<p>Tried in {now.took_s:.0f} s.</p>"
+    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>Tried in {now.took_s:.0f} s.</p>"
 
 
 def _history_html(history: History, name: str) -> str:

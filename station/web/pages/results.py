@@ -16,7 +16,15 @@ from station.errors import StationError
 from station.store.run_search import Page, search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.languages import Words
+from station.web.pages.frame import (
+    LONGEST_BUILD_S,
+    SESSION_EVERY_S,
+    bar,
+    session_of_request,
+    still_open,
+    words_for,
+)
 from station.web.pages.words import SHAPES, local, verdict_text
 from station.web.people.accounts import Session
 from station.web.rest_runs import begin_of
@@ -53,31 +61,32 @@ def add_results(station: Station) -> None:
         session = await asyncio.to_thread(session_of_request, station, request)
         if session is None or session.person.must_change:
             return RedirectResponse("/enter")
-        await _Results(station, session).build()
+        await _Results(station, session, words_for(station, session, request)).build()
         return None
 
 
 class _Results:
     """One open page: what is looked for, and which part of it is shown."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, say: Words) -> None:
+        self._station, self._session, self._words = station, session, say
         self._first = 0
         self._searches = self._runs_behind = 0
 
     async def build(self) -> None:
         """Lay the page out, and show the newest runs."""
-        bar(self._session, "results")
+        say = self._words
+        bar(self._session, "results", say, self._station)
         with ui.element("main").classes("lm-page"):
             with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
-                self._serial = ui.input("Serial number begins with").props("outlined dense clearable autofocus")
-                self._model = ui.select({"": "any"}, value="", label="Model").props("outlined dense")
-                self._recipe = ui.select({"": "any"}, value="", label="Recipe").props("outlined dense")
-                choices = {"": "any"} | {one: one for one in SHAPES}
-                self._verdict = ui.select(choices, value="", label="Verdict").props("outlined dense")
-                self._operator = ui.input("Operator").props("outlined dense clearable")
-                self._since = ui.input("From day").props("outlined dense type=date stack-label")
-                self._until = ui.input("To day").props("outlined dense type=date stack-label")
+                self._serial = ui.input(say("Serial number begins with")).props("outlined dense clearable autofocus")
+                self._model = ui.select({"": say("any")}, value="", label=say("Model")).props("outlined dense")
+                self._recipe = ui.select({"": say("any")}, value="", label=say("Recipe")).props("outlined dense")
+                choices = {"": say("any")} | {one: say(one) for one in SHAPES}
+                self._verdict = ui.select(choices, value="", label=say("Verdict")).props("outlined dense")
+                self._operator = ui.input(say("Operator")).props("outlined dense clearable")
+                self._since = ui.input(say("From day")).props("outlined dense type=date stack-label")
+                self._until = ui.input(say("To day")).props("outlined dense type=date stack-label")
             for one in (
                 self._serial,
                 self._model,
@@ -89,20 +98,21 @@ class _Results:
             ):
                 one.on_value_change(self._again)
             with ui.element("div").classes("lm-pager"):
-                self._newer = ui.button("Newer", on_click=lambda: self._turn(-ROWS)).props("outline no-caps")
+                self._newer = ui.button(say("Newer"), on_click=lambda: self._turn(-ROWS)).props("outline no-caps")
                 self._said = ui.label().props('role="status" aria-live="polite"')
-                self._older = ui.button("Older", on_click=lambda: self._turn(ROWS)).props("outline no-caps")
+                self._older = ui.button(say("Older"), on_click=lambda: self._turn(ROWS)).props("outline no-caps")
             options = {
-                "columnDefs": list(COLUMNS),
+                "columnDefs": [one | {"headerName": say(one["headerName"])} for one in COLUMNS],
                 "rowData": [],
                 "defaultColDef": {"sortable": False, "resizable": True},
                 "suppressMovableColumns": True,
                 ":getRowId": "params => params.data.run",
-                "overlayNoRowsTemplate": "No run fits.",
+                "overlayNoRowsTemplate": say("No run fits."),
             }
             links = [place for place, one in enumerate(COLUMNS) if one["field"] in LINKS]
             self._grid = ui.aggrid(options, html_columns=links).classes("lm-grid")
             self._behind = ui.label().classes("lm-bypasses").props('role="status"')
+            self._behind.set_visibility(False)
         ui.timer(SESSION_EVERY_S, self._look_again)
         await self._look()
 
@@ -139,18 +149,20 @@ class _Results:
             page = await asyncio.to_thread(search, self._station.data, wanted, first=self._first, count=ROWS)
         except StationError as error:
             self._said.set_text(str(error))
+            self._runs_behind = 1  # a store that is being brought up is there in a moment: it is looked again
             return
         if number == self._searches:  # else something else is looked for by now
             self._show(page)
 
     def _show(self, page: Page) -> None:
-        self._recipe.set_options({"": "any"} | {name: name for name in page.recipes})
-        self._model.set_options({"": "any"} | {name: name for name in page.models})
-        self._behind.set_text(f"{page.behind} runs are not in the search yet. They are being added.")
+        self._recipe.set_options({"": self._words("any")} | {name: name for name in page.recipes})
+        self._model.set_options({"": self._words("any")} | {name: name for name in page.models})
+        self._behind.set_text(self._words(f"{page.behind} runs are not in the search yet. They are being added."))
         self._behind.set_visibility(page.behind > 0)
         self._runs_behind = page.behind
         last = self._first + len(page.rows)
-        self._said.set_text(f"{self._first + 1} to {last} of {page.total} runs" if page.rows else "No run fits.")
+        told = f"{self._first + 1} to {last} of {page.total} runs" if page.rows else "No run fits."
+        self._said.set_text(self._words(told))
         self._newer.set_enabled(self._first > 0)
         self._older.set_enabled(last < page.total)
         rows = [row_of(one) for one in page.rows]

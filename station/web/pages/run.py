@@ -134,7 +134,7 @@ class _RunPage:
             self._find = ui.input("Draw another run: serial number begins with").props("outlined dense clearable")
             self._find.on_value_change(self._search)
             self._found = ui.element("div").classes("lm-choices")
-        self._loop = ui.plotly({"data": [], "layout": {}}).classes("lm-loop").props('role="img"')
+        self._loop = ui.plotly({"data": [], "layout": {}}).classes("lm-loop").props('role="figure" aria-label="Loop"')
         self._below = ui.element("div")
 
     async def _load(self) -> None:
@@ -240,7 +240,7 @@ class _RunPage:
             return
         if self._stiffness is None:  # not before there is something to show: what is hidden has no size to be drawn in
             with self._below:
-                self._stiffness = ui.plotly({"data": [], "layout": {}}).classes("lm-stiffness").props('role="img"')
+                self._stiffness = ui.plotly({"data": [], "layout": {}}).classes("lm-stiffness").props('role="figure"')
         self._stiffness.update_figure(stiffness_figure(self._own, others, self._marked))
         self._stiffness.props["aria-label"] = f"Local stiffness over torque of {named}"
 

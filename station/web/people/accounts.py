@@ -19,7 +19,7 @@ from sqlalchemy import Connection, delete, insert, select, update
 
 from station.errors import StationError
 from station.wall_clock import WALL_CLOCK
-from station.web.people.database import PEOPLE, SESSIONS, StationDatabase
+from station.web.people.database import CHOICES, PEOPLE, SESSIONS, StationDatabase
 
 COOKIE = "lostmotion_session"
 """Name of the cookie that a session is known by."""
@@ -233,6 +233,17 @@ def session_of(connection: Connection, token: str | None) -> Session | None:
     if row is None or row.disabled or row.ends_s < WALL_CLOCK.now().timestamp():
         return None
     return Session(Person(row.name, row.role, row.must_change), token, row.csrf)
+
+
+def choose_language(connection: Connection, name: str, language: str) -> None:
+    """Keep the language that a person has chosen for the pages."""
+    connection.execute(delete(CHOICES).where(CHOICES.c.name == name))
+    connection.execute(insert(CHOICES).values(name=name, language=language))
+
+
+def chosen_language(connection: Connection, name: str) -> str | None:
+    """Return the language that a person has chosen, None where it was none."""
+    return connection.execute(select(CHOICES.c.language).where(CHOICES.c.name == name)).scalar()
 
 
 def leave(connection: Connection, token: str) -> None:

@@ -69,6 +69,11 @@ SCANNER_TESTS = Table(
 )  # fmt: skip
 """When the test code of the scanner was read as it was printed."""
 
+CHOICES = Table(
+    "choices", METADATA, Column("name", String(64), primary_key=True), Column("language", String(8), nullable=False)
+)
+"""The language that a person has chosen."""
+
 SESSIONS = Table(
     "sessions", METADATA,
     Column("token_sha256", String(64), primary_key=True),

@@ -84,9 +84,12 @@ def test_opening_sets_the_bit_rate_and_opens_the_channel(adapter: Adapter) -> No
 
 
 def test_a_frame_is_one_line(adapter: Adapter) -> None:
-    adapter.heard()
+    line = b"t20550F000AD4FE\r"
     assert adapter.link.send(FRAME)
-    assert adapter.heard() == b"t20550F000AD4FE\r"
+    adapter.heard_to(line)  # behind all that opening the channel has said, however late that comes
+    assert adapter.link.send(FRAME)
+    assert adapter.link.send(FRAME)
+    assert adapter.heard_to(2 * line) == 2 * line
 
 
 def test_acknowledgements_do_not_end_the_drain_of_a_scan(adapter: Adapter) -> None:

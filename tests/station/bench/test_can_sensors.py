@@ -19,12 +19,12 @@ from station.bench.bus_traffic import bus_frames
 from station.bench.can_profile import can_sensor
 from station.bench.files import FileAt
 from station.bench.measuring import can_sensors
-from station.bench.request import load_job
+from station.bench.request import DRIVER_PROFILES, load_job
 from virtual_bench.devices.can_sensors import encode_frame
 
 TESTS = Path(__file__).parents[2]
 BENCHES = TESTS / "data" / "benches"
-DBC = BENCHES / "profiles" / "sensor-box.dbc"
+DBC = DRIVER_PROFILES / "sensor-box.dbc"
 QUICK = TESTS.parent / "recipes" / "rv-40e-121-quick.yaml"
 NAMED = {"Torques.OutputTorque", "Angles.InputAngle"}
 
@@ -56,6 +56,8 @@ def test_a_frame_of_a_dbc_file_means_what_cantools_says(torque: int, small: int,
 
 def bench_with(folder: Path, name: str, file: str, old: str, new: str) -> str:
     shutil.copytree(BENCHES, folder / "benches")
+    for shipped in (DBC, DRIVER_PROFILES / "can-torque.yaml"):
+        shutil.copy(shipped, folder / "benches" / "profiles")
     path = folder / "benches" / file
     text = path.read_text(encoding="utf-8")
     assert old in text

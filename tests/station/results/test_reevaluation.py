@@ -142,7 +142,7 @@ def test_a_verdict_that_the_record_does_not_bear_out_decides_nothing(failed: Run
     seal(failed, verdict="PASS")
     found = reevaluate(failed, None, None)
     assert (found.verdict, found.original_verdict) == ("NOT DECIDABLE", "PASS")
-    assert "evaluated anew it is FAIL" in found.reasons[0]
+    assert "re-evaluated it is FAIL" in found.reasons[0]
 
 
 @pytest.mark.parametrize(("state", "code"), [("fault", 4), ("stopped", 4), ("interrupted", 3)])

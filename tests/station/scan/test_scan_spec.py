@@ -13,6 +13,7 @@ import pytest
 from definitions.plain_data import exact, plain
 from recipes import shipped_recipes
 from station.atomic_file import as_json
+from station.bench.bench_spec import Ports
 from station.bench.request import Job, load_job
 from station.records.program_file import PROGRAM, plain_program
 from station.run.process_specs import compiled
@@ -20,9 +21,17 @@ from station.scan.scan_spec import Compiled, ScanSpec, SpecError, SpecFile, read
 
 ROOT = Path(__file__).parents[3]
 PARTS = ("can", "amplifier", "brake", "remote_io", "pace")
-PORTS = {part: {"channel": "vcan0", "host": "127.0.0.1", "port": place} for place, part in enumerate(PARTS, start=1)}
+READY = {part: {"channel": "vcan0", "host": "127.0.0.1", "port": place} for place, part in enumerate(PARTS, start=1)}
+PORTS = Ports.of_ready_line(json.dumps({"ready": True, "unit": "P1", **READY}).encode())
 NOT_LOADED = ("recipes", "analysis", "virtual_bench", "numpy", "scipy", "pydantic", "pint", "ruamel", "yaml")
 """What a process that scans does without: it would stand in its locked memory, and some of it starts threads."""
+
+
+def test_a_line_that_names_no_bus_is_no_ready_line() -> None:
+    assert (PORTS.can.channel, PORTS.devices["brake"].port) == ("vcan0", 3)
+    for line in (b"no JSON", b"[]", b'{"ready": true}', b'{"can": {"port": 1}}'):
+        with pytest.raises(ValueError, match=r"ready line|Expecting"):
+            Ports.of_ready_line(line)
 
 
 def _job(recipe: str) -> Job:

@@ -95,5 +95,5 @@ def test_a_metric_is_named_with_its_choices(tmp_path: Path) -> None:
     with pytest.raises(StationError, match="no run has a value of lost_motion direct: 3 without lost_motion direct"):
         first("lost_motion direct")
     store_run(tmp_path, "C9", [metric(1.0, branch="load"), metric(2.0, branch="mean")], day=9)
-    with pytest.raises(StationError, match=r"stands 2 times in run .*C9: lost_motion \(load\), lost_motion \(mean\)"):
+    with pytest.raises(StationError, match=r"is there 2 times in run .*C9: lost_motion \(load\), lost_motion \(mean\)"):
         first("lost_motion")

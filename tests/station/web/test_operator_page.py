@@ -8,15 +8,26 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
+
+from station.web.pages.frame import PAGES
+from station.web.people.badges import assign_badge
+from station.web.people.database import StationDatabase
+from station.web.scanner_test import AS_GERMAN
+from station.web.settings import ScannerTest
 
 pytestmark = [pytest.mark.wires, needs_browser]
 
 
 @pytest.fixture(scope="module")
 def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(prepared(tmp_path_factory.mktemp("page") / "runs")) as found:
+    data = prepared(tmp_path_factory.mktemp("page") / "runs")
+    (data / "station.yaml").write_text(f"scanner_test: {{code: '{CODE}'}}\nbadge: 'B-[0-9]{{6}}'\n", encoding="utf-8")
+    with closing(StationDatabase(data)) as database, database.writing() as connection:
+        assign_badge(connection, "the operator", BADGE, PIN)
+    with served(data) as found:
         yield found
 
 
@@ -36,9 +47,48 @@ FAST = """text => [...text, "Enter"].forEach(
 """A scanner without a prefix, faster than any machine is slow."""
 
 
+FAST_WITH_CAPS_LOCK = FAST.replace("cancelable: true", "cancelable: true, modifierCapsLock: true")
+CODE = ScannerTest().code
+BADGE, PIN = "B-100042", "8305"
+
+
+def refused(page: playwright.Page, words: str) -> None:
+    """Wait for a refusal that was not said before."""
+    page.wait_for_selector(f".lm-refused:visible *:not([data-seen]) >> text={words}")
+    # The next one has to say it again, in an element of its own.
+    page.evaluate("document.querySelectorAll('.lm-refused *').forEach(one => one.dataset.seen = '')")
+
+
 def shown(page: playwright.Page, *words: str) -> str:
-    page.wait_for_function("words => words.includes(document.querySelector('.lm-word').innerText)", arg=list(words))
+    page.wait_for_function("words => words.includes(document.querySelector('.lm-word')?.innerText)", arg=list(words))
     return str(page.inner_text(".lm-word"))
+
+
+def test_no_unit_starts_before_the_scanner_was_read_as_it_should_be(page: playwright.Page) -> None:
+    scan(page, "SN-1")
+    refused(page, "The scanner was not tested this shift")
+    page.evaluate(FAST, CODE.translate(AS_GERMAN))
+    refused(page, "The computer reads the scanner with another keyboard layout")
+    page.evaluate(FAST, CODE.swapcase())
+    refused(page, "Caps Lock is on")
+    page.evaluate(FAST, CODE)
+    refused(page, "The scanner is read as it should be")
+    assert shown(page, "READY")
+
+
+def test_what_keys_have_lost_or_changed_starts_nothing(page: playwright.Page) -> None:
+    page.evaluate(FAST_WITH_CAPS_LOCK, "SN-1")
+    refused(page, "Caps Lock is on: it changes what the scanner sends")
+    page.evaluate(FAST.replace("[...text,", "['S', 'N', 'Dead', '-', '1',"), "")
+    refused(page, "is not a serial number")
+    page.evaluate(FAST, "SN-1".translate(AS_GERMAN))
+    refused(page, "is not a serial number")
+    page.evaluate(FAST, "SN-1SN-1")
+    refused(page, "No model has serial numbers like")
+    page.keyboard.type("]d221")
+    page.keyboard.press("Enter")
+    refused(page, "is not the whole element")
+    assert shown(page, "READY")
 
 
 def test_one_scan_without_a_click_comes_to_a_verdict(page: playwright.Page) -> None:
@@ -78,9 +128,7 @@ def test_what_is_typed_slowly_and_what_is_no_serial_number_starts_nothing(page: 
     page.keyboard.press("Enter")
     for ask in (lambda text: scan(page, text), lambda text: page.evaluate(FAST, text)):
         ask("sn?8")
-        page.wait_for_selector(".lm-refused:visible *:not([data-seen]) >> text=No model has serial numbers like")
-        # The next one has to say it again, in an element of its own.
-        page.evaluate("document.querySelectorAll('.lm-refused *').forEach(one => one.dataset.seen = '')")
+        refused(page, "No model has serial numbers like")
     assert shown(page, "PASS") == "PASS", "the result stays until the next unit"
 
 
@@ -113,6 +161,40 @@ def test_what_was_measured_is_found_with_its_report(station: Served, page: playw
         page.goto(f"{station.url}/")
         page.wait_for_selector(".lm-word")
     shown(page, "PASS")
+
+
+def test_a_badge_on_the_page_hands_the_bench_over_and_its_pin_lets_in(page: playwright.Page) -> None:
+    page.evaluate(FAST, BADGE)
+    page.wait_for_url("**/enter")
+    assert BADGE not in page.url
+    page.fill("#pin", "0000")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#why >> text=badge or PIN is wrong")
+    page.click("#languages >> text=Deutsch")
+    page.wait_for_selector("text=Oder Ausweis scannen.")
+    page.evaluate(FAST, BADGE)
+    page.fill("#pin", PIN)
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".lm-word")
+    assert shown(page, "IN ORDNUNG")
+    scan(page, "of no model")
+    refused(page, "Zu keinem Typ passt die Seriennummer")
+    page.click("text=English")
+    assert shown(page, "PASS")
+
+
+def test_axe_finds_nothing_serious_on_any_page(station: Served, enter: Enter) -> None:
+    page = enter("technician")
+    station.log_in("operator")
+    run = station.http.get("/api/runs").json()["runs"][0]["run"]
+    found = {}
+    for address in ("/", *PAGES.values(), "/recipes/good/1", f"/runs/{run}", f"/api/runs/{run}/report.html", "/enter"):
+        page.goto(f"{station.url}{address}")
+        page.wait_for_load_state("networkidle")
+        told = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+        serious = [one for one in told if one["impact"] in ("serious", "critical")]
+        found |= {f"{address} {one['id']}": one["nodes"][0]["html"] for one in serious}
+    assert found == {}
 
 
 def test_nobody_sees_the_bench_after_the_end_of_a_session(station: Served, page: playwright.Page) -> None:

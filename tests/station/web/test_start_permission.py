@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lostmotion_command import here
 from station_samples import SETUP
 from station_support import released, write_models
 
@@ -278,3 +279,28 @@ def test_the_shipped_table_measures_a_unit(tmp_path: Path) -> None:
     assert isinstance(found, Model)
     assert found.recipe == "rv-40e-121-quick"
     assert load_models(tmp_path, None).of("a b") is None
+
+
+def test_what_was_judged_is_what_runs(good: Situation, tmp_path: Path) -> None:
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_bytes(good.job.recipe_source.content)
+    words = [word for word in good.run_options() if word.startswith("--judged")]
+    assert len(words) == 2
+    asked = (
+        "run",
+        str(recipe),
+        *words,
+        "--serial",
+        "S",
+        "--virtual-time",
+        "--no-report",
+        "--data",
+        str(tmp_path / "r"),
+    )
+    recipe.write_bytes(good.job.recipe_source.content + b"\n# another\n")
+    refused = here(*asked)
+    assert refused.exit_code == 2
+    assert "recipe.yaml" in refused.err
+    assert not (tmp_path / "r").exists(), "nothing was begun"
+    recipe.write_bytes(good.job.recipe_source.content)
+    assert here(*asked).exit_code == 0

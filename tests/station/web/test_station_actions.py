@@ -39,6 +39,7 @@ VALUES = {
     "withdraw_badge": {"name": "nobody of this name"},
     "change_pin": {"password": "wrong", "pin": "8"},
     "test_scanner": {"scanned": "yz"},
+    "choose_language": {"language": "xx"},
     "disable_person": {"name": "nobody of this name"},
     "reset_person": {"name": "nobody of this name", "password": FIRST},
     "change_password": {"old_password": PASSWORD, "new_password": PASSWORD},

@@ -1,0 +1,131 @@
+"""The station as a service of the computer: units of systemd for the server and for the screen at the bench.
+
+A unit is made of the options that `serve` was given, so that what a technician has tried by hand is what starts with
+the computer.
+"""
+
+from __future__ import annotations
+
+import getpass
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from station.atomic_file import write_atomic
+from station.errors import RecordError, StationError
+from station.own_place import own_place
+
+SERVER, KIOSK = "lostmotion.service", "lostmotion-kiosk.service"
+
+SERVER_UNIT = """\
+[Unit]
+Description=lostmotion station
+After=network.target
+
+[Service]
+Type=exec
+ExecStart={command}
+User={user}
+WorkingDirectory={data}
+Environment=LOSTMOTION_STATE={state}
+Restart=always
+RestartSec=2
+# A run is a process of its own: it goes on while the server is stopped, updated or started again.
+KillMode=process
+TimeoutStopSec=15
+# Real time for the scan of a run.
+LimitRTPRIO=95
+LimitMEMLOCK=infinity
+LimitNICE=-20
+# What the station has no use for. Memory that is written and run stays allowed: the virtual bench compiles its physics.
+NoNewPrivileges=yes
+ProtectSystem=strict
+ReadWritePaths={data} {state}
+PrivateTmp=yes
+ProtectKernelTunables=yes
+ProtectKernelModules=yes
+ProtectKernelLogs=yes
+ProtectControlGroups=yes
+ProtectHostname=yes
+ProtectClock=yes
+RestrictSUIDSGID=yes
+RestrictNamespaces=yes
+LockPersonality=yes
+SystemCallArchitectures=native
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_CAN AF_NETLINK
+CapabilityBoundingSet=
+DevicePolicy=closed
+DeviceAllow=char-ttyUSB rw
+DeviceAllow=char-ttyACM rw
+DeviceAllow=char-ttyS rw
+UMask=0027
+
+[Install]
+WantedBy=multi-user.target
+"""
+
+KIOSK_UNIT = """\
+[Unit]
+Description=lostmotion on the screen at the bench
+After={server}
+Wants={server}
+Conflicts=getty@tty1.service
+
+[Service]
+Type=exec
+User={user}
+PAMName=login
+TTYPath=/dev/tty1
+StandardInput=tty
+ExecStart=/usr/bin/cage -s -- /usr/bin/chromium --kiosk --no-first-run --noerrdialogs --disable-translate {url}
+Restart=always
+RestartSec=5
+
+[Install]
+WantedBy=multi-user.target
+"""
+
+
+def install_units(folder: Path, data: Path, words: Sequence[str], url: str) -> int:
+    """Write both units into a folder, and say what starts them; return 0.
+
+    words: further options of `lostmotion serve`. url: the address that the screen opens.
+
+    Raises:
+        StationError: a path holds what a unit cannot name, or the folder cannot be written.
+
+    """
+    data = data.resolve()
+    data.mkdir(parents=True, exist_ok=True)
+    state = own_place().resolve()
+    state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "station", "serve", "--data", str(data), *words]
+    named = {"user": getpass.getuser(), "data": _plain(str(data)), "state": _plain(str(state))}
+    server = SERVER_UNIT.format(command=" ".join(_quoted(word) for word in command), **named)
+    kiosk = KIOSK_UNIT.format(server=SERVER, url=_quoted(url), user=named["user"])
+    try:
+        for name, text in ((SERVER, server), (KIOSK, kiosk)):
+            write_atomic(folder / name, text.encode())
+    except RecordError as error:
+        raise StationError(f"--install-unit {folder}: {error}") from error
+    sys.stdout.write(
+        f"written  {folder / SERVER}\n         {folder / KIOSK}\n"
+        f"start    systemctl daemon-reload && systemctl enable --now {SERVER}\n"
+        f"screen   systemctl enable --now {KIOSK}   (needs cage and chromium)\n"
+    )
+    return 0
+
+
+def _plain(path: str) -> str:
+    """Return a path that a unit can name without quotes."""
+    if any(sign.isspace() or sign in "\"'\\%$" for sign in path):
+        raise StationError(f"{path}: holds blanks, quotes, % or $. Choose a folder without: a unit lists several paths")
+    return path
+
+
+def _quoted(word: str) -> str:
+    """Return a word of a command line of a unit: systemd expands % and $, and divides at blanks."""
+    if "\n" in word:
+        raise StationError(f"{word!r}: a unit cannot hold a line end")
+    escaped = word.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
+    return f'"{escaped}"' if escaped != word or any(sign.isspace() for sign in word) or not word else word

@@ -1,0 +1,237 @@
+"""Retention: which records of runs a plant keeps for how long, by a table in a file, and their removal.
+
+    rules:
+      - {id: good products, class: product, verdict: PASS, keep_days: 730, then: trace}
+
+The first rule that fits a run counts; a run that no rule fits is kept. Never removed are a run that was not concluded
+or is not as it was sealed, the newest run of a bench, of a master part and of a serial number, and one of which not
+every file is in a backup with the same SHA-256. What is removed has a signed line in the chain, and is not missing.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from recipes import RecipeError, load_document
+from recipes.text.section import refusal
+from station.atomic_file import sync_folder
+from station.documents.manifest import MANIFEST, Manifest
+from station.errors import RecordError, StationError
+from station.records.chain.chain_file import writing_to
+from station.records.chain.entries import REMOVED
+from station.records.clocks import VIRTUAL, clock_of
+from station.records.data_folder import Store
+from station.records.run_record import RESULT, RunRecord
+from station.records.seal import alterations, fingerprint, is_sealed
+from station.records.traces import keep_trace
+from station.reports.content import LOOP_CSV
+from station.reports.report_of_run import loop_of
+
+FILE = "retention.yaml"
+PRODUCT, MASTER, VIRTUAL_RUN, INJECTED = "product", "master", "virtual", "injected"
+TRACE, NOTHING = "trace", "nothing"
+KEPT_OF_A_TRACE = (MANIFEST, RESULT, "recipe.yaml", "bench.yaml")
+
+RunClass = Literal["product", "master", "virtual", "injected"]
+Outcome = Literal["PASS", "FAIL", "NOT DECIDABLE", "none"]
+
+
+class Rule(BaseModel):
+    """A row: which runs, for how many days their whole record is kept, and what is kept then.
+
+    `run_class`: product, master (part), virtual (bench or time), injected (faults). `verdict`: none is that of a run
+    that did not come to its end. Where either is left out, any fits. `then`: trace keeps result and loop.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+    id: Annotated[str, Field(min_length=1, max_length=60)]
+    run_class: RunClass | None = Field(default=None, alias="class")
+    verdict: Outcome | None = None
+    keep_days: Annotated[int, Field(ge=1, le=36_500)]
+    then: Literal["trace", "nothing"]
+
+    def fits(self, run: Manifest) -> bool:
+        """Say whether a run is one that the rule is for."""
+        verdict = run.verdict if run.state == "complete" and run.verdict else "none"
+        return self.run_class in (None, class_of(run)) and self.verdict in (None, verdict)
+
+
+class Rules(BaseModel):
+    """The file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rules: tuple[Rule, ...] = Field(min_length=1, max_length=100)
+
+    @model_validator(mode="after")
+    def _named_once(self) -> Rules:
+        ids = [rule.id for rule in self.rules]
+        twice = next((one for one in ids if ids.count(one) > 1), None)
+        if twice is not None:
+            raise refusal(f"two rules {twice!r}", "each id once", "The lines of removals name rules by their id.")
+        return self
+
+
+class Planned(NamedTuple):
+    """A run that a rule is for and whose days are over; why_not: what stands against its removal, '' for nothing."""
+
+    run: str
+    serial: str
+    rule: str
+    then: str
+    days: int
+    bytes: int
+    why_not: str = ""
+
+
+@dataclass(frozen=True)
+class Removal:
+    """What became of a plan: runs that were removed, and those that were not, each with why."""
+
+    removed: tuple[Planned, ...]
+    kept: tuple[Planned, ...]
+
+
+def class_of(run: Manifest) -> RunClass:
+    """Return which class a run is of; injected faults count before all else, then the virtual bench."""
+    if run.scenario is not None:
+        return "injected"
+    if run.bench.embedded or clock_of(run.clock) == VIRTUAL:
+        return "virtual"
+    return "master" if run.unit.master is not None else "product"
+
+
+def load_rules(data: Path, named: Path | None = None) -> Rules:
+    """Return the rules of a data folder, or those of the file that was named.
+
+    Raises:
+        StationError: there is no such file.
+        RecipeError: with all problems of the file.
+
+    """
+    file = named or data / FILE
+    if not file.is_file():
+        raise StationError(f"{file}: is not there. Write the rules of retention into it, or name them with --rules")
+    return load_document(file, Rules)
+
+
+def plan(data: Path, rules: Rules, now: datetime) -> tuple[Planned, ...]:
+    """Return the runs whose days are over, oldest first, with what stands against the removal of each.
+
+    Raises:
+        RecordError: the chain cannot be read.
+
+    """
+    runs = Store(data).runs()
+    manifests = {run.id: found for run in runs if (found := _manifest(run)) is not None}
+    newest = _newest(manifests)
+    planned = []
+    for run in runs:
+        manifest = manifests.get(run.id)
+        rule = None if manifest is None else next((one for one in rules.rules if one.fits(manifest)), None)
+        if manifest is None or rule is None:
+            continue
+        days = (now - datetime.fromisoformat(manifest.started)).days
+        if days > rule.keep_days:
+            why = _why_not(run, manifest, newest)
+            size = sum(one.stat().st_size for one in run.folder.rglob("*") if one.is_file())
+            planned.append(Planned(run.id, manifest.serial, rule.id, rule.then, days, size, why))
+    return tuple(planned)
+
+
+def _manifest(run: RunRecord) -> Manifest | None:
+    try:
+        return run.manifest()
+    except RecordError:
+        return None  # nobody knows whose it is: it stays, and `verify` names it
+
+
+def _newest(manifests: Mapping[str, Manifest]) -> set[str]:
+    """Return the newest run of each bench and of each serial number, which the next start is judged by."""
+    newest: dict[tuple[str, str], str] = {}
+    for run, manifest in sorted(manifests.items()):
+        newest["bench", manifest.bench.name] = newest["serial", manifest.serial] = run
+    return set(newest.values())
+
+
+def _why_not(run: RunRecord, manifest: Manifest, newest: set[str]) -> str:
+    if not is_sealed(manifest):
+        return "is not concluded"
+    if run.id in newest:
+        return "is the newest run of its bench or of its serial number"
+    altered = alterations(run)
+    return f"is not as it was sealed: {altered[0]}" if altered else ""
+
+
+def apply(
+    data: Path,
+    planned: Sequence[Planned],
+    backed_up: Mapping[str, str],
+    person: str,
+    told: Callable[[Planned], None] = lambda _: None,
+) -> Removal:
+    """Remove what is planned and stands in a backup; a trace is kept and the chain has its line before a file goes.
+
+    backed_up: SHA-256 of every file in the backup, by its path in the data folder.
+
+    Raises:
+        RecordError: the chain or a trace cannot be written; what was removed until then has its line.
+
+    """
+    removed, kept = [], []
+    for one in planned:
+        run = RunRecord(data / one.run)
+        why = one.why_not or _not_backed_up(data, run, backed_up)
+        files: dict[str, bytes] = {}
+        if not why and one.then == TRACE:
+            try:
+                files = _trace_of(run)
+            except (StationError, RecipeError, OSError) as error:
+                why = f"its trace cannot be made: {error}"
+        done = one._replace(why_not=why)
+        if why:
+            kept.append(done)
+        else:
+            _remove(data, run, one, person, files)
+            removed.append(done)
+        told(done)
+    return Removal(tuple(removed), tuple(kept))
+
+
+def _not_backed_up(data: Path, run: RunRecord, backed_up: Mapping[str, str]) -> str:
+    for path in _files(run):
+        name = path.relative_to(data).as_posix()
+        if backed_up.get(name) != fingerprint(path).sha256:
+            return f"{name} is not in the backup as it is here"
+    return ""
+
+
+def _files(run: RunRecord) -> Iterator[Path]:
+    return (one for one in sorted(run.folder.rglob("*")) if one.is_file())
+
+
+def _trace_of(run: RunRecord) -> dict[str, bytes]:
+    files = {name: (run.folder / name).read_bytes() for name in KEPT_OF_A_TRACE if run.has(name)}
+    if run.manifest().state == "complete":
+        files[LOOP_CSV] = loop_of(run)
+    return files
+
+
+def _remove(data: Path, run: RunRecord, one: Planned, person: str, files: Mapping[str, bytes]) -> None:
+    trace = keep_trace(data, run.id, files) if files else ""
+    sha256 = fingerprint(run.folder / MANIFEST).sha256
+    with writing_to(data) as chain:
+        chain.append(REMOVED, run=run.id, serial=one.serial, sha256=sha256, rule=one.rule, person=person, trace=trace)
+    try:
+        shutil.rmtree(run.folder)
+        sync_folder(data)
+    except OSError as error:
+        raise RecordError(f"{run.folder}: cannot be removed: {error.strerror}. Remove it by hand") from error

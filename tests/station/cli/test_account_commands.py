@@ -1,0 +1,96 @@
+"""`lostmotion recipes` and `lostmotion users`: the same actions, roles and audit lines as on the pages."""
+
+from __future__ import annotations
+
+import io
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from lostmotion_command import Ran, here
+from station_support import GOLDEN, PASSWORD, open_database, write_models
+
+from station.records.recipe_revisions import History
+from station.web.people import audit
+from station.web.people.accounts import enter
+from station.web.people.badges import enter_by_badge
+from station.web.people.database import StationDatabase
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    found = tmp_path / "runs"
+    write_models(found)
+    open_database(found).close()
+    return found
+
+
+class Terminal:
+    """What a person types and gets."""
+
+    def __init__(self, data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.data, self.monkeypatch = data, monkeypatch
+
+    def run(self, *words: str, role: str = "", typed: tuple[str, ...] = (PASSWORD,)) -> Ran:
+        self.monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in typed)))
+        who = ("--as", f"the {role}") if role else ()
+        return here(*words, *who, "--data", str(self.data))
+
+    def lines(self) -> list[tuple[str, str, str]]:
+        with closing(StationDatabase(self.data)) as database, database.reading() as connection:
+            found = audit.lines_of(connection, 50)
+            return [(one["name"], one["action"], one["outcome"]) if isinstance(one, dict) else
+                    (one.name, one.action, one.outcome) for one in found][::-1]  # fmt: skip
+
+
+@pytest.fixture
+def terminal(data: Path, monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    return Terminal(data, monkeypatch)
+
+
+def test_a_recipe_is_released_by_a_second_person_without_a_screen(terminal: Terminal, tmp_path: Path) -> None:
+    file = tmp_path / "new.yaml"
+    file.write_text(GOLDEN.read_text("utf-8").replace("name: golden", "name: lathe-7"), encoding="utf-8")
+    assert terminal.run("recipes", "save", str(file), role="engineer").exit_code == 0
+    assert terminal.run("recipes", "ask", "lathe-7", "1", role="engineer").exit_code == 0
+    own = terminal.run("recipes", "release", "lathe-7", "1", role="engineer")
+    assert own.exit_code == 2, "nobody releases what they wrote"
+    assert terminal.run("recipes", "release", "lathe-7", "1", role="operator").exit_code == 2
+    assert terminal.run("recipes", "release", "lathe-7", "1", role="quality", typed=("wrong one",)).exit_code == 2
+    assert "released" not in [one.state.value for one in History(terminal.data).all() if one.name == "lathe-7"]
+    assert terminal.run("recipes", "release", "lathe-7", "1", role="quality").exit_code == 0
+    (shown,) = (one for one in terminal.run("recipes", "list", "--json").json if one["name"] == "lathe-7")
+    assert (shown["state"], shown["released_by"]) == ("released", "the quality")
+    told = [line for line in terminal.lines() if line[1] == "release_recipe"]
+    assert told == [
+        ("the engineer", "release_recipe", "refused"),
+        ("the operator", "release_recipe", "refused"),
+        ("the quality", "release_recipe", "done"),
+    ]
+    assert ("the quality", "enter", "refused") in terminal.lines()
+    assert terminal.run("recipes", "release", "none", "1", role="quality").exit_code == 2
+    assert here("audit", "verify", "--data", str(terminal.data)).exit_code == 0
+
+
+def test_accounts_and_badges_are_looked_after_without_a_screen(terminal: Terminal) -> None:
+    first = ("users", "add", "Ada", "--role", "operator")
+    assert terminal.run(*first, role="technician", typed=(PASSWORD, "the first one")).exit_code == 2
+    assert terminal.run(*first, role="admin", typed=(PASSWORD, "the first one")).exit_code == 0
+    changed = terminal.run("users", "password", "--as", "Ada", typed=("the first one", "of her own 1"))
+    assert changed.exit_code == 0
+    assert terminal.run("users", "badge", "Ada", role="admin", typed=(PASSWORD, "B-100042", "8305")).exit_code == 0
+    with closing(StationDatabase(terminal.data)) as database:
+        assert enter_by_badge(database, "B-100042", "8305", operator_alone=False).person.name == "Ada"
+        assert enter(database, "Ada", "of her own 1").person.role == "operator"
+    assert terminal.run("users", "withdraw-badge", "Ada", role="admin").exit_code == 0
+    assert terminal.run("users", "disable", "Ada", role="admin").exit_code == 0
+    assert terminal.run("users", "first").exit_code == 2
+
+
+def test_a_station_without_accounts_gets_its_first_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal(tmp_path / "new", monkeypatch)
+    assert terminal.run("users", "disable", "Ada", role="admin").exit_code == 2
+    made = terminal.run("users", "first")
+    password = made.out.split("password ")[1].split()[0]
+    changed = terminal.run("users", "password", "--as", "admin", typed=(password, "good enough 9"))
+    assert changed.exit_code == 0, changed.err

@@ -1,0 +1,120 @@
+"""Languages: every text of the operator's page has one in each, with the same place holders, and values keep theirs."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+
+import pytest
+from station_support import client_of, write_models
+from test_start_permission import cases
+
+from definitions.image import State
+from definitions.states import row_of
+from station.web.actions import Station
+from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
+from station.web.models import load_models
+from station.web.pages import frame, operator, results, words
+from station.web.pages.operator import enter_page
+from station.web.pages.words import Shown
+from station.web.people.accounts import ROLES, chosen_language
+from station.web.people.accounts import WRONG as WRONG_PASSWORD
+from station.web.people.badges import WRONG as WRONG_BADGE
+from station.web.permission import Situation, Wanted, refusals, situation_of
+from station.web.scanner_test import CAPS_LOCK, LAYOUT, OTHER
+
+OTHERS = [one for one in LANGUAGES if one != ENGLISH]
+
+
+def shown() -> list[str]:
+    """Return the texts of the tile: words and what to do, of each verdict, stage and state."""
+    rows = [one for one in vars(words).values() if isinstance(one, Shown)]
+    rows += [one for table in (words.VERDICTS, words.ENDINGS) for one in table.values()]
+    texts = {text for row in rows for text in (row.word, row.to_do)}
+    return sorted(texts | {row_of(state).words for state in State})
+
+
+def said(module: object) -> list[str]:
+    """Return the texts that a page gives to its words as they stand in its source."""
+    calls = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call)]
+    named = [one for one in calls if ast.unparse(one.func) in ("say", "self._words")]
+    return [one.args[0].value for one in named if isinstance(one.args[0], ast.Constant)]
+
+
+TEXTS = [
+    *shown(), *said(operator), *said(results), *said(frame), *(one["headerName"] for one in results.COLUMNS),
+    *(name.capitalize() for name in frame.PAGES), *ROLES, *operator.RETEST_REASONS, operator.PUT_AWAY,
+    operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
+    "torque", "wind-up", "time left",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def allowed(tmp_path_factory: pytest.TempPathFactory) -> Situation:
+    data = tmp_path_factory.mktemp("languages") / "runs"
+    write_models(data)
+    return situation_of(data, load_models(data, None), Wanted("SN-1"), busy=False, confirmed=frozenset())
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_every_text_of_the_pages_has_one_in_each_language(language: str) -> None:
+    there = messages(language)
+    assert [text for text in TEXTS if not there.get(text)] == []
+    entered = re.findall(r"\{\{(.+?)\}\}", (frame.HERE / "enter.html").read_text("utf-8"))
+    assert len(entered) > 8
+    assert [text for text in entered if not there.get(text)] == []
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_every_reason_of_a_refused_start_has_one_in_each_language(
+    allowed: Situation, monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    say = words_of(language)
+    for name, situation in cases(allowed, monkeypatch).items():
+        ((_, why),) = refusals(situation)
+        assert say(why) != why, f"{name}: {why}"
+
+
+def test_no_message_has_lost_or_invented_a_place_holder() -> None:
+    catalogues = [messages(language) for language in OTHERS]
+    assert len({tuple(one) for one in catalogues}) == 1, "all languages have the same messages"
+    for there in catalogues:
+        assert there
+        for text, becomes in there.items():
+            assert sorted(HOLDER.findall(text)) == sorted(HOLDER.findall(becomes)), text
+            assert len(set(HOLDER.findall(text))) == len(HOLDER.findall(text)), text
+
+
+def test_values_are_taken_over_as_they_are() -> None:
+    say = Words("de")
+    text = "No model has serial numbers like '{serial}'. Scan the label of the unit, or call the technician."
+    filled = text.replace("{serial}", "a.*'{b}")
+    assert "'a.*'{b}'" in say(filled)
+    assert say(text, serial="SN-1") == say(text.replace("{serial}", "SN-1"))
+    assert say("what nobody has translated") == "what nobody has translated"
+    assert Words(ENGLISH)(filled) == filled
+    assert Words("xx").language == ENGLISH
+
+
+def test_a_reason_of_a_failed_metric_is_said_in_both_forms() -> None:
+    assert words_of("de")("Backlash: 1.2 arcmin, at most 1 arcmin") == "Backlash: 1.2 arcmin, höchstens 1 arcmin"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_page_for_logging_in_is_whole(language: str) -> None:
+    page = enter_page(words_of(language))
+    assert f'<html lang="{language}">' in page
+    assert "{{" not in page
+    assert "/* " not in page.partition("<script>")[0]
+    for name in LANGUAGES.values():
+        assert name in page
+    assert "emitEvent" in page, "badges are scanned here too"
+
+
+def test_a_person_keeps_the_language_they_chose(station: Station) -> None:
+    assert client_of(station, "operator").post("choose_language", {"language": "zh"}).status_code == 200
+    assert client_of(station, "operator").post("choose_language", {"language": "de"}).status_code == 200
+    with station.database.reading() as connection:
+        assert chosen_language(connection, "the operator") == "de"
+        assert chosen_language(connection, "the quality") is None

@@ -181,7 +181,7 @@ def test_no_report_of_a_record_that_is_not_as_it_was_left(station: Station, clie
         for name in FILES:
             answer = client.http.get(f"/api/runs/{run}/{name}")
             assert answer.status_code == 409, name
-            assert "not as it was left" in answer.text
+            assert "the record was altered" in answer.text
         assert client.http.get(f"/api/runs/{run}").status_code == 409
         assert client.http.get("/api/runs").json()["runs"][0]["verdict"] is None
     finally:

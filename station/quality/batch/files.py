@@ -78,7 +78,8 @@ def _loop_figure(batch: Batch) -> Figure:
                 axes.plot(line.torque_nm, line.values, color=LOADING, alpha=0.35, linewidth=0.9)  # type: ignore[arg-type]
         axes.set_xlabel("torque at the output  [N·m]")
         axes.set_ylabel("wind-up at the output  [arcmin]")
-        axes.set_title(f"{len(batch.loops)} loops", loc="left", fontsize=11, fontweight="bold")
+        many = len(batch.loops)
+        axes.set_title(f"{many} {'loop' if many == 1 else 'loops'}", loc="left", fontsize=11, fontweight="bold")
         axes.grid(color=GRID, linewidth=0.6)
     return figure
 
@@ -120,13 +121,12 @@ def page_of(batch: Batch, pictures: dict[str, bytes]) -> bytes:
 
 def pdf_of(batch: Batch, pictures: dict[str, bytes]) -> bytes:
     """Return the report as PDF."""
-    from reportlab.lib.pagesizes import A4  # noqa: PLC0415 - the layout library is needed here only
+    from reportlab.lib.pagesizes import A4, landscape  # noqa: PLC0415 - the layout library is needed here only
     from reportlab.platypus import SimpleDocTemplate, Spacer  # noqa: PLC0415
 
     from station.reports.pdf_pages.layout import (  # noqa: PLC0415
         FRAME_PT,
         MARGIN_PT,
-        WIDTH_PT,
         grid,
         paragraph,
         picture,
@@ -136,16 +136,17 @@ def pdf_of(batch: Batch, pictures: dict[str, bytes]) -> bytes:
 
     styles()
     margin = MARGIN_PT - FRAME_PT
+    width = A4[1] - 2 * MARGIN_PT
     stream = io.BytesIO()
     document = SimpleDocTemplate(
-        stream, pagesize=A4, leftMargin=margin, rightMargin=margin, topMargin=margin, bottomMargin=margin,
+        stream, pagesize=landscape(A4), leftMargin=margin, rightMargin=margin, topMargin=margin, bottomMargin=margin,
         title=batch.title, author="lostmotion",
     )  # fmt: skip
     story = [paragraph(batch.title, "title"), Spacer(1, 6)]
     story += [paragraph(note, bold=True) for note in batch.notes]
-    story.append(grid(("", ""), [list(row) for row in batch.facts], [0.35 * WIDTH_PT, 0.65 * WIDTH_PT]))
+    story.append(grid(("", ""), [list(row) for row in batch.facts], [0.3 * width, 0.7 * width]))
     for table in batch.tables:
-        widths = _widths(table, WIDTH_PT)
+        widths = _widths(table, width)
         rows = [[shown(cell) for cell in row] for row in table.rows] or [["none", *[""] * (len(table.heads) - 1)]]
         story += section(table.title, grid(table.heads, rows, widths))
     for name, content in pictures.items():

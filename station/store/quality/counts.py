@@ -45,11 +45,12 @@ def _local(hour: str) -> datetime:
 
 
 class Grouping(NamedTuple):
-    """How runs are put together: a column of a table of runs, and how what is in it is called.
+    """How runs are put together: by which column of a table of runs, and how what is in it is called.
 
     Times are grouped by the hour first, and the hours by the computer's clock.
     """
 
+    of: str
     column: Callable[[Any], ColumnElement[Any]]
     name: Callable[[Any], str]
     text: str
@@ -60,14 +61,14 @@ def _hour(runs: Any) -> ColumnElement[Any]:
 
 
 GROUPINGS: dict[str, Grouping] = {
-    "bench": Grouping(lambda runs: runs.c.bench, _as_it_is, "bench"),
-    "operator": Grouping(lambda runs: runs.c.operator, _as_it_is, "operator"),
-    "recipe": Grouping(lambda runs: runs.c.recipe, _as_it_is, "recipe"),
-    "revision": Grouping(lambda runs: runs.c.revision, _as_it_is, "revision of the recipe"),
-    "model": Grouping(lambda runs: runs.c.model, _as_it_is, "model"),
-    "shift": Grouping(_hour, _shift, "shift of eight hours from 06:00"),
-    "day": Grouping(_hour, _day, "day"),
-    "month": Grouping(_hour, _month, "month"),
+    "bench": Grouping("bench", lambda runs: runs.c.bench, _as_it_is, "bench"),
+    "operator": Grouping("operator", lambda runs: runs.c.operator, _as_it_is, "operator"),
+    "recipe": Grouping("recipe", lambda runs: runs.c.recipe, _as_it_is, "recipe"),
+    "revision": Grouping("revision", lambda runs: runs.c.revision, _as_it_is, "revision of the recipe"),
+    "model": Grouping("model", lambda runs: runs.c.model, _as_it_is, "model"),
+    "shift": Grouping("started", _hour, _shift, "shift of eight hours from 06:00"),
+    "day": Grouping("started", _hour, _day, "day"),
+    "month": Grouping("started", _hour, _month, "month"),
 }
 """What runs can be grouped by."""
 
@@ -180,7 +181,7 @@ class FailedMetric(NamedTuple):
 
 def failures(production: Production, lot: Lot) -> Counter[FailedMetric]:
     """Return how many first attempts failed by each metric and side; a run that fails by several counts for each."""
-    runs = production.chosen(lot, RUNS.c.verdict == FAIL)
+    runs = production.chosen(lot, RUNS.c.verdict == FAIL, said=())
     columns = [METRICS.c[name] for name in FailedMetric._fields]
     asked = select(*columns, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
     rows = production.connection.execute(asked.where(METRICS.c.verdict == FAIL).group_by(*columns))
@@ -203,7 +204,7 @@ def undecided(production: Production, lot: Lot) -> Counter[str]:
     """
     states = production.of(select(RUNS.c.state, func.count()).select_from(RUNS), lot).where(RUNS.c.state != COMPLETE)
     found = Counter({f"ended as {state}": number for state, number in _pairs(production, states, RUNS.c.state)})
-    runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.state == COMPLETE)
+    runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.state == COMPLETE, said=())
     checks = select(CHECKS.c.id, func.count()).select_from(runs).join(CHECKS, _together(runs, CHECKS))
     checks = checks.where(CHECKS.c.passed.is_(False))
     found += Counter({f"check {name}": number for name, number in _pairs(production, checks, CHECKS.c.id)})
@@ -211,7 +212,7 @@ def undecided(production: Production, lot: Lot) -> Counter[str]:
     named = select(CHECKS.c.run).where(CHECKS.c.chain == runs.c.chain, CHECKS.c.run == runs.c.run)
     unnamed = unnamed.where(~named.where(CHECKS.c.passed.is_(False)).exists())
     found += Counter({"measurement invalid": int(production.connection.execute(unnamed).scalar_one())})
-    runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.valid)
+    runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.valid, said=())
     metrics = select(METRICS.c.metric, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
     metrics = metrics.where(METRICS.c.main, METRICS.c.verdict == UNDECIDED)
     near = _pairs(production, metrics, METRICS.c.metric)

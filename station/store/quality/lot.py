@@ -97,13 +97,19 @@ class Production:
             )
         return lot._replace(recipe=recipes[0]) if recipes else lot
 
-    def chosen(self, lot: Lot, *conditions: ColumnElement[bool], newest: int | None = None) -> Subquery:
+    def chosen(
+        self,
+        lot: Lot,
+        *conditions: ColumnElement[bool],
+        newest: int | None = None,
+        said: Sequence[str] = SAID_OF_A_VALUE,
+    ) -> Subquery:
         """Return the first attempts of a lot that fulfil conditions, as a table of their ids to join others with.
 
-        newest: only so many of the newest. The limit, which is none where all are meant, keeps a database from looking
-        for these runs once for each row of the other table.
+        newest: only so many of the newest. said: what is known of each besides its id. The limit, which is none where
+        all are meant, keeps a database from looking for these runs once for each row of the other table.
         """
-        columns = (RUNS.c.chain, RUNS.c.run, *(RUNS.c[name] for name in SAID_OF_A_VALUE))
+        columns = (RUNS.c.chain, RUNS.c.run, *(RUNS.c[name] for name in said))
         asked = self.of(select(*columns), lot).where(*conditions)
         asked = asked.order_by(RUNS.c.run.desc()) if newest is not None else asked
         return asked.limit(NO_LIMIT if newest is None else newest).subquery()

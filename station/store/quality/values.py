@@ -155,7 +155,7 @@ def sums(  # noqa: PLR0917 - what is asked for
 ) -> dict[str, Sums]:
     """Return the sums of each group over the whole lot, about an origin near the mean, in the order of their names."""
     group = grouping(by)
-    runs = production.chosen(lot, RUNS.c.valid)
+    runs = production.chosen(lot, RUNS.c.valid, said=(group.of,))
     away = METRICS.c.value - origin
     columns = (group.column(runs).label("key"), func.count(), func.sum(away), func.sum(away * away))
     found: dict[str, Sums] = {}

@@ -37,7 +37,7 @@ COLUMNS: tuple[dict[str, Any], ...] = (
         "field": "verdict",
         "headerName": "Verdict",
         "width": 190,
-        "cellClassRules": {"lm-bad": "data.verdict.includes('FAIL')", "lm-open": "!/PASS|FAIL/.test(data.verdict)"},
+        "cellClassRules": {"lm-bad": "data.judged.includes('FAIL')", "lm-open": "!/PASS|FAIL/.test(data.judged)"},
     },
     {"field": "open", "headerName": "Serial number", "width": 200},
     {"field": "attempt", "headerName": "Attempt", "width": 110, "type": "rightAligned"},
@@ -165,19 +165,22 @@ class _Results:
         self._said.set_text(self._words(told))
         self._newer.set_enabled(self._first > 0)
         self._older.set_enabled(last < page.total)
-        rows = [row_of(one) for one in page.rows]
+        rows = [row_of(one, self._words) for one in page.rows]
         if self._searches == 1:
             self._grid.options["rowData"] = rows
         else:  # by their ids: a row that stays keeps its elements, so that a click on it is not lost
             self._grid.run_grid_method("setGridOption", "rowData", rows)
 
 
-def row_of(one: StoredRun) -> dict[str, Any]:
+def row_of(one: StoredRun, say: Words) -> dict[str, Any]:
     """Return what the table shows of a run; all but the links is text, and stays text whatever it holds."""
     name, what = quote(one.run, safe=""), f"of {escape(one.serial)}, attempt {one.attempt}"
+    judged = verdict_text(one)
+    shape, _, word = judged.partition(" ")
     return {
         "run": one.run,
-        "verdict": verdict_text(one),
+        "judged": judged,
+        "verdict": f"{shape} {say(word)}",
         "open": f'<a href="/runs/{name}" aria-label="run {what}">{escape(one.serial)}</a>',
         "attempt": one.attempt,
         "started": local(one.started),

@@ -141,7 +141,7 @@ def test_nothing_is_written_over(data: Path, tmp_path: Path) -> None:
         back_up(data, file)
     with pytest.raises(StationError, match="not empty"):
         restore(file, data)
-    with pytest.raises(StationError, match="lies in the folder"):
+    with pytest.raises(StationError, match="inside the data folder"):
         back_up(data, data / "backup.tar")
 
 

@@ -116,7 +116,7 @@ def test_whoever_has_changed_a_draft_cannot_release_it_either_and_a_release_is_o
         save_draft(data, text(3, "# more\n"), "Bea")
     second = save_draft(data, text(3, "# more\n"), "Bea", replaces=first.sha256)
     assert second.authors == ("Ada", "Bea")
-    with pytest.raises(RevisionError, match="changed meanwhile"):
+    with pytest.raises(RevisionError, match="changed by somebody else"):
         ask_release(data, NAME, 3, first.sha256, "Ada")
     ask_release(data, NAME, 3, second.sha256, "Ada")
     for author in second.authors:

@@ -71,7 +71,7 @@ def test_records_out_of_order_are_not_called_missing(order: list[int]) -> None:
     found = replay(b"".join(rows[number] for number in order), Sums())
     assert (found.identical, found.same) == (2, False)
     assert found.damage == (
-        f"record {order[2]} stands where record 2 belongs: they are not in their order, the file was changed"
+        f"found record {order[2]} in the place of record 2: the order is wrong, the file was changed"
     )
 
 

@@ -18,10 +18,13 @@ from station_samples import SETUP
 from stored_runs import metric, store_lot, store_run
 
 import station.store.migrations.versions
+from analysis.trace.errors import AnalysisError
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import stored_values
 from station.cli.runs.list_runs import NEWEST, list_rows
 from station.errors import StationError
+from station.quality.dfq.write import dfq_of_lot
+from station.quality.figures import capability_of, causes_of, trend_of, yield_of
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
@@ -30,6 +33,10 @@ from station.store import tables
 from station.store.engine import HEAD, VERSIONS, Database, StoreError, upgrade
 from station.store.outbox import catch_up, rebuild
 from station.store.places import FILE, STORE_URL, StorePlace, network_type, store_place
+from station.store.quality.counts import GROUPINGS, Verdicts
+from station.store.quality.lot import Lot, production
+from station.store.quality.trial import Rule, flipped, flips
+from station.store.quality.values import characteristic
 from station.store.table_counts import all_rows, behind, counts
 from station.store.view import bring_up, look_at, opened
 
@@ -403,3 +410,23 @@ def test_help_and_scan_load_no_database() -> None:
     bad = "('sqlalchemy', 'alembic', 'psycopg', 'cryptography')"
     done = subprocess.run([sys.executable, "-c", code.replace("BAD", bad)], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_quality_figures_are_formed_on_both_databases(lot: Path) -> None:
+    asked = Lot(recipe="inverse")
+    with production(lot) as look:
+        for by in GROUPINGS:
+            assert yield_of(look, asked, by).whole.verdicts.first == Verdicts(passed=7, undecided=1, ended_otherwise=1)
+        causes = {one.name: one.number for one in causes_of(look, asked).undecided}
+        assert causes == {"ended as stopped": 1, "measurement invalid": 1}
+        row = capability_of(look, asked).rows[0]
+        assert row.found is not None
+        assert row.found.values == 6
+        with pytest.raises(AnalysisError, match="found 1"):
+            trend_of(look, asked, "lost_motion", "bench")
+        what = characteristic(look, asked, "lost_motion")
+        assert flips(look, asked, what, Rule(None, 0.4, None)) == {
+            ("PASS", "FAIL"): 2, ("PASS", "NOT DECIDABLE"): 1, ("PASS", "PASS"): 4,
+        }  # fmt: skip
+        assert [one.serial for one in flipped(look, asked, what, Rule(None, 0.4, None), 9)] == ["U7", "U3", "U1"]
+        assert len(dfq_of_lot(look, asked, "a test").content) > 500

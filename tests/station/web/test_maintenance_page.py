@@ -115,6 +115,21 @@ def test_the_way_back_is_gone_step_by_step_with_the_torque_that_is_left(station:
     assert json.loads((record / "run.json").read_bytes())["operator"] == "the technician"
     assert ("the technician", "done") in audited(station, "acknowledge_fault")
     assert audited(station, "begin_recovery")[0] == ("the operator", "refused")
+    page.wait_for_selector(".lm-not-live")  # its record is sealed: until then the way back is under way
     again = station.post("start_run", {"scanned": "SN-2"}, "free again")
     assert again.status_code == 200, again.text
     station.wait("running", "ended")
+
+
+def test_a_certificate_is_checked_by_its_code(station: Served, page: playwright.Page) -> None:
+    run = max(station.data.glob("*/run.json")).parent.name
+    page.goto(f"{station.url}/certificates")
+    code = page.get_by_label("Code of the certificate")
+    for text, shown in (
+        ("SN-1", ".lm-refused"),
+        (f"LM1.{'0' * 64}.20200101T000000.000Z-NONE", ".lm-tile.OPEN >> text=UNKNOWN"),
+        (f"LM1.{'0' * 64}.{run}", ".lm-tile.FAIL >> text=ALTERED"),
+    ):
+        code.fill(text)
+        page.keyboard.press("Enter")
+        page.wait_for_selector(f"{shown}")

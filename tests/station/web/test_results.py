@@ -18,6 +18,7 @@ from station.records.chain.chain_file import Chain
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
+from station.web.languages import ENGLISH, words_of
 from station.web.pages.results import LINKS, row_of
 from station.web.pages.words import verdict_text
 from station.web.people.database import PEOPLE
@@ -96,14 +97,14 @@ def test_a_row_shows_texts_as_texts() -> None:
     row = stored(run="R 1/../x", serial="<script>alert(1)</script>", recipe="<b>r</b>", scenario="f.yaml",
                  started="2026-01-02T03:04:05.000+00:00", operator="<img src=x onerror=alert(1)>",
                  verdict="FAIL")  # fmt: skip
-    shown = row_of(row)
+    shown = row_of(row, words_of(ENGLISH))
     assert shown["operator"] == row.operator, "the table's own cells are text"
     for name in LINKS:
         assert "<script>" not in shown[name]
     assert "/api/runs/R%201%2F..%2Fx/report.html" in shown["report"]
     assert 'href="/runs/R%201%2F..%2Fx"' in shown["open"]
     assert "FAIL" in shown["verdict"]
-    altered = row_of(row._replace(altered="result.json: is missing", verdict=None))
+    altered = row_of(row._replace(altered="result.json: is missing", verdict=None), words_of(ENGLISH))
     assert altered["report"] == "", "it would be refused"
     assert "result.json: is missing" in altered["notes"]
     stopped = row._replace(state="stopped", verdict=None)
@@ -181,7 +182,9 @@ def test_no_report_of_a_record_that_is_not_as_it_was_left(station: Station, clie
         for name in FILES:
             answer = client.http.get(f"/api/runs/{run}/{name}")
             assert answer.status_code == 409, name
-            assert "not as it was left" in answer.text
+            (why,) = answer.json()["refused"]
+            assert why["id"] == "run"
+            assert "result.json" in why["text"], "what differs is named"
         assert client.http.get(f"/api/runs/{run}").status_code == 409
         assert client.http.get("/api/runs").json()["runs"][0]["verdict"] is None
     finally:

@@ -52,6 +52,7 @@ def load_ahead() -> None:
     """Load it now, so that it is no part of the time between the end of the motion and the verdict."""
     for name in LOADED_AHEAD:
         import_module(name)
+    import_module("pyarrow").array([0.0])  # its first array looks for pandas, and loads it where it is installed
 
 
 @dataclass(frozen=True)

@@ -28,18 +28,18 @@ from drivers.servo_drive.drive import SILENT_AFTER_SCANS, CanDrive
 from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, rpdo_cob_id, tpdo_cob_id
 from drivers.wire_bench import WireBench, in_scans
 from station.bench.assemble import wire_config
+from station.bench.bench_spec import Address, Ports
 from station.bench.request import Job
 from station.records.samples.scan_record import BODY_STRUCT
 from virtual_bench.in_process import VirtualTimeBench
 
 Frame = can.Message
 Bend = Callable[[list[Frame]], list[Frame]]
-PORTS = {
-    "can": {"channel": "vcan0", "host": "127.0.0.1", "port": 1},
-    "amplifier": {"host": "127.0.0.1", "port": 2},
-    "brake": {"host": "127.0.0.1", "port": 3},
-    "remote_io": {"host": "127.0.0.1", "port": 4},
-}
+PORTS = Ports(
+    Address("127.0.0.1", 1, "vcan0"),
+    {name: Address("127.0.0.1", port) for port, name in enumerate(("amplifier", "brake", "remote_io"), 2)},
+    None,
+)
 GREETING_SCANS = 60
 TPDO_SOURCES = {
     "statusword": ("drive_statusword", None),

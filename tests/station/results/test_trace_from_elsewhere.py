@@ -50,7 +50,7 @@ def two_cycles(path: Path, noise_nm: float) -> Path:
     timed = []
     for number, row in enumerate([*rows, *rows]):
         branch, torque, angle = row.split(",")
-        timed.append(f"{0.1 * number:.1f},{branch},{float(torque) + noise_nm * noise[number]:.6f},{angle}")
+        timed.append(f"{0.02 * number:.2f},{branch},{float(torque) + noise_nm * noise[number]:.6f},{angle}")
     path.write_text("\n".join([f"t_s,{head}", *timed]) + "\n", encoding="utf-8")
     return path
 
@@ -90,7 +90,7 @@ def test_errors_that_leave_no_metric_are_the_reason_and_not_the_number_of_cycles
     Path(soft).write_text(text.replace("torque_out: {full_scale: 1000 N·m, usable: 110 %,", large), encoding="utf-8")
     trace = tmp_path / "timed.csv"
     head, *rows = TRACE.read_text("utf-8").splitlines()
-    trace.write_text("\n".join([f"t_s,{head}", *(f"{0.1 * n:.1f},{row}" for n, row in enumerate(rows))]) + "\n")
+    trace.write_text("\n".join([f"t_s,{head}", *(f"{0.02 * n:.2f},{row}" for n, row in enumerate(rows))]) + "\n")
     found = elsewhere(trace, recipe(tmp_path, "guard_band"), soft)
     assert found.verdict == "NOT DECIDABLE"
     (reason, *_) = found.reasons

@@ -17,7 +17,7 @@ from station.web.permission import CONDITIONS
 
 def started(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     runs: list[list[str]] = []
-    monkeypatch.setattr(station.running, "start", lambda options, _serial: runs.append(options))
+    monkeypatch.setattr(station.running, "start", lambda options, *_: runs.append(options))
     return runs
 
 

@@ -112,7 +112,7 @@ def test_a_unit_is_measured_on_the_word_of_the_mes_or_by_the_plants_choice_witho
 
 def test_the_mes_announces_asks_and_starts(plant: Station, monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[list[str]] = []
-    monkeypatch.setattr(plant.running, "start", lambda options, _serial: runs.append(options))
+    monkeypatch.setattr(plant.running, "start", lambda options, *_: runs.append(options))
     mes, operator = client_of(plant, "mes"), client_of(plant, "operator")
     asked = operator.post("ask_permission", {"scanned": "SN-1"}).json()
     assert (asked["allowed"], [one["id"] for one in asked["reasons"]]) == (False, ["previous_step_passed"])
@@ -131,7 +131,7 @@ def test_the_mes_announces_asks_and_starts(plant: Station, monkeypatch: pytest.M
 
 def test_a_unit_that_is_measured_while_the_mes_is_away_says_so(plant: Station, monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[list[str]] = []
-    monkeypatch.setattr(plant.running, "start", lambda options, _serial: runs.append(options))
+    monkeypatch.setattr(plant.running, "start", lambda options, *_: runs.append(options))
     lenient = dataclasses.replace(plant, mes=settings(when_away="unverified"))
     assert client_of(lenient, "operator").post("start_run", {"scanned": "SN-1"}).status_code == 200
     (note,) = [runs[0][at + 1] for at, word in enumerate(runs[0]) if word == "--note"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -51,6 +52,7 @@ def test_a_limit_is_changed_by_one_person_released_by_another_and_used(station: 
     state(technician, "released")
     assert buttons(technician) == {"New revision from this"}, "what is released cannot be changed"
     technician.click("text=New revision from this")
+    technician.wait_for_url(re.compile(r"[?]new=1$"))  # the page before says "no errors" too
     technician.wait_for_selector(".lm-in-order")
 
     technician.click(".cm-content")

@@ -13,7 +13,7 @@ from nicegui import ui
 from station.errors import StationError
 from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CheckedCode, check_code
 from station.web.actions import Station
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.words import CIRCLE, SQUARE, TRIANGLE, Shown, local
 from station.web.people.accounts import Session
 
@@ -30,8 +30,7 @@ def add_certificates(station: Station) -> None:
 
     @ui.page("/certificates", title="lostmotion: certificates", response_timeout=LONGEST_BUILD_S)
     async def page(request: Request) -> Response | None:
-        session = await asyncio.to_thread(session_of_request, station, request)
-        if session is None or session.person.must_change:
+        if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
         _Certificates(station, session).build()
         return None

@@ -37,24 +37,28 @@ SESSION_EVERY_S = 2.0
 """How often an open page looks whether its session has ended."""
 
 
-def session_of_request(station: Station, request: Request) -> Session | None:
-    """Return the session that a request comes from; None where nobody is logged in."""
-    return session_of_token(station, request.cookies.get(COOKIE))
-
-
 def session_of_token(station: Station, token: str | None) -> Session | None:
     """Return the session of a token; None where it has ended, or never was."""
     with station.database.reading() as connection:
         return session_of(connection, token)
 
 
+async def session_of_page(station: Station, request: Request) -> Session | None:
+    """Return the session of somebody who may see a page; None for nobody, and where a password is to be chosen."""
+    return await _may_see(station, request.cookies.get(COOKIE))
+
+
 async def still_open(station: Station, session: Session) -> bool:
     """Say whether the session of an open page has not ended; where it has, the page is left, and shows nothing more."""
-    found = await asyncio.to_thread(session_of_token, station, session.token)
-    if found is None or found.person.must_change:
+    if await _may_see(station, session.token) is None:
         ui.navigate.to("/enter")
         return False
     return True
+
+
+async def _may_see(station: Station, token: str | None) -> Session | None:
+    found = await asyncio.to_thread(session_of_token, station, token)
+    return None if found is None or found.person.must_change else found
 
 
 def words_for(station: Station, session: Session | None, request: Request) -> Words:

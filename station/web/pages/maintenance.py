@@ -28,7 +28,7 @@ from station.web.pages.frame import (
     LONGEST_BUILD_S,
     SESSION_EVERY_S,
     bar,
-    session_of_request,
+    session_of_page,
     still_open,
 )
 from station.web.people.accounts import Session
@@ -56,8 +56,7 @@ def add_maintenance(station: Station) -> None:
 
     @ui.page("/maintenance", title="lostmotion: maintenance", response_timeout=LONGEST_BUILD_S)
     async def page(request: Request) -> Response | None:
-        session = await asyncio.to_thread(session_of_request, station, request)
-        if session is None or session.person.must_change:
+        if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
         _Maintenance(station, session).build()
         return None

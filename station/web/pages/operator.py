@@ -24,7 +24,7 @@ from station.web.action_values import refusal
 from station.web.actions import BAD_INPUT, OK, Answer, Station, perform, unconfirmed_run
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.languages import LANGUAGES, Words, messages
-from station.web.pages.frame import HERE, bar, session_of_request, words_for
+from station.web.pages.frame import HERE, bar, session_of_page, words_for
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED, Now
@@ -52,8 +52,7 @@ def add_pages(station: Station) -> None:
 
     @ui.page("/", title="lostmotion")
     async def operator(request: Request) -> Response | None:
-        session = await asyncio.to_thread(session_of_request, station, request)
-        if session is None or session.person.must_change:
+        if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
         _Page(station, session, words_for(station, session, request)).build()
         return None

@@ -45,7 +45,7 @@ from station.store.quality.lot import Lot, production
 from station.wall_clock import WALL_CLOCK
 from station.web.actions import Station
 from station.web.models import Models
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.quality_figures import (
     LINE,
     capability_html,
@@ -167,8 +167,7 @@ def add_quality_page(station: Station) -> None:
 
     @ui.page("/quality", title="lostmotion: quality", response_timeout=LONGEST_BUILD_S)
     async def quality(request: Request) -> Response | None:
-        session = await asyncio.to_thread(session_of_request, station, request)
-        if session is None or session.person.must_change:
+        if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
         await _Quality(station, session).build()
         return None

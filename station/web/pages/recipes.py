@@ -18,7 +18,7 @@ from station.errors import StationError
 from station.records.recipe_revisions import History, Revision, State
 from station.web.action_values import RecipeChanged
 from station.web.actions import ACTIONS, Station, perform
-from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.recipes_editor import LINE_INK, add_editor, address_of
 from station.web.pages.words import local
 from station.web.people.accounts import Session
@@ -48,8 +48,7 @@ def add_recipe_pages(station: Station) -> None:
 
     @ui.page("/recipes", title="lostmotion: recipes")
     async def recipes(request: Request) -> Response | None:
-        session = await asyncio.to_thread(session_of_request, station, request)
-        if session is None or session.person.must_change:
+        if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
         await _Recipes(station, session).build()
         return None

@@ -27,7 +27,7 @@ from station.run.screen.progress import clock
 from station.web.action_values import RecipeChanged
 from station.web.actions import ACTIONS, Answer, Station, perform
 from station.web.languages import ENGLISH, words_of
-from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.recipes_diff import diff_html
 from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
@@ -54,8 +54,7 @@ def add_editor(station: Station) -> None:
 
     @ui.page("/recipes/{name}/{revision}", title="lostmotion: recipe")
     async def recipe(request: Request, name: str, revision: int, new: int = 0) -> Response | None:
-        session = await asyncio.to_thread(session_of_request, station, request)
-        if session is None or session.person.must_change:
+        if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
         try:
             history = await asyncio.to_thread(History, station.data)

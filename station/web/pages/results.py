@@ -21,7 +21,7 @@ from station.web.pages.frame import (
     LONGEST_BUILD_S,
     SESSION_EVERY_S,
     bar,
-    session_of_request,
+    session_of_page,
     still_open,
     words_for,
 )
@@ -58,8 +58,7 @@ def add_results(station: Station) -> None:
 
     @ui.page("/results", title="lostmotion: results", response_timeout=LONGEST_BUILD_S)
     async def results(request: Request) -> Response | None:
-        session = await asyncio.to_thread(session_of_request, station, request)
-        if session is None or session.person.must_change:
+        if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
         await _Results(station, session, words_for(station, session, request)).build()
         return None

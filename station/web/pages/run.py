@@ -20,7 +20,7 @@ from station.reports.content import LOOP_CSV
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.actions import Station
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_request, still_open
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.loop_figure import OTHERS, Drawn, Marked, loop_figure, stiffness_figure
 from station.web.pages.run_text import RunText, metric_title, run_text
 from station.web.pages.words import local, verdict_text
@@ -50,8 +50,7 @@ def add_run_page(station: Station) -> None:
 
     @ui.page("/runs/{run}", title="lostmotion: run", response_timeout=LONGEST_BUILD_S)
     async def page(request: Request, run: str) -> Response | None:
-        session = await asyncio.to_thread(session_of_request, station, request)
-        if session is None or session.person.must_change:
+        if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
         await _RunPage(station, session, run).build()
         return None

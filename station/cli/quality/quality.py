@@ -72,9 +72,12 @@ def print_yield(data: Path, lot: Lot, by: str | None, level: float, *, as_json: 
         found = yield_of(look, lot, by, level)
         notes = lot_note(look, lot)
     rows = [_yield_row(one) for one in (*found.groups, found.whole)]
-    heads = (by or "", "first pass", "yield", f"{level:.0%} interval", "final", "yield", f"{level:.0%} interval",
-             "FAIL", "NOT DECIDABLE", "stopped or fault")  # fmt: skip
-    explained = "first pass: units that passed at their first attempt; final: units by the newest run of each"
+    heads = (by or "", "first", "yield", "interval", "final", "yield", "interval",
+             "FAIL", "no verdict", "stopped")  # fmt: skip
+    explained = (
+        "first: passed at the first attempt; final: by the newest run; no verdict: NOT DECIDABLE; "
+        f"stopped: or ended by a fault; interval: confidence {level:.0%}"
+    )
     return say(found, [Grid(heads, rows, right=tuple(range(1, 10))), explained, *notes], as_json=as_json)
 
 

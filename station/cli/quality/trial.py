@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from station.cli.line.line_statistics import figure
@@ -27,17 +28,16 @@ def print_trial(data: Path, lot: Lot, tried: Tried, person: str | None, *, as_js
         f"{found.metric.name}: {_rule(found.before, unit)} now, {_rule(found.after, unit)} on trial",
         Grid(("now", "on trial", "runs", ""), rows, right=(2,)),
         f"{found.flips} of {found.runs} verdicts flip",
-        Grid(
-            ("side", "", "beyond the limits", "accepted wrongly (PFA)", "rejected wrongly (PFR)", "NOT DECIDABLE"),
-            [row for one in found.risks for row in _risk_rows(one)],
-            right=(2, 3, 4, 5),
-        ),
     ]
+    known = [one for one in found.risks if not one.why]
+    if known:
+        heads = ("side", "", "beyond the limits", "accepted wrongly (PFA)", "rejected wrongly (PFR)", "NOT DECIDABLE")
+        blocks.append(Grid(heads, [row for one in known for row in _risk_rows(one)], right=(2, 3, 4, 5)))
+        notes.append(f"risks: of a normal process, its spread that of the values less u; u is {_us(known)} {unit}")
     blocks += [f"{one.before} → {one.after}  {one.run}" for one in found.flipped]
     blocks += [f"side {one.side}: no risks: {one.why}" for one in found.risks if one.why]
     blocks += [] if saved is None else [f"saved as draft: {saved.title}, by {person}"]
     document = {**plain(found), "draft": None if saved is None else saved.title}
-    notes.append(f"risks: of a normal process, its spread that of the values less u; u is {_us(found.risks)} {unit}")
     return say(document, [*blocks, *notes], as_json=as_json)
 
 
@@ -46,7 +46,7 @@ def _rule(rule: Rule, unit: str) -> str:
     return f"{limits_text(Limits(min=rule.limit_min, max=rule.limit_max))} {unit} ({guard})"
 
 
-def _us(risks: tuple[SideRisks, ...]) -> str:
+def _us(risks: Sequence[SideRisks]) -> str:
     return ", ".join(f"{figure(one.u, '', 3)} on side {one.side}" for one in risks)
 
 

@@ -42,14 +42,14 @@ def truth(recipe: str) -> dict[str, float]:
     return samples(job, bench_of(job, 1), None)[2]
 
 
-def beyond_its_uncertainty(result: dict, truth: dict[str, float]) -> list[str]:
-    """The values of a result that are farther from the truth than their U; all metrics of the truth must be there."""
+def beyond_its_uncertainty(result: dict, truth: dict[str, float], limit: float = 1.0) -> list[str]:
+    """The values of a result that are farther from the truth than limit times their U; all metrics must be there."""
     sides = {f"{m['id']} {name}": side for m in result["metrics"] for name, side in m["sides"].items()}
     assert set(truth) <= set(sides)
     return [
         f"{name}: {sides[name]['value']} ± {sides[name]['uncertainty']}, true {true}"
         for name, true in truth.items()
-        if abs(sides[name]["value"] - true) > sides[name]["uncertainty"]
+        if abs(sides[name]["value"] - true) > limit * sides[name]["uncertainty"]
     ]
 
 
@@ -130,8 +130,14 @@ def rtu_amplifier() -> Iterator[Path]:
 
 
 def test_an_amplifier_on_a_serial_line_that_is_asked_every_10_ms(lostmotion, recipe, truth, rtu_amplifier):
+    """A serial line keeps its own time, so no two runs have the same noise: of nine values one in twenty may lie beyond U.
+
+    A value beyond 2 U, or three of nine beyond U, is no chance any more: less than 1 in 100 runs of a sound bench.
+    """
     result = run_on(lostmotion, recipe, "rtu", rtu_amplifier, ())
-    assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
+    assert result["verdict"] == "PASS"
+    assert beyond_its_uncertainty(result, truth, 2.0) == []
+    assert len(beyond_its_uncertainty(result, truth)) < 3
     wires = result["timing"]["wires"]
     assert wires["box.replies"] > 0.095 * PERIOD_MS * result["timing"]["scans"]
     assert wires["box.timeouts"] == wires["box.garbage"] == 0

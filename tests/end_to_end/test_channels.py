@@ -130,7 +130,7 @@ def rtu_amplifier() -> Iterator[Path]:
 
 
 def test_an_amplifier_on_a_serial_line_that_is_asked_every_10_ms(lostmotion, recipe, truth, rtu_amplifier):
-    """A serial line keeps its own time, so no two runs have the same noise: of nine values one in twenty may lie beyond U.
+    """A serial line keeps its own time, so no two runs have the same noise: one value in twenty may lie beyond U.
 
     A value beyond 2 U, or three of nine beyond U, is no chance any more: less than 1 in 100 runs of a sound bench.
     """

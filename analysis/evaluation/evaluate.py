@@ -291,7 +291,5 @@ def _what_helps(budget: Budget) -> str:
         return "measure more cycles"
     said = f"the largest contribution is: {largest.text}"
     if largest.quantity.startswith(OPEN):
-        return (
-            f"{said}; make the limit of that check smaller (validity), or write 'left_open: told'"
-        )
+        return f"{said}; make the limit of that check smaller (validity), or write 'left_open: told'"
     return f"{said}; more cycles do not reduce it"

@@ -81,6 +81,7 @@ class _Editor:
         self._fields: dict[OptionPath, ui.input] = {}
         self._dry: tuple[str, str] = ("", "")
         self._asks_again = True
+        self._told: tuple[Revision | None, bool, bool] | None = None
 
     async def build(self, *, as_new: bool) -> None:
         """Lay the page out; as_new: the text becomes the draft of the next revision."""
@@ -159,6 +160,11 @@ class _Editor:
         """Show what the revision is, and what this person can do with it now."""
         found, saved = self._found, self._is_saved()
         in_order = self._looked is not None and self._looked.job is not None
+        goes_on = saved and in_order and found is not None and found.state is not State.RELEASED
+        told = (found, saved, goes_on)
+        if told == self._told:
+            return  # a button that is made anew under the finger loses the click
+        self._told = told
         self._head.clear()
         with self._head:
             with ui.element("h1").classes("lm-recipe-title"):
@@ -174,10 +180,10 @@ class _Editor:
                 ui.button("Save", on_click=self._save).props("no-caps").set_enabled(not saved)
             if found is not None and found.state is State.DRAFT and self._may("ask_release"):
                 button = ui.button("Ask for release", on_click=partial(self._release, "ask_release"))
-                button.props("no-caps").set_enabled(saved and in_order)
+                button.props("no-caps").set_enabled(goes_on)
             if found is not None and found.state is State.ASKED and self._may("release_recipe"):
                 button = ui.button("Release", on_click=partial(self._release, "release_recipe"))
-                button.props("no-caps").set_enabled(saved and in_order)
+                button.props("no-caps").set_enabled(goes_on)
 
     def _typed(self, event: Any) -> None:
         self._text = str(event.value or "")

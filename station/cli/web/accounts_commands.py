@@ -147,12 +147,14 @@ def _done(data: Path, who: str, action: str, values: dict[str, JsonValue], **sec
         StationError: wrong name or password, or why the action was refused.
 
     """
-    from station.web.actions import OK, Station, perform
+    from station.web.actions.perform import perform
+    from station.web.actions.row import OK
     from station.web.models import load_models
     from station.web.people import audit
     from station.web.people.accounts import EntryRefusedError, enter, is_name
     from station.web.people.database import FILE, StationDatabase
     from station.web.running import Running
+    from station.web.station import Station
 
     if not (data / FILE).is_file():
         raise StationError(

@@ -10,10 +10,11 @@ from fastapi import Request
 from nicegui import ui
 from pydantic import JsonValue
 
-from station.web.actions import Station, perform
+from station.web.actions.perform import perform
 from station.web.languages import COOKIE as LANGUAGE_COOKIE
 from station.web.languages import ENGLISH, LANGUAGES, Words, words_of
 from station.web.people.accounts import COOKIE, Session, chosen_language, session_of
+from station.web.station import Station
 
 HERE = Path(__file__).parent
 

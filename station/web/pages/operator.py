@@ -20,8 +20,10 @@ from station.reports.headline import remaining_reasons
 from station.reports.result_text import limits_text
 from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
-from station.web.action_values import refusal
-from station.web.actions import BAD_INPUT, OK, Answer, Station, perform, unconfirmed_run
+from station.web.actions.perform import perform
+from station.web.actions.row import BAD_INPUT, OK, Answer
+from station.web.actions.runs import unconfirmed_run
+from station.web.actions.values import refusal
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, bar, session_of_page, words_for
@@ -31,6 +33,7 @@ from station.web.running import ENDED, Now
 from station.web.running import RUNNING as IS_RUNNING
 from station.web.running import STARTING as IS_STARTING
 from station.web.scanner_test import is_test_code
+from station.web.station import Station
 
 LOOK_EVERY_S = 0.1
 SESSION_EVERY_S = 2.0

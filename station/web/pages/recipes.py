@@ -16,12 +16,14 @@ from nicegui import events, ui
 from recipes.text.yaml_source import LARGEST_FILE
 from station.errors import StationError
 from station.records.recipe_revisions import History, Revision, State
-from station.web.action_values import RecipeChanged
-from station.web.actions import ACTIONS, Station, perform
+from station.web.actions.perform import perform
+from station.web.actions.table import ACTIONS
+from station.web.actions.values import RecipeChanged
 from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.recipes_editor import LINE_INK, add_editor, address_of
 from station.web.pages.words import local
 from station.web.people.accounts import Session
+from station.web.station import Station
 
 STATES = {State.DRAFT: "○ draft", State.ASKED: "◐ release asked", State.RELEASED: "● released"}
 """Each state with its shape."""

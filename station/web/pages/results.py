@@ -15,7 +15,6 @@ from nicegui import ui
 from station.errors import StationError
 from station.store.run_search import Page, search
 from station.store.stored_runs import StoredRun, Wanted
-from station.web.actions import Station
 from station.web.languages import Words
 from station.web.pages.frame import (
     LONGEST_BUILD_S,
@@ -27,7 +26,8 @@ from station.web.pages.frame import (
 )
 from station.web.pages.words import SHAPES, local, verdict_text
 from station.web.people.accounts import Session
-from station.web.rest_runs import begin_of
+from station.web.rest.runs import begin_of
+from station.web.station import Station
 
 ROWS = 50
 """Runs on one page of the table."""

@@ -27,6 +27,7 @@ from station.web.actions.values import refusal
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, bar, session_of_page, words_for
+from station.web.pages.quality_figures import Options
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED, Now
@@ -264,7 +265,7 @@ def _row(metric: MetricValue, say: Words) -> str:
     return f"<tr><td>{escape(title)}</td>" + "".join(f'<td class="n">{escape(one)}</td>' for one in cells) + "</tr>"
 
 
-def _chart_options(say: Words) -> dict[str, Any]:
+def _chart_options(say: Words) -> Options:
     ink = "#23282b"
     axis = {
         "type": "value",

@@ -47,6 +47,7 @@ from station.web.models import Models
 from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.quality_figures import (
     LINE,
+    Options,
     capability_html,
     causes_html,
     chart_options,
@@ -412,7 +413,7 @@ def _card(head: str) -> ui.element:
     return card
 
 
-def _draw(chart: ui.echart, options: dict[str, object]) -> None:
+def _draw(chart: ui.echart, options: Options) -> None:
     chart.options.clear()
     chart.options.update(options)
     chart.update()

@@ -31,6 +31,7 @@ from station.web.actions.values import RecipeChanged
 from station.web.languages import ENGLISH, words_of
 from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.operator import metrics_table
+from station.web.pages.quality_figures import Options
 from station.web.pages.recipes_diff import diff_html
 from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
 from station.web.people.accounts import Session
@@ -357,7 +358,7 @@ def _history_html(history: History, name: str) -> str:
     return f'<table class="lm">{rows}</table>' if rows else "<p>Nobody has changed this recipe here.</p>"
 
 
-def _chart_options() -> dict[str, Any]:
+def _chart_options() -> Options:
     axis = {
         "type": "value",
         "nameLocation": "middle",

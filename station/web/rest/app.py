@@ -197,9 +197,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         with station.database.reading() as connection:
             head = audit.head_of(connection)
             lines = audit.lines_of(connection, newest)
-        return JSONResponse(
-            {"lines": head.lines, "head_sha256": head.sha256, "newest": [one._asdict() for one in lines]}
-        )
+        return JSONResponse({**head._asdict(), "newest": [one._asdict() for one in lines]})
 
 
 def _endpoint(station: Station, row: Action) -> Callable[..., Response]:

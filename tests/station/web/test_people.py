@@ -197,7 +197,7 @@ def test_the_trail_in_order_says_its_head(database: StationDatabase) -> None:
         head = audit.head_of(connection)
     ran = here("audit", "verify", "--data", str(database.path.parent))
     assert ran.exit_code == 0
-    assert head.sha256 in ran.out
+    assert head.head_sha256 in ran.out
     assert here("audit", "verify", "--data", str(database.path.parent / "none")).exit_code == 2
 
 

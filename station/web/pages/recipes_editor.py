@@ -24,16 +24,20 @@ from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_
 from station.records.recipe_revisions import History, Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
-from station.web.action_values import RecipeChanged
-from station.web.actions import ACTIONS, Answer, Station, perform
+from station.web.actions.perform import perform
+from station.web.actions.row import Answer
+from station.web.actions.table import ACTIONS
+from station.web.actions.values import RecipeChanged
 from station.web.languages import ENGLISH, words_of
 from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.operator import metrics_table
+from station.web.pages.quality_figures import Options
 from station.web.pages.recipes_diff import diff_html
 from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
 from station.web.people.accounts import Session
 from station.web.recipe_text.check import LookedAt, look_at
 from station.web.recipe_text.dry_run import FAILED, IDLE, TRYING, DryRun
+from station.web.station import Station
 
 LOOK_EVERY_S = 0.15
 QUIET_S = 0.35
@@ -360,7 +364,7 @@ def _history_html(history: History, name: str) -> str:
     return f'<table class="lm">{rows}</table>' if rows else "<p>Nobody has changed this recipe here.</p>"
 
 
-def _chart_options() -> dict[str, Any]:
+def _chart_options() -> Options:
     axis = {
         "type": "value",
         "nameLocation": "middle",

@@ -1,6 +1,7 @@
-"""`python -m benchmarks.coverage_study [--units N] [--types]`: the study of whether the stated uncertainty holds.
+"""`python -m benchmarks.coverage_study [--units N] [--types] [--left-open]`: whether the stated uncertainty holds.
 
-With --types: units of six types by a generator that shares nothing with the analysis, in one table.
+With --types: units of six types by a generator that shares nothing with the analysis, in one table. With --left-open:
+such units with errors as large as the checks of a run leave open, told beside the verdict and in the budget.
 
 Seeded units around the default one, every parameter ± 20 % and the sides ± 5 % apart, are measured by a simulated bench
 with errors drawn from the figures of a bench file, and compared with their own loops without errors. The table is
@@ -19,6 +20,7 @@ from analysis.loop.method import Method, MetricWanted
 from analysis.uncertainty.distributions import STATED_BY
 from analysis.uncertainty.figures import SensorFigures, StatedBy
 from benchmarks.page import put
+from benchmarks.simulated import left_open_units
 from benchmarks.simulated.coverage import CoverageRow, coverage, simulated_pairs
 from benchmarks.simulated.simulated_run import SimulatedBench
 from benchmarks.simulated.types_of_units import table
@@ -71,8 +73,15 @@ def main() -> None:
     parser.add_argument("--torque", choices=[*TORQUES], action="append", help="default: all")
     parser.add_argument("--stated-by", choices=STATED_BY, help="of the torque sensors' figures (default: the bench's)")
     parser.add_argument("--types", action="store_true", help="units of six types, by the independent generator")
-    parser.add_argument("--page", type=Path, help="with --types: put the table into this page")
+    parser.add_argument("--left-open", action="store_true", help="units with errors that the checks leave open")
+    parser.add_argument("--page", type=Path, help="with --types or --left-open: put the table into this page")
     asked = parser.parse_args()
+    if asked.left_open:
+        found = left_open_units.table(asked.units)
+        print(found)
+        if asked.page:
+            put(asked.page, "left open", found)
+        return
     if asked.types:
         found = table(asked.units)
         print(found)

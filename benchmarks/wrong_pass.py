@@ -11,7 +11,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -43,6 +43,11 @@ from benchmarks.simulated.loop_generator import (
 UNIT = KINDS["RV-40E"]
 BENCHES = {"whole run": Bench(), "bare trace": Bench(dwell_s=0.0)}
 """A run with its segments, dwells and the drive's position, and what somebody exports without any of these."""
+
+BUDGET = "whole run, left_open: budget"
+"""The whole run once more, with what its checks leave open in U."""
+
+SHOWN = (*BENCHES, BUDGET)
 
 PEAK_NM = BENCHES["whole run"].peak * UNIT.rated_nm
 BEYOND = 0.15
@@ -88,6 +93,18 @@ def _minutes(trace: Trace) -> np.ndarray:
     return (trace.t_s - trace.t_s[0]) / 60.0
 
 
+def _late_within(trace: Trace, channels: Sequence[str], seconds: float) -> Trace:
+    """Return the trace with channels that are late within each ramp, and not near its ends."""
+    late = np.zeros(trace.samples)
+    for key, info in trace.segments.items():
+        if info.direction:
+            rows = np.flatnonzero(trace.segment == key)
+            at = np.linspace(0.0, 1.0, rows.size)
+            late[rows] = seconds * np.clip(np.minimum(at - 0.05, 0.95 - at) / 0.1, 0.0, 1.0)
+    times = trace.t_s - late
+    return replace(trace, **{name: np.interp(times, trace.t_s, getattr(trace, name)) for name in channels})
+
+
 def _copied(trace: Trace, dither_nm: float) -> Trace:
     """Return the trace with its first cycle in the place of all others, the output torque with noise of so much."""
     channels = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
@@ -106,6 +123,18 @@ CASES: dict[str, Case] = {
     "lag": Case("both torques filtered, time constant", "s", 1.0, lambda size: Defect(lag_s=size), signed=False),
     "delay": Case("both torques late", "s", 1.0, lambda size: Defect(delay_s=size)),
     "lag of one": Case("output torque filtered alone", "s", 1.0, lambda size: Defect(lag_out_s=size), signed=False),
+    "angle late within": Case(
+        "input angle late within each ramp", "s", 1.0,
+        trace=lambda trace, size: _late_within(trace, ["angle_in_rad"], size),
+    ),
+    "torques late within": Case(
+        "both torques late within each ramp", "s", 1.0,
+        trace=lambda trace, size: _late_within(trace, ["torque_in_nm", "torque_out_nm"], size),
+    ),
+    "output late within": Case(
+        "output torque late within each ramp", "s", 1.0,
+        trace=lambda trace, size: _late_within(trace, ["torque_out_nm"], size),
+    ),
     "gain": Case("gain of the output torque", "%", 50.0, lambda size: Defect(out_gain=1.0 + size / 100.0)),
     "gain of both": Case(
         "gain of both torques alike", "%", 50.0,
@@ -174,10 +203,11 @@ def limited(metric: str) -> MetricWanted:
 
 def _judged(case: Case, size: float, shown: str, wanted: list[MetricWanted]) -> Result:
     """Evaluate the bad unit as measured with so much of a defect."""
-    bench = BENCHES[shown]
+    bench = BENCHES["whole run" if shown == BUDGET else shown]
     trace = measured(UNIT, _course(bench), bench, np.random.default_rng(SEED), case.defect(size))
     trace = case.trace(trace, size)
-    method = method_of(UNIT, bench, ratio=UNIT.ratio * case.ratio(size))
+    left_open = "budget" if shown == BUDGET else "told"
+    method = method_of(UNIT, bench, ratio=UNIT.ratio * case.ratio(size), left_open=left_open)
     if shown == "bare trace":
         trace = without_segments(trace)
     return analyse(trace, method, wanted, Decision("guard_band"), figures=figures_of(UNIT))
@@ -226,10 +256,15 @@ def _passes(case: Case, size: float, shown: str) -> tuple[list[str], bool]:
     return passed, bool(hidden)
 
 
-def largest_passing(case: Case, shown: str) -> Passed:
-    """Look for the largest size that passes, from the largest down, and closer between it and the next larger one."""
+def largest_passing(case: Case, shown: str, within: float | None = None) -> Passed:
+    """Look for the largest size that passes, from the largest down, and closer between it and the next larger one.
+
+    within: size beyond which none is tried.
+    """
     disguises, above = False, {1.0: case.largest, -1.0: case.largest}
     for size in _sizes(case):
+        if within is not None and abs(size) > abs(within):
+            continue
         found, hides = _passes(case, size, shown)
         disguises |= hides
         sign = float(np.sign(size))
@@ -248,6 +283,14 @@ def largest_passing(case: Case, shown: str) -> Passed:
     return Passed(None, "", disguises)
 
 
+def found_of(case: Case) -> dict[str, Passed]:
+    """Return the largest sizes of a defect that pass. What does not pass by U does not by a larger one."""
+    found = {shown: largest_passing(case, shown) for shown in BENCHES}
+    told = found["whole run"]
+    found[BUDGET] = told if told.size is None else largest_passing(case, BUDGET, told.size)
+    return found
+
+
 Found = dict[str, dict[str, Passed]]
 """Largest size that passes, by defect and by what is shown of the run."""
 
@@ -262,19 +305,20 @@ def table(now: Found, before: Found) -> str:
             return "none" if passed.disguises else "none, hides nothing"
         return f"{passed.size:+.3g} {case.unit}, `{passed.metric}`"
 
-    head = ["defect", "tried up to", *(f"{when}, {shown}" for when in ("before", "now") for shown in BENCHES)]
+    shown_of = [("before", before, shown) for shown in BENCHES] + [("now", now, shown) for shown in SHOWN]
+    head = ["defect", "tried up to", *(f"{when}, {shown}" for when, _, shown in shown_of)]
     lines = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
     for name in now:
         case = CASES[name]
-        cells = [cell(case, of.get(name, {}).get(shown)) for of in (before, now) for shown in BENCHES]
+        cells = [cell(case, of.get(name, {}).get(shown)) for _, of, shown in shown_of]
         sign = "±" if case.signed else ""
         lines.append(f"| {case.text} | {sign}{case.largest:g} {case.unit} | {' | '.join(cells)} |")
     return f"![Largest defects that pass](images/{IMAGE})\n\n" + "\n".join(lines)
 
 
-def _share(name: str, found: Found) -> float:
-    """Largest size that passes in either way of showing the run, % of the largest tried."""
-    sizes = [abs(one.size) for one in found.get(name, {}).values() if one.size is not None]
+def _share(name: str, found: Found, of: Sequence[str]) -> float:
+    """Largest size that passes in any of some ways of showing the run, % of the largest tried."""
+    sizes = [abs(one.size) for shown, one in found.get(name, {}).items() if shown in of and one.size is not None]
     return 100.0 * max(sizes, default=0.0) / CASES[name].largest
 
 
@@ -288,9 +332,13 @@ def draw(now: Found, before: Found, path: Path) -> None:
 
     figure, axes = plt.subplots(figsize=(8.0, 0.34 * len(now) + 1.2), layout="constrained")
     places = np.arange(len(now))
-    for shift, label, colour, found in ((-0.2, "before", "#c8a06a", before), (0.2, "now", "#2f6690", now)):
-        shares = [_share(name, found) for name in now]
-        axes.barh(places + shift, shares, height=0.36, color=colour, label=label)
+    bars = (
+        ("before", "#c8a06a", before, tuple(BENCHES)), ("now", "#2f6690", now, tuple(BENCHES)),
+        (f"now, {BUDGET}", "#7fb069", now, (BUDGET,)),
+    )  # fmt: skip
+    for row, (label, colour, found, of) in enumerate(bars):
+        shares = [_share(name, found, of) for name in now]
+        axes.barh(places + 0.27 * (row - 1), shares, height=0.25, color=colour, label=label)
     axes.set_xscale("log")
     axes.set_xlim(100.0 * 10.0**-DECADES, 110.0)
     axes.set_yticks(
@@ -314,7 +362,7 @@ def main() -> None:
     now: Found = {}
     start = time.perf_counter()
     for name in asked.case or CASES:
-        now[name] = {shown: largest_passing(CASES[name], shown) for shown in BENCHES}
+        now[name] = found_of(CASES[name])
         print(f"{time.perf_counter() - start:4.0f} s  {name}: {now[name]}", file=sys.stderr, flush=True)
     if asked.json:
         asked.json.write_text(json.dumps(now, indent=1) + "\n", encoding="utf-8")

@@ -390,7 +390,7 @@ _ROWS = (
         "deviation of the ratio of drive torque to sensor torque from 1",
         "drive and torque sensor of the loaded shaft do not agree",
         "check gain and calibration of both torque sensors, then the drive's rated torque and gear ratio",
-        settable=SHARES,
+        settable=SHARES, leaves_open=LeavesOpen("gain of both torques alike", "%"),
     ),
     Check(
         "drive_torque_gap", "Hysteresis between drive and torque sensor", FRACTION, 1.0,
@@ -398,7 +398,7 @@ _ROWS = (
         "to the torque between the turning points",
         "the torque sensor lags behind the drive, or friction lies between them",
         "set the filters of both torque channels as in the bench file, or load slower and see whether it stays",
-        settable=SHARES,
+        settable=SHARES, leaves_open=LeavesOpen("delay of both torques within a ramp, as torque at mid-range", "N·m"),
     ),
     Check(
         "drive_angle_agreement", "Agreement of drive and angle encoder", FRACTION, 2.0,
@@ -408,6 +408,17 @@ _ROWS = (
         "check line count, scale and mounting of the encoder, then the drive's gear ratio and couplings",
         settable=SHARES,
         leaves_open=LeavesOpen("slower wave or scale of the loaded shaft's encoder, at that shaft", "arcmin"),
+    ),
+    Check(
+        "drive_angle_direction", "Delay of the angle encoder within a ramp", FRACTION, 0.1,
+        "change of the difference between the drive's position and the angle of the loaded shaft from the rising to "
+        "the falling branch at the same angle, beyond one delay and the twist of the coupling, relative to the travel "
+        "of that shaft",
+        "the angle of the loaded shaft is late in a part of the ramps",
+        "check filter and supply of the encoder. Check the coupling between drive and encoder for play. Then measure "
+        "again",
+        settable=SHARES,
+        leaves_open=LeavesOpen("delay of the loaded shaft's angle within a ramp, at the output", "arcmin"),
     ),
     Check(
         "drive_angle_repeat", "Delay of the angle encoder, branch against branch", FRACTION, 0.15,

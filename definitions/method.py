@@ -13,6 +13,9 @@ OutputTorque = Literal["reaction", "calibrated"]
 DecisionRule = Literal["simple", "guard_band"]
 """The value is judged by the limits as they are, or by limits moved by w = r·U."""
 
+LeftOpenErrors = Literal["told", "budget"]
+"""Errors that the checks of a run leave open: told beside the verdict, or contributions to every U that they move."""
+
 ONE_SIDED_95 = 1.645 / 2.0
 """Guard factor r of w = r·U for 95 % one-sided confidence when U is expanded with k = 2 (JCGM 106)."""
 

@@ -19,6 +19,7 @@ from analysis.metrics.wanted import definition
 from analysis.torque_ratio.quadrants import Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.budget import NOISE, SCATTER, Budget, of_scatter
+from analysis.uncertainty.left_open import OPEN
 from analysis.uncertainty.loop_uncertainty import CONVERSION
 from analysis.uncertainty.measurement import ONE_CYCLE, Measurement
 from definitions.metrics import GRADED, Metric
@@ -66,6 +67,8 @@ class _Measured(NamedTuple):
     trouble: str
     why_none: str = ONE_CYCLE
     """Why there is no budget where there are values."""
+    unlimited: str = ""
+    """Why the budget lacks an error that it shall have; '' if it has all."""
 
 
 def evaluate(
@@ -159,7 +162,8 @@ def _from_loops(row: Metric, ask: Ask, loops: Sequence[Loop], measurement: Measu
     if measurement is None:
         return _Measured(values, of_scatter(values, unit), "")
     budget = measurement.of_loops(lambda loop: turn * estimate(loop, ask), values, unit)
-    return _Measured(values, budget, "", measurement.why_none)
+    unlimited = measurement.trouble_of_loops(lambda loop: turn * estimate(loop, ask))
+    return _Measured(values, budget, "", measurement.why_none, unlimited)
 
 
 def _from_ratio(
@@ -171,13 +175,15 @@ def _from_ratio(
     which = "load_positive" if side > 0 else "load_negative"
     line: TorqueLine = getattr(quadrants, which)
     value = line.slope if row.id == "torque_ratio_slope" else side * line.offset_nm
-    budget = None if measurement is None else measurement.of_line(which, row.id, row.unit, value)
-    return _Measured((value,), budget, "")
+    if measurement is None:
+        return _Measured((value,), None, "")
+    budget = measurement.of_line(which, row.id, row.unit, value)
+    return _Measured((value,), budget, "", unlimited=measurement.trouble_of_line(which))
 
 
 def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Decision, *, invalid: bool) -> SideValue:
     """Judge one side and word the reason when it does not pass."""
-    values, budget, trouble, why_none = measured
+    values, budget, trouble, why_none, unlimited = measured
     expanded = None if budget is None else budget.expanded
     value = float(np.mean(values)) if values else None
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
@@ -189,6 +195,8 @@ def _judged(wanted: MetricWanted, side: str, measured: _Measured, decision: Deci
         verdict, reason = Verdict.PASS, ""
     elif invalid:
         verdict, reason = Verdict.NOT_DECIDABLE, ""
+    elif unlimited:
+        verdict, reason = Verdict.NOT_DECIDABLE, f"{name}: {unlimited}"
     elif decision.rule == "guard_band" and budget is not None and budget.kind == "untimed":
         verdict, reason = Verdict.NOT_DECIDABLE, f"{name}: {UNTIMED}"
     else:
@@ -281,4 +289,7 @@ def _what_helps(budget: Budget) -> str:
     largest = budget.rows[0] if budget.rows else None
     if largest is None or largest.quantity in OF_CYCLES:
         return "measure more cycles"
-    return f"the largest contribution is: {largest.text}; more cycles do not reduce it"
+    said = f"the largest contribution is: {largest.text}"
+    if largest.quantity.startswith(OPEN):
+        return f"{said}; make the limit of that check smaller (validity), or write 'left_open: told'"
+    return f"{said}; more cycles do not reduce it"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -106,13 +106,14 @@ def analyse(
         found = measure(trace, method, with_ratio=any(row.calibration for row in rows))
         late = lateness_of(found)
         checks = judge_checks(evidence_of(found, facts, tuple(invalid), figures, late), method.check_limits)
+        checks, left_open = _left_open(checks, method, declared=figures is not None)
         problems = check_reasons(checks, tuple(invalid))
         by_output = [] if figures is None else loops_by_output(found)
         late_s = 0.0 if isinstance(late, str) else late.seconds
         moved = {} if facts is None else {name: facts.zero_shift_nm(name) for name in TORQUES}
         errors, stage = measurement_of(
             found, figures, by_output=by_output, draws=draws, late_s=late_s,
-            zero_shifts_nm={name: nm for name, nm in moved.items() if nm is not None},
+            zero_shifts_nm={name: nm for name, nm in moved.items() if nm is not None}, left_open=left_open,
         )  # fmt: skip
         closed, unbroken = closed_loops(found), mended(found.loops, found.interruptions)
         metrics = tuple(
@@ -129,6 +130,22 @@ def analyse(
     friction = friction_offset_note(ratio, method.catalogue_offset_nm)
     besides = (friction,) if friction else ()
     return Result(metrics, verdict, tuple(reasons), rule, curves, ratio, (*found.stages, stage), checks, besides)
+
+
+def _left_open(
+    checks: tuple[CheckResult, ...], method: Method, *, declared: bool
+) -> tuple[tuple[CheckResult, ...], dict[str, float | None] | None]:
+    """Return the checks with what becomes of the errors that they leave open, and the sizes for the budget, by check.
+
+    None where the budget shall have none. declared: there is a budget of the sensors.
+    """
+    if method.left_open == "told":
+        return checks, None
+    sizes = {check.id: check.left_open.figure for check in checks if check.left_open is not None}
+    said = tuple(
+        replace(check, left_open=check.left_open and replace(check.left_open, in_budget=declared)) for check in checks
+    )
+    return said, sizes
 
 
 def _curves(found: Measured) -> Curves:

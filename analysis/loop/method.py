@@ -13,7 +13,7 @@ from typing import Literal, get_args
 from analysis.loop.fixture_curve import FixtureCurve
 from analysis.torque_ratio.quadrants import Quadrants
 from analysis.trace.errors import AnalysisError
-from definitions.method import ONE_SIDED_95, DecisionRule, Loading, OutputTorque
+from definitions.method import ONE_SIDED_95, DecisionRule, LeftOpenErrors, Loading, OutputTorque
 
 BREAK_FRACTION = 90.0 / 412.0
 """Break torques of the six-segment fit, of the reference torque: ±90 N·m for 412 N·m ("backlash and stiffness
@@ -39,6 +39,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "alignment": ("correct", "two_speeds", "report"),
     "drift": ("correct", "report"),
     "fixture": ("correct", "report"),
+    "left_open": get_args(LeftOpenErrors),
 }
 """What a method may choose between."""
 
@@ -60,6 +61,7 @@ class Method:
     lags_s: delay of each channel behind what it measures, by channel; None when they are not known.
     alignment: "correct" moves channels by their lags, "two_speeds" estimates the skew of torque and angle from cycles
     of different speed instead and corrects it, "report" moves nothing. drift, fixture: "correct" or "report".
+    left_open: "told" says beside the verdict which errors the validity checks cannot see, "budget" has them in U.
     catalogue_offset_nm: of the unit's loading line, held against its friction beside the verdict.
     catalogue_stiffness_nm_per_arcmin: of the unit, for the check that looks at the scale of angle and torque; never for
     a metric. None when it is not known.
@@ -86,6 +88,7 @@ class Method:
     alignment: Literal["correct", "two_speeds", "report"] = "correct"
     drift: Literal["correct", "report"] = "correct"
     fixture: Literal["correct", "report"] = "correct"
+    left_open: LeftOpenErrors = "told"
     catalogue_stiffness_nm_per_arcmin: float | None = None
     catalogue_offset_nm: float | None = None
     check_limits: Mapping[str, float] = field(default_factory=dict)

@@ -70,7 +70,8 @@ class MeasurementConditions:
     ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
     branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they were read again after
     the run, of the channels where they were. noise_seen_arcmin, locked_width_arcmin: what the angles show of their own
-    errors (`seen_angles`).
+    errors (`seen_angles`). way_arcmin: that the loaded shaft turns in a cycle, at the output. left_open: sizes of the
+    errors that the validity checks leave open and the budget shall have, by check, in the unit of its error.
     """
 
     method: Method
@@ -91,6 +92,8 @@ class MeasurementConditions:
     zero_shifts_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
     noise_seen_arcmin: float = 0.0
     locked_width_arcmin: float = 0.0
+    way_arcmin: float = 0.0
+    left_open: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def lines_of_this_run(self) -> bool:
@@ -153,9 +156,10 @@ def line_name(sign: int, direction: int) -> str:
 
 
 def conditions_of(
-    found: Measured, *, late_s: float = 0.0, zero_shifts_nm: Mapping[TorqueChannel, float] | None = None
-) -> MeasurementConditions:
-    """Return how the first cycle of a measurement was made; late_s and zero_shifts_nm as in `MeasurementConditions`."""
+    found: Measured, *, late_s: float = 0.0, zero_shifts_nm: Mapping[TorqueChannel, float] | None = None,
+    left_open: Mapping[str, float] | None = None,
+) -> MeasurementConditions:  # fmt: skip
+    """Return how the first cycle of a measurement was made; what is named here is as in `MeasurementConditions`."""
     method, trace, loop = found.method, found.trace, found.loops[0]
     encoders: dict[str, tuple[AngleName, ...]] = {
         "both": ("angle_in", "angle_out"),
@@ -166,9 +170,11 @@ def conditions_of(
     by_curve = curve is not None and curve.angles == found.angles
     corrects = by_curve or (method.fixture_stiffness_nm_per_arcmin is not None and found.angles == "loaded")
     ends = [branch.torque_nm[[0, -1]] for branch in (loop.forward, loop.backward)]
+    peak_nm = float(np.abs(np.concatenate(ends)).max())
+    stiffness = method.fixture_stiffness_nm_per_arcmin or math.inf
     return MeasurementConditions(
         method=method,
-        peak_nm=float(np.abs(np.concatenate(ends)).max()),
+        peak_nm=peak_nm,
         forward=_stretch(found.pairs[0][0]),
         backward=_stretch(found.pairs[0][1]),
         encoders=encoders[found.angles],
@@ -184,6 +190,9 @@ def conditions_of(
         zero_shifts_nm=zero_shifts_nm or {},
         noise_seen_arcmin=noise_seen_arcmin(found),
         locked_width_arcmin=locked_width_arcmin(found),
+        way_arcmin=max(float(np.ptp(one.angle_arcmin)) for one in (loop.forward, loop.backward))
+        + 2.0 * peak_nm / stiffness,
+        left_open=left_open or {},
         masked_nm=(_masked_nm(found.pairs[0][0]), _masked_nm(found.pairs[0][1])),
     )
 

@@ -1,7 +1,7 @@
 """Distributions of errors: standard uncertainty from a declared figure, and draws of the error's components.
 
-A cyclic error has two components (sine and cosine of the shaft's angle), for nobody knows its phase; the counts of an
-encoder have one for each way in which they may lie.
+A cyclic error has two components (sine and cosine of the shaft's angle), for nobody knows its phase, or two for each
+length that it may have; the counts of an encoder have one for each way in which they may lie.
 """
 
 from __future__ import annotations
@@ -38,9 +38,17 @@ def _expanded(random: np.random.Generator, limit: float, draws: int, components:
     return _normal(random, limit / 2.0, draws, components)
 
 
-def _cyclic(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:  # noqa: ARG001
+def _cyclic(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:
     phase = random.uniform(0.0, 2.0 * math.pi, draws)
-    return limit * np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    if components == 2:
+        return limit * np.stack([np.sin(phase), np.cos(phase)], axis=1)
+    # Of several lengths that a wave may have it has one: all pairs together have the size of one wave.
+    drawn = np.zeros((draws, components // 2, 2))
+    peak = limit * math.sqrt(components / 2)
+    drawn[np.arange(draws), random.permutation(draws) % (components // 2)] = peak * np.stack(
+        [np.sin(phase), np.cos(phase)], axis=1
+    )
+    return drawn.reshape(draws, components)
 
 
 def _quantised(random: np.random.Generator, limit: float, draws: int, components: int) -> FloatArray:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -27,9 +28,10 @@ from analysis.uncertainty.chain import Move, covariance_moves, covariance_of, mo
 from analysis.uncertainty.conditions import MeasurementConditions
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
+from analysis.uncertainty.left_open import OPEN_SOURCES, TRIAL
 from analysis.uncertainty.monte_carlo import Drawn, drawn_loops, monte_carlo
 from analysis.uncertainty.scatter import deviation
-from analysis.uncertainty.sources import SOURCES
+from analysis.uncertainty.sources import SOURCES, ErrorSource
 from analysis.uncertainty.transfer import transfer_moves, unit_moves
 from definitions.units import ARCMIN_PER_RAD
 
@@ -41,6 +43,9 @@ MASKED_AGAIN = 0.5
 
 On the virtual units that moves the spring constant and the wind-up by 1.4 to 1.6 times what the mask itself did.
 """
+
+LEAST_MOVE = 1e-9
+"""Change of a metric, of its value, from which an error moves it and not the rounding of its numbers."""
 
 LINE = "calibration_"
 """How the quantities of calibration lines begin."""
@@ -76,17 +81,8 @@ class UsedSource(NamedTuple):
 
 
 def used_sources(loop: Loop, conditions: MeasurementConditions, figures: SensorFigures) -> tuple[UsedSource, ...]:
-    """Return the sources that enter a loop, in the order of their table, calibration lines last."""
-    found = []
-    for source in SOURCES:
-        declared = source.declared(figures, conditions)
-        if declared is None:
-            continue
-        limit, distribution = declared
-        moves = tuple(moves_of(source, loop, conditions, figures))
-        if any(move.moves_anything for move in moves):
-            u = declared.u
-            found.append(UsedSource(source.id, source.text, source.unit, distribution, limit, u, u, moves))
+    """Return the sources that enter a loop, in the order of their tables, calibration lines last."""
+    found = _used([*SOURCES, *chain.from_iterable(OPEN_SOURCES.values())], loop, conditions, figures)
     for name in quadrants_used(conditions):
         line = covariance_of(name, conditions, figures)
         if line is not None:
@@ -104,6 +100,23 @@ def used_sources(loop: Loop, conditions: MeasurementConditions, figures: SensorF
     if u > 0.0:
         found.append(UsedSource(*INTERRUPTED, "arcmin", "normal", 1.0, u, 1.0, moves))
     return tuple(found)
+
+
+def _used(
+    sources: Sequence[ErrorSource], loop: Loop, conditions: MeasurementConditions, figures: SensorFigures
+) -> list[UsedSource]:
+    """Return those of some sources that enter a loop."""
+    found = []
+    for source in sources:
+        declared = source.declared(figures, conditions)
+        if declared is None:
+            continue
+        limit, distribution = declared
+        moves = tuple(moves_of(source, loop, conditions, figures))
+        if any(move.moves_anything for move in moves):
+            u = declared.u
+            found.append(UsedSource(source.id, source.text, source.unit, distribution, limit, u, u, moves))
+    return found
 
 
 def interruption_moves(loop: Loop, conditions: MeasurementConditions) -> tuple[float, tuple[Move, ...]]:
@@ -186,6 +199,8 @@ class LoopUncertainty:
         self._shorter = _shorter(self.smooth, conditions.masked_nm)
         self._noisy = noisy_loops(loop, conditions, figures)
         self._by_output = by_output
+        self._conditions, self._figures = conditions, figures
+        self._tried: dict[str, list[tuple[Loop, Loop]]] = {}
         drawn = [Drawn(one.distribution, one.limit, one.moves) for one in self.used]
         self._drawn = drawn_loops(self.smooth, drawn, draws) if draws else []
 
@@ -213,6 +228,24 @@ class LoopUncertainty:
             freedom=cycles - 1,
         )
         return replace(found, monte_carlo=drawn)
+
+    def is_moved_by(self, check: str, estimate: Estimate) -> bool:
+        """Say whether an error that a check leaves open moves a metric, by a trial of it."""
+        if check not in self._tried:
+            trial = replace(self._conditions, left_open={check: TRIAL})
+            used = _used(OPEN_SOURCES[check], self.smooth, trial, self._figures)
+            self._tried[check] = [
+                (move.applied(self.smooth, one.scale), move.applied(self.smooth, -one.scale))
+                for one in used
+                for move in one.moves
+            ]
+        base = estimate(self.smooth)
+        try:
+            return any(
+                abs(estimate(loop) - base) > LEAST_MOVE * abs(base) for pair in self._tried[check] for loop in pair
+            )
+        except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+            return True  # so much of the error leaves the metric without a value
 
     def _of_masked(self, estimate: Estimate, base: float, unit: str) -> list[Entry]:
         """Return what a metric owes to the masked stretch: at most what half as much again of it would change."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +25,11 @@ from analysis.uncertainty.chain import components, covariance_of, line_moves
 from analysis.uncertainty.conditions import MeasurementConditions, conditions_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures, TorqueChannel
+from analysis.uncertainty.left_open import OPEN_SOURCES, TRIAL
 from analysis.uncertainty.loop_uncertainty import LoopUncertainty
 from analysis.uncertainty.monte_carlo import SEED, interval
 from analysis.uncertainty.sources import SOURCES
+from definitions.checks import CHECKS
 
 WITH_FIGURES = "uncertainty: from the sensor specifications in the bench file, U = k·u with k = 2"
 WITHOUT_FIGURES = (
@@ -42,16 +45,29 @@ TOO_LARGE = (
     "could not be computed: the sensor errors in the bench file are too large for this metric; check them "
     "(accuracy, tared_zero, reversibility, fixture.accuracy)"
 )
+WITH_LEFT_OPEN = "; with the errors that the validity checks leave open (left_open: budget)"
+OPEN_WITHOUT_FIGURES = (
+    "'left_open: budget' needs the sensor specification of a bench; give the bench file (--bench), or write "
+    "'left_open: told'"
+)
+OPEN_UNKNOWN = (
+    "'left_open: budget', and nothing limits this error: {text} (the check {check} could not be made); record what the "
+    "check needs, or write 'left_open: told'"
+)
 ONE_CYCLE = "is not known from one cycle; measure two cycles or more"
 
 
 class Measurement:
-    """Errors of one measurement: how it was made, and what is declared of its sensors (None: nothing)."""
+    """Errors of one measurement: how it was made, and what is declared of its sensors (None: nothing).
+
+    unlimited: checks whose errors the budget shall have and nothing limits; None where it shall have none.
+    """
 
     def __init__(
         self, loop: Loop, conditions: MeasurementConditions, figures: SensorFigures | None, *,
-        by_output: Sequence[Loop] = (), draws: int = 0,
+        by_output: Sequence[Loop] = (), draws: int = 0, unlimited: Sequence[str] | None = None,
     ) -> None:  # fmt: skip
+        self._unlimited = unlimited
         self._circumstances = conditions
         self._draws = draws
         self._figures = figures
@@ -68,6 +84,30 @@ class Measurement:
             return found if self.timed else replace(found, kind="untimed")
         except (AnalysisError, ArithmeticError, ValueError, np.linalg.LinAlgError):
             return None  # a metric at the edge of what the loop carries: no uncertainty, so no guard band
+
+    def trouble_of_loops(self, estimate: Callable[[Loop], float]) -> str:
+        """Say why the budget of a metric lacks an error that the checks leave open and it shall have; '' if none."""
+        if self._unlimited is None:
+            return ""
+        if self._loops is None:
+            return OPEN_WITHOUT_FIGURES
+        moved_by = self._loops.is_moved_by
+        return _unlimited_text(next((check for check in self._unlimited if moved_by(check, estimate)), ""))
+
+    def trouble_of_line(self, line: str) -> str:
+        """Say the same of slope and offset of a calibration line."""
+        if self._unlimited is None:
+            return ""
+        if self._figures is None:
+            return OPEN_WITHOUT_FIGURES
+        figures = self._figures
+        for check in self._unlimited:
+            trial = replace(self._circumstances, left_open={check: TRIAL})
+            entering = [one for one in OPEN_SOURCES[check] if one.declared(figures, trial) is not None]
+            for shape in chain.from_iterable(one.shapes for one in entering):
+                if any(line_moves(shape, trial, figures).get(line, (0.0, 0.0))):
+                    return _unlimited_text(check)
+        return ""
 
     @property
     def timed(self) -> bool:
@@ -87,20 +127,32 @@ class Measurement:
         )
 
 
+def _unlimited_text(check: str) -> str:
+    """Say of a check that nothing limits its error; '' of none."""
+    row = CHECKS[check].leaves_open if check else None
+    return "" if row is None else OPEN_UNKNOWN.format(text=row.text, check=check)
+
+
 def measurement_of(
     found: Measured, figures: SensorFigures | None, *,
     by_output: Sequence[Loop] = (), draws: int = 0, late_s: float = 0.0,
-    zero_shifts_nm: Mapping[TorqueChannel, float] | None = None,
+    zero_shifts_nm: Mapping[TorqueChannel, float] | None = None, left_open: Mapping[str, float | None] | None = None,
 ) -> tuple[Measurement, StageRecord]:  # fmt: skip
     """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains.
 
     by_output: loops by the torque at the output, where it was measured beside one that is converted. draws: of Monte
     Carlo beside the budget; 0 for none. late_s: delay of the torque behind the wind-up that the measurement shows.
-    zero_shifts_nm: moves of the torque zeroes that were read again after the run.
+    zero_shifts_nm: moves of the torque zeroes that were read again after the run. left_open: sizes of the errors that
+    the checks leave open and the budget shall have, by check, None where nothing limits one; None for no such rows.
     """
-    conditions = conditions_of(found, late_s=late_s, zero_shifts_nm=zero_shifts_nm)
-    measurement = Measurement(found.loops[0], conditions, figures, by_output=by_output, draws=draws)
+    sizes = {check: size for check, size in (left_open or {}).items() if size is not None}
+    unlimited = None if left_open is None else [check for check, size in left_open.items() if size is None]
+    conditions = conditions_of(found, late_s=late_s, zero_shifts_nm=zero_shifts_nm, left_open=sizes)
+    measurement = Measurement(
+        found.loops[0], conditions, figures, by_output=by_output, draws=draws, unlimited=unlimited
+    )
     text = WITHOUT_FIGURES if figures is None else WITH_FIGURES if measurement.timed else WITHOUT_TIME
+    text += WITH_LEFT_OPEN if figures is not None and left_open is not None else ""
     return measurement, StageRecord("uncertainty", text)
 
 
@@ -124,7 +176,7 @@ def ratio_budget(
     if figures is None or not conditions.lines_of_this_run:
         return _with_draws(only(fitted), [fit], value, draws)
     entries, drawn = [fitted], [fit]
-    for source in SOURCES:
+    for source in (*SOURCES, *chain.from_iterable(OPEN_SOURCES.values())):
         declared = source.declared(figures, conditions)
         if declared is None:
             continue

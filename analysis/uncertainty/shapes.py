@@ -93,7 +93,7 @@ def encoder_of(figures: SensorFigures, name: AngleName) -> AngleFigures | None:
     return figures.angle_in if name == "angle_in" else figures.angle_out
 
 
-def _turned_arcmin(setting: Setting, name: AngleName, stretch: float = 1.0) -> FloatArray:
+def turned_arcmin(setting: Setting, name: AngleName, stretch: float = 1.0) -> FloatArray:
     """Angle that the shaft of an encoder has turned, at the output; stretch: of what the fixture gives way by."""
     method, locked = setting.conditions.method, name == setting.conditions.locked
     stiffness = (method.lock_nm_per_arcmin if locked else method.fixture_stiffness_nm_per_arcmin) or math.inf
@@ -111,7 +111,7 @@ def repeating(
         if encoder is None:
             return NOTHING
         scale = method.ratio if name == "angle_in" else 1.0
-        phase = _turned_arcmin(setting, name) * (2.0 * math.pi * RAD_PER_ARCMIN * scale / period_rad(encoder))
+        phase = turned_arcmin(setting, name) * (2.0 * math.pi * RAD_PER_ARCMIN * scale / period_rad(encoder))
         return Effect(angle_arcmin=wave(phase) / (60.0 * scale))
 
     return shape
@@ -151,7 +151,7 @@ def rounded(name: AngleName, way: Rounding) -> Shape:
             return NOTHING
         scale = setting.conditions.method.ratio if name == "angle_in" else 1.0
         stretch = 1.0 + way.stretch * setting.figures.fixture_fraction
-        angle = _turned_arcmin(setting, name, stretch) * (RAD_PER_ARCMIN * scale)
+        angle = turned_arcmin(setting, name, stretch) * (RAD_PER_ARCMIN * scale)
         wave = np.sin(2.0 * math.pi * angle / encoder.line_rad + way.phase)
         counts = (angle + way.amplitude * encoder.interpolation_rad * wave) / encoder.step_rad + way.start
         error = np.round(counts) - counts

@@ -25,6 +25,10 @@ MIDDLE = (0.1, 0.9)
 """Share of the peak torque over which the two are compared: friction of the motor reverses next to the turn."""
 
 
+LENS_MEAN = 1.0 - MIDDLE[1] ** 2 / 3.0
+"""Mean of 1 − (T/peak)² over the torques that are compared."""
+
+
 @of_measured
 def drive_torque_agreement(found: Measured) -> Reading | str:
     """How far the drive's torque over that of the sensor of the loaded shaft is from one, %; the worse side.
@@ -39,7 +43,8 @@ def drive_torque_agreement(found: Measured) -> Reading | str:
         slopes += [float(np.mean([_slope(*torques, side) for torques in both])) for side in (1, -1)]
     worst = max(slopes, key=lambda one: abs(one - 1.0))
     words = f"the drive reports {worst:.3g} of the torque that the sensor of the loaded shaft measures"
-    return Reading(100.0 * abs(worst - 1.0), words)
+    # Of the drive's torque nothing is declared but the limit itself: a gain up to it is as good as none.
+    return Reading(100.0 * abs(worst - 1.0), words, LeftOpen(1.0))
 
 
 @of_measured
@@ -47,24 +52,29 @@ def drive_torque_gap(found: Measured) -> Reading | str:
     """Drive's torque less the sensor's, rising against falling branch, % of the torque between the turning points.
 
     A sensor that lags reads too little while the torque rises and too much while it falls. Friction between motor and
-    sensor does the same: of a gearbox it is too much to tell the two apart.
+    sensor does the same: of a gearbox it is too much to tell the two apart. What the drive's gain makes of the friction
+    of the unit, which is in both torques, is no gap: it is taken off.
     """
     if found.method.loading == "output":
         return "not measured: friction in the load servo's gearbox looks like a lag"
     worst = 0.0
     for pair in found.pairs:
         differences, spans = [], []
-        for one in pair:
-            torques = _torques(found, one.run)
-            if torques is None:
-                return NO_DRIVE
-            measured, reported = torques
+        both = [torques for one in pair if (torques := _torques(found, one.run)) is not None]
+        if len(both) < len(pair):
+            return NO_DRIVE
+        gain = float(np.mean([_slope(*torques, side) for torques in both for side in (1, -1)]))
+        if not 0.0 < gain < np.inf:
+            return Reading(float("inf"), "the drive's torque does not follow the sensor of the loaded shaft")
+        for measured, reported in both:
             middle = np.abs(measured) < MIDDLE[1] * float(np.abs(measured).max())
-            differences.append(float(np.mean(reported[middle] - measured[middle])))
+            differences.append(float(np.mean(reported[middle] / gain - measured[middle])))
             spans.append(float(np.ptp(measured)))
         rising, falling = differences
         worst = max(worst, abs(rising - falling) / min(spans))
-    return Reading(100.0 * worst)
+    peak_nm = max(float(np.abs(one.torque_nm).max()) for pair in found.pairs for one in pair)
+    # A limit is of the whole torque between the turns, and the mean of a lens over `MIDDLE` is a share of its height.
+    return Reading(100.0 * worst, "", LeftOpen(peak_nm / (100.0 * LENS_MEAN)))
 
 
 def _torques(found: Measured, run: Run) -> tuple[FloatArray, FloatArray] | None:
@@ -154,9 +164,63 @@ def drive_angle_repeat(found: Measured) -> Reading | str:
     return Reading(100.0 * worst / way, words)
 
 
+@of_measured
+def drive_angle_direction(found: Measured) -> Reading | str:
+    """Change of the drive's position less the angle of its shaft from rising to falling, % of the way; worst cycle.
+
+    At the same angle waves, scale and the rest of the coupling are the same in both. What its twist by the friction of
+    the loaded shaft explains, and one delay, is taken off: what is left comes and goes within the ramps.
+    """
+    branches = _apart(found)
+    if isinstance(branches, str):
+        return branches
+    trace = found.trace
+    torque = trace.torque_in_nm if found.method.loading == "input" else trace.torque_out_nm
+    torque = trace.drive_torque_nm if torque is None else torque
+    if torque is None:
+        return "not measured: the torque of the loaded shaft, which twists its coupling, is not in the trace"
+    way = max(float(np.ptp(one.angle_arcmin)) for one in branches)
+    cycles = [one for one in branches if one.run.role == "measure"]
+    pairs = [(up, down) for up in cycles for down in cycles
+             if up.run.direction > 0 > down.run.direction and up.run.cycle == down.run.cycle]  # fmt: skip
+    worst = None
+    for up, down in pairs:
+        low, high = (of(pick(up.angle_arcmin), pick(down.angle_arcmin)) for of, pick in ((max, np.min), (min, np.max)))
+        if not way > 0.0 or high - low < SHARED * way:
+            continue
+        at = np.linspace(float(low), float(high), ANGLE_BLOCKS)
+        change, speed = (_over(up, at, of) - _over(down, at, of) for of in ("apart_arcmin", "speed_arcmin_s"))
+        twists = [_at(one.angle_arcmin, _means(one.run.take(torque)), at) for one in (up, down)]
+        columns = np.stack([np.ones_like(at), speed, twists[0] - twists[1]], axis=1)
+        left = change - columns @ np.linalg.lstsq(columns, change)[0]
+        worst = max(worst or 0.0, float(np.ptp(left)))
+    if worst is None:
+        return "needs a rising and a falling branch of one cycle"
+    words = f"the loaded shaft's angle is later in one part of a ramp than in another, by {worst:.2g} arcmin in all"
+    over = found.method.ratio if found.method.loading == "input" else 1.0
+    return Reading(100.0 * worst / way, words, LeftOpen(LENS_LEFT * way / (100.0 * over)))
+
+
+LENS_LEFT = 4.2
+"""Half of what a delay within the ramps adds to the width, over what of it is left: the largest of all types of units
+of the independent generator, and of delays over a fifth of a ramp to all but its ends."""
+
+
 def _over(branch: _Apart, at_arcmin: FloatArray, name: str) -> FloatArray:
-    order = np.argsort(branch.angle_arcmin)
-    found: FloatArray = np.interp(at_arcmin, branch.angle_arcmin[order], getattr(branch, name)[order])
+    return _at(branch.angle_arcmin, getattr(branch, name), at_arcmin)
+
+
+def _at(angle_arcmin: FloatArray, values: FloatArray, at_arcmin: FloatArray) -> FloatArray:
+    """Return values of a branch at other angles than those that they were averaged at."""
+    order = np.argsort(angle_arcmin)
+    found: FloatArray = np.interp(at_arcmin, angle_arcmin[order], values[order])
+    return found
+
+
+def _means(values: FloatArray) -> FloatArray:
+    """Return the mean of each block of a branch."""
+    per_block = values.size // ANGLE_BLOCKS
+    found: FloatArray = values[: ANGLE_BLOCKS * per_block].reshape(ANGLE_BLOCKS, per_block).mean(axis=1)
     return found
 
 
@@ -172,7 +236,7 @@ def _apart(found: Measured) -> list[_Apart] | str:
         if len(run.pieces) > 1 or per_block < LEAST_PER_BLOCK:
             continue
         time, turned, position = (
-            run.take(values)[: ANGLE_BLOCKS * per_block].reshape(ANGLE_BLOCKS, per_block).mean(axis=1)
+            _means(run.take(values))
             for values in (trace.t_s, angle * ARCMIN_PER_RAD, trace.drive_angle_rad * ARCMIN_PER_RAD)
         )
         if (np.diff(time) > 0.0).all():
@@ -195,6 +259,7 @@ def _slope_of(speed: FloatArray, apart: FloatArray) -> float:
 
 FIGURES: dict[str, Figure] = {
     "drive_angle_agreement": drive_angle_agreement,
+    "drive_angle_direction": drive_angle_direction,
     "drive_angle_repeat": drive_angle_repeat,
     "drive_torque_agreement": drive_torque_agreement,
     "drive_torque_gap": drive_torque_gap,

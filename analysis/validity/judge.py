@@ -41,13 +41,15 @@ FIGURES: dict[str, Figure] = {name: figure for table in TABLES for name, figure 
 class NotExcluded:
     """Error that a check of a run cannot see: its largest size in its unit, None where nothing bounds it.
 
-    id: of the check. text: which error it is.
+    id: of the check. text: which error it is. in_budget: it is a contribution to U, and no metric that it moves is
+    decided where nothing bounds it.
     """
 
     id: str
     figure: float | None
     unit: str
     text: str
+    in_budget: bool = False
 
 
 @dataclass(frozen=True)

@@ -479,6 +479,7 @@ def measured(unit: Kind, course: Course, bench: Bench, random: np.random.Generat
     return Trace(
         t_s=course.t_s,
         drive_angle_rad=drive_angle(unit, course),
+        drive_torque_nm=drive_torque(course),
         torque_in_nm=torque(course.torque_in_nm * defect.in_gain, figures.torque_in, defect.lag_s),
         torque_out_nm=torque(true_out, figures.torque_out, max(defect.lag_s, defect.lag_out_s)),
         angle_in_rad=angle(turned, figures.angle_in),
@@ -502,6 +503,18 @@ def drive_angle(unit: Kind, course: Course) -> np.ndarray:
     rad = (turned + twist * course.torque_in_nm) * ARCMIN_RAD
     shown = rad + DRIVE_WAVE_ARCMIN * ARCMIN_RAD * np.sin(DRIVE_WAVES * rad)
     return np.round(shown / DRIVE_STEP_RAD) * DRIVE_STEP_RAD
+
+
+DRIVE_GAIN, DRIVE_FRICTION, DRIVE_COUNTS = 1.03, 0.002, 1000
+"""Torque that the drive reports: the gain of its motor's torque constant, friction of the motor as a share of the peak
+torque, and counts in the peak torque."""
+
+
+def drive_torque(course: Course) -> np.ndarray:
+    """Return the torque that the drive reports [N·m], from its current: coarse, with a gain and friction of its own."""
+    peak = float(np.abs(course.torque_in_nm).max())
+    shown = DRIVE_GAIN * course.torque_in_nm + DRIVE_FRICTION * peak * np.sign(np.gradient(course.torque_nm))
+    return np.round(shown / peak * DRIVE_COUNTS) * peak / DRIVE_COUNTS
 
 
 def first_order(values: np.ndarray, lag_s: float, period_s: float) -> np.ndarray:
@@ -532,5 +545,5 @@ def without_dwells(trace: Trace, *, renumbered: bool = False) -> Trace:
 
 
 def without_segments(trace: Trace) -> Trace:
-    """Return the trace as somebody exports it who knows no segments, and has no position of the drive."""
-    return replace(trace, segment=None, segments={}, drive_angle_rad=None)
+    """Return the trace as somebody exports it who knows no segments and has nothing of the drive."""
+    return replace(trace, segment=None, segments={}, drive_angle_rad=None, drive_torque_nm=None)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from definitions.method import ONE_SIDED_95, DecisionRule, Loading, OutputTorque
+from definitions.method import ONE_SIDED_95, DecisionRule, LeftOpenErrors, Loading, OutputTorque
 from definitions.units import TORQUE
 from recipes.schema.interlock_schema import Interlocks
 from recipes.schema.metric_presets import PRESETS
@@ -69,6 +69,12 @@ class Measurement(Section):
         "nothing is moved",
     )
     """How the delay between torque and angles is corrected."""
+    left_open: LeftOpenErrors = Field(
+        default="told",
+        description="Errors that the validity checks of a run cannot see (`not_excluded` of the result): `told` beside "
+        "the verdict and not in U, or `budget`: each is a contribution to U, and a metric that it moves is NOT "
+        "DECIDABLE where its size is not known",
+    )
     reference_torque_nm: TorqueOfRated = Field(default="100 %", validate_default=True)
     break_torque_nm: TorqueOfReference | None = None
     """Six-segment fit: torque at which the linear middle segment ends."""

@@ -115,13 +115,15 @@ class CheckValue:
 class NotExcluded:
     """An error that the cross-checks of this run cannot see, up to `figure` in its unit; null where nothing bounds it.
 
-    `id`: the check that would see a larger one. It is not in any uncertainty.
+    `id`: the check that would see a larger one. `in_budget`: it is in the uncertainty of every metric that it moves,
+    and such a metric is not decided where nothing bounds it; otherwise it is in none.
     """
 
     id: str
     figure: Number | None = None
     unit: str = ""
     text: str = ""
+    in_budget: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -143,7 +143,8 @@ def open_line(result: Result) -> str:
         f"{one.text}: {f'up to {one.figure:.2g} {one.unit}' if one.figure is not None else 'not checked'}"
         for one in result.not_excluded
     ]
-    return f"Not excluded by this run, and not in U: {'; '.join(said)}." if said else ""
+    where = "and therefore in U" if any(one.in_budget for one in result.not_excluded) else "and not in U"
+    return f"Not excluded by this run, {where}: {'; '.join(said)}." if said else ""
 
 
 def _counted(count: int, became: str) -> str:

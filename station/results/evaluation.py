@@ -81,6 +81,7 @@ def method_of_recipe(recipe: Recipe) -> Method:
         loading=recipe.loading,
         output_torque=measurement.output_torque,
         alignment=ALIGNMENTS[measurement.alignment],
+        left_open=measurement.left_open,
         break_torque_nm=measurement.break_torque_nm,
         stiffness_break_t1_nm=measurement.break_torque_t1_nm,
         stiffness_break_t2_nm=measurement.break_torque_t2_nm,

@@ -272,6 +272,17 @@ def late_once(lag_s: float) -> np.ndarray:
     return np.where(np.isin(GOOD.segment, second), late(GOOD.angle_in_rad, lag_s), GOOD.angle_in_rad)
 
 
+def late_within(lag_s: float) -> np.ndarray:
+    """The angle of the input, late by a time within every ramp, and not at its ends."""
+    late_s = np.zeros(GOOD.samples)
+    for key, info in GOOD.segments.items():
+        if info.direction:
+            rows = np.flatnonzero(GOOD.segment == key)
+            at = np.linspace(0.0, 1.0, rows.size)
+            late_s[rows] = lag_s * np.clip(np.minimum(at - 0.1, 0.9 - at) / 0.1, 0.0, 1.0)
+    return np.interp(GOOD.t_s - late_s, GOOD.t_s, GOOD.angle_in_rad)
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -327,6 +338,7 @@ BAD: dict[str, Bad] = {
     "drive_torque_agreement": lambda: both_torques(gain=1.25),
     "drive_torque_gap": lambda: both_torques(lag_s=0.4),
     "drive_angle_agreement": lambda: changed(angle_in_rad=repeating(GOOD.angle_in_rad, 60.0 * ARC, 8.0)),
+    "drive_angle_direction": lambda: changed(angle_in_rad=late_within(0.1)),
     "drive_angle_repeat": lambda: changed(angle_in_rad=late_once(0.05)),
     "locked_compliance": lambda: changed(angle_out_rad=-GOOD.angle_out_rad),
 }

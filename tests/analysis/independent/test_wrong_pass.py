@@ -10,7 +10,20 @@ from analysis.evaluation.verdict import Verdict
 from benchmarks import wrong_pass
 from benchmarks.page import put
 from benchmarks.simulated.loop_generator import truth
-from benchmarks.wrong_pass import BENCHES, CASES, METRICS, PEAK_NM, UNIT, Case, Passed, largest_passing, limited, table
+from benchmarks.wrong_pass import (
+    BUDGET,
+    CASES,
+    METRICS,
+    PEAK_NM,
+    SHOWN,
+    UNIT,
+    Case,
+    Passed,
+    found_of,
+    largest_passing,
+    limited,
+    table,
+)
 
 
 @pytest.mark.parametrize("metric", METRICS)
@@ -36,8 +49,38 @@ def test_largest_size_is_searched_from_above_in_both_signs(monkeypatch: pytest.M
     assert largest_passing(case, "whole run") == Passed(None, "", disguises=False)
 
 
+def test_what_passes_by_an_error_that_the_checks_leave_open_does_not_with_it_in_the_budget() -> None:
+    """A sensor hysteresis of −4 N·m, of the 6 N·m that are left open, hides a lost motion 15 % beyond its limit."""
+    case, wanted = CASES["hysteresis"], [limited("lost_motion")]
+    assert wrong_pass._judged(case, -4.0, "whole run", wanted).verdict is Verdict.PASS
+    assert wrong_pass._judged(case, -4.0, BUDGET, wanted).verdict is Verdict.NOT_DECIDABLE
+
+
+def test_a_delay_of_the_angle_within_the_ramps_is_seen_by_the_drive() -> None:
+    """In each ramp alike, so no branch differs from another of its direction: only rising from falling."""
+    result = wrong_pass._judged(CASES["angle late within"], 0.05, "whole run", [limited("lost_motion")])
+    assert [check.id for check in result.checks if check.passed is False] == ["drive_angle_direction"]
+
+
+def test_with_the_budget_no_larger_size_is_tried_than_passes_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[float] = []
+
+    def passes(_: Case, size: float, shown: str) -> tuple[list[str], bool]:
+        if shown == BUDGET:
+            tried.append(abs(size))
+        return (["m"] if abs(size) <= (0.1 if shown == BUDGET else 0.3) else []), True
+
+    monkeypatch.setattr(wrong_pass, "_passes", passes)
+    found = found_of(Case("made", "1", 1.0))
+    assert set(found) == set(SHOWN)
+    assert max(tried) <= abs(found["whole run"].size)
+    assert found[BUDGET].size == pytest.approx(0.1, rel=0.1)
+    monkeypatch.setattr(wrong_pass, "_passes", lambda *_: ([], False))
+    assert found_of(Case("made", "1", 1.0))[BUDGET] == Passed(None, "", disguises=False)
+
+
 def test_table_has_every_defect_and_goes_into_its_place(tmp_path: Path) -> None:
-    now = {name: dict.fromkeys(BENCHES, Passed(None, "", disguises=True)) for name in CASES}
+    now = {name: dict.fromkeys(SHOWN, Passed(None, "", disguises=True)) for name in CASES}
     page = tmp_path / "page.md"
     page.write_text("above\n<!-- wrong passes -->\nold\n<!-- end of wrong passes -->\nbelow\n", encoding="utf-8")
     put(page, "wrong passes", table(now, {}))

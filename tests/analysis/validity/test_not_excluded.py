@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 import pytest
-from check_support import ARC, GOOD, GOOD_RUN, changed, judged, of, repeating
+from check_support import ARC, GOOD, GOOD_RUN, both_torques, changed, judged, late_within, of, repeating
 
 from analysis.evaluation.pipeline import Result
 from analysis.loop.measured import measure
@@ -30,6 +30,7 @@ def test_every_check_that_leaves_an_error_open_says_its_size() -> None:
     for one in told:
         assert one["unit"] == OPEN[one["id"]].unit
         assert one["figure"] > 0.0
+        assert one["in_budget"] is False
     assert all(check.left_open is None for check in GOOD_RUN.checks if check.id not in OPEN)
 
 
@@ -37,7 +38,8 @@ def test_what_was_not_checked_has_no_size() -> None:
     alone = dataclasses.replace(GOOD, torque_in_nm=None, drive_angle_rad=None)
     sizes = {one["id"]: one["figure"] for one in judged(alone).to_dict()["not_excluded"]}
     assert [name for name, size in sizes.items() if size is None] == [
-        "ratio_agreement", "torque_bend", "drive_angle_agreement",
+        "ratio_agreement", "torque_bend", "drive_torque_agreement", "drive_torque_gap", "drive_angle_agreement",
+        "drive_angle_direction",
     ]  # fmt: skip
 
 
@@ -86,3 +88,28 @@ def test_hysteresis_of_the_sensor_beyond_what_is_left_open_is_refused() -> None:
             rising[rows] = run.direction
     lens = -rising * (1.0 - np.square(GOOD.torque_out_nm / peak))
     assert of(judged(**changed(torque_out_nm=GOOD.torque_out_nm + 1.5 * size * lens)), "torque_bend").passed is False
+
+
+def test_a_gain_of_both_torques_and_delays_within_the_ramps_are_within_what_is_left_open_or_refused() -> None:
+    for gain, passed in ((1.05, True), (1.12, False)):
+        assert of(judged(**both_torques(gain=gain)), "drive_torque_agreement").passed is passed
+    assert left(GOOD_RUN, "drive_torque_agreement") < 12.0
+    peak = float(np.abs(GOOD.torque_out_nm).max())
+    lens = np.zeros(GOOD.samples)
+    for run in measure(GOOD, judged.__defaults__[1]).runs:
+        for rows in run.pieces:
+            lens[rows] = -run.direction * (1.0 - np.square(GOOD.torque_out_nm[rows] / peak))
+    size = left(GOOD_RUN, "drive_torque_gap")
+    ratio = float(np.abs(GOOD.torque_in_nm).max()) / peak
+    for share, passed in ((0.5, True), (1.5, False)):
+        bent = changed(
+            torque_out_nm=GOOD.torque_out_nm + share * size * lens,
+            torque_in_nm=GOOD.torque_in_nm + share * size * ratio * lens,
+        )
+        assert of(judged(**bent), "drive_torque_gap").passed is passed
+    # What a delay of the angle adds to the width is within what is left open, or it is refused.
+    for lag_s in (0.004, 0.1):
+        result = judged(**changed(angle_in_rad=late_within(lag_s)))
+        wider = abs(result.metrics[0].headline.value - GOOD_RUN.metrics[0].headline.value) / 2.0
+        passed = of(result, "drive_angle_direction").passed
+        assert passed is (wider < left(GOOD_RUN, "drive_angle_direction"))

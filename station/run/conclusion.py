@@ -137,7 +137,7 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
         stages=judged.stages,
         timing=timing,
         alarms=tuple(alarms_in(events)),
-        left=None if state == "complete" else left_state(table, program, to_its_end=state != INTERRUPTED),
+        left=None if state == "complete" else left_state(table, program, to_its_end=_seen_to_its_end(state, outcome)),
         record=str(record.folder),
     )
     ratio = ratio_of(found, run, job.bench) if found is not None and state == "complete" else None
@@ -165,6 +165,11 @@ def _with_virtual_unit(record: RunRecord, run: Manifest, unit: str) -> Manifest:
 
 def _end_state(table: Table) -> str:
     return END_STATES.get(int(table["orders"]["state"][-1]), INTERRUPTED) if len(table) else INTERRUPTED
+
+
+def _seen_to_its_end(state: str, outcome: RunOutcome) -> bool:
+    """Whether the last record is the last of the run: a fault or a stop may be torn off as a load may."""
+    return state != INTERRUPTED and not outcome.trouble
 
 
 def stopped_by(outcome: RunOutcome) -> str:

@@ -29,9 +29,10 @@ from station.records.data_folder import Store, check_operator
 from station.records.left_state import left_state
 from station.records.program_file import PROGRAM, StoredProgram, plain_program
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
-from station.records.samples.check import check_bytes, sound_table
+from station.records.samples.check import sound_table
 from station.records.samples.samples import samples_bytes
 from station.records.samples.table import Table
+from station.reports.stored_result import result_and_doubts
 from station.run.conclusion import conclude
 from station.run.new_record import bench_source
 from station.run.outcome import RunOutcome
@@ -82,8 +83,10 @@ def recover(
     table = sound_table(content, layout)
     if not len(table):
         raise StationError(f"{run.id}: has no readable records, so the state of the bench is not known")
-    to_its_end = run.state() not in (INTERRUPTED, NOT_CONCLUDED) and not check_bytes(content, layout=layout).problems
-    before = left_state(table, StoredProgram.of(run), to_its_end=to_its_end)
+    result, doubts = result_and_doubts(run)
+    as_it_was_left = run.state() not in (INTERRUPTED, NOT_CONCLUDED) and not doubts
+    told = result.left if as_it_was_left else None
+    before = told or left_state(table, StoredProgram.of(run), to_its_end=as_it_was_left)
     stream = sys.stderr if as_json else sys.stdout
 
     def say(line: str) -> None:

@@ -5,18 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from run_copies import copy_of, desert
+from run_samples import records_of
 
 import station.records.ring.ring
 import station.run.conclusion
 import station.run.way_back.recover
+from definitions.image import State
 from station.errors import RecordError
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import W_LOST, W_PID, W_READ, W_STATE, W_WRITTEN, ScanState, create
 from station.records.ring.writer import RingWriter
 from station.records.run_record import RunRecord
-from station.records.samples.scan_record import RECORD_BYTES
+from station.records.samples.scan_record import RECORD_BYTES, pack, unpack
 from station.records.seal import alterations
 from station.reports.stored_result import stored_result
 from station.run.outcome import RunOutcome
@@ -92,6 +95,25 @@ def test_a_file_does_not_vouch_for_its_own_end_when_the_ring_is_gone(
     result = copied.read_json("result.json")
     assert result["verdict"] == copied.manifest().verdict == "NOT DECIDABLE"
     assert reason in " ".join(result["reasons"])
+
+
+@pytest.mark.parametrize(("end", "state"), [(State.FAULT, "fault"), (State.STOPPED, "stopped")])
+@pytest.mark.parametrize("whole", [True, False])
+def test_an_end_that_was_torn_off_is_how_the_bench_was_last_heard_of(
+    copied: RunRecord, tmp_path: Path, end: State, state: str, *, whole: bool
+) -> None:
+    at = int(np.flatnonzero(records_of(copied.folder)["orders"]["state"] == State.RAMP_POS)[500])
+    said = {"state": "finished", "written": at + 1, "lost": 0, "realtime": {"details": {}}}
+    desert(copied, ring=tmp_path / "gone", report=said if whole else {"state": "running", "pid": 1})
+    content = copied.samples.read_bytes()[: (at + 1) * RECORD_BYTES]
+    scan, image, orders = unpack(content[-RECORD_BYTES:])
+    last = pack((at, scan, 0, 0), image, orders._replace(state=int(end)))
+    copied.samples.write_bytes(content[:-RECORD_BYTES] + last)
+    recover(copied)
+    assert copied.manifest().state == state
+    left = stored_result(copied).left
+    assert left is not None
+    assert (left.drive_known, left.lock_known, left.torque_known) == (whole, whole, whole)
 
 
 def test_a_report_without_a_count_cannot_make_a_run_complete(copied: RunRecord, tmp_path: Path) -> None:

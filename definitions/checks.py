@@ -411,7 +411,7 @@ _ROWS = (
         leaves_open=LeavesOpen("slower wave or scale of the loaded shaft's encoder, at that shaft", "arcmin"),
     ),
     Check(
-        "drive_angle_direction", "Delay of the angle encoder within a ramp", FRACTION, 0.1,
+        "drive_angle_direction", "Delay of the angle encoder within a ramp", FRACTION, 0.25,
         "change of the difference between the drive's position and the angle of the loaded shaft from the rising to "
         "the falling branch at the same angle, beyond one delay and the twist of the coupling, relative to the travel "
         "of that shaft",

@@ -38,6 +38,10 @@ def recipe(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def truth(recipe: str) -> dict[str, float]:
     """What is true of P1 in this recipe, by metric and side."""
+    return true_of(recipe)
+
+
+def true_of(recipe: str) -> dict[str, float]:
     job = load_job(recipe, "virtual")
     return samples(job, bench_of(job, 1), None)[2]
 
@@ -90,6 +94,27 @@ def test_torques_and_angles_of_two_canopen_sensors(lostmotion, recipe, truth):
     of_sensors = [note for note in result["notes"] if note.startswith("Sensor ")]
     assert len(of_sensors) == 2, "identity and heartbeat of the flange are looked at"
     assert all("encoders" in note for note in of_sensors)
+
+
+SYNC_AND_ITS_PERIOD = {
+    "1 ms": ("1 ms", "node_id: 12}"),
+    "4 ms": ("4 ms", "node_id: 12}"),
+    "4 ms, encoders in their own time": ("4 ms", "node_id: 12, update_every: 10 ms}"),
+}
+"""Recipe's period, and what stands in the bench file of the encoders; 2 ms is the period of the other tests here."""
+
+
+@pytest.mark.parametrize("case", SYNC_AND_ITS_PERIOD)
+def test_values_that_answer_sync_are_as_old_as_the_period_and_no_wider_loop(lostmotion, tmp_path, case):
+    """The lag that the bench file declares is the sensor's own, so the same file is right at every period."""
+    period, encoders = SYNC_AND_ITS_PERIOD[case]
+    recipe = str(write_changed(QUICK_RECIPE, tmp_path / "quick.yaml", {"sampling": {"period": period}}))
+    folder = Path(shutil.copytree(BENCHES, tmp_path / "benches"))
+    bench = folder / "can-sensors.yaml"
+    bench.write_text(bench.read_text(encoding="utf-8").replace("node_id: 12}", encoders), encoding="utf-8")
+    result = run_on(lostmotion, recipe, "can-sensors", folder)
+    assert beyond_its_uncertainty(result, true_of(recipe)) == []
+    assert result["verdict"] == "PASS"
 
 
 def test_raw_frames_that_a_dbc_file_describes_and_a_brake_at_an_output_of_the_drive(lostmotion, recipe, truth):

@@ -11,6 +11,10 @@ long. So it can be written in place; of one that a bench goes on writing, take a
 SI units throughout, the unit in the name. Ages count scans since the value was taken from its device; 0 means it
 arrived for this scan, `AGE_NEVER` that it never came.
 
+A sample is what the analysis takes. Its delays say how long before it each channel was asked for, by a request or by
+SYNC; of a sensor that sends in its own time, how long before it the value came. They are 0 where one amplifier measures
+all channels at once: then nothing lies between them.
+
 Sign convention: positive torque and positive angle turn the same way on both shafts, and a positive torque at the
 loaded shaft winds the reducer up positively, whichever side the servo drives.
 """
@@ -177,6 +181,10 @@ class Image:
     sample_time_us: Annotated[U32, "µs", "the amplifier's time stamp of the sample (wraps at 2^32)"]
     sample_status: Annotated[U8, "", "SampleStatus bits"]
     sample_age_scans: Annotated[U16, "scans", "age of the sample"]
+    torque_in_delay_scans: Annotated[U16, "scans", "input torque: from its request or SYNC to the sample"]
+    torque_out_delay_scans: Annotated[U16, "scans", "output torque: from its request or SYNC to the sample"]
+    angle_in_delay_scans: Annotated[U16, "scans", "input angle: from its request or SYNC to the sample"]
+    angle_out_delay_scans: Annotated[U16, "scans", "output angle: from its request or SYNC to the sample"]
     brake_current_a: Annotated[F64, "A", "measured current of the lock brake"]
     brake_on: Annotated[U8, "", "the brake supply's output is on"]
     brake_age_scans: Annotated[U16, "scans", "age of the brake's values"]

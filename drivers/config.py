@@ -152,7 +152,7 @@ class CanSensorConfig:
     """A sensor on the CAN bus of the drive: the frames that it sends; a CANopen node is set up and started by NMT.
 
     `identity`: what 0x1018 of a node must hold. `startup`: objects that are written into it. `heartbeat_s`: how often
-    it says its state, written into it and watched; 0 where nobody asks for it.
+    it says its state, written into it and watched; 0 where nobody asks for it. `synchronous`: its frames answer SYNC.
     """
 
     name: str
@@ -161,6 +161,7 @@ class CanSensorConfig:
     identity: CanIdentity | None = None
     startup: tuple[StartupObject, ...] = ()
     heartbeat_s: float = 0.0
+    synchronous: bool = False
     sdo_reply_timeout_s: float = 1.0
     sdo_tries: int = 2
     setup_timeout_s: float = 20.0

@@ -4,6 +4,9 @@ Every value is in the image as soon as it has come: interlocks and the ramp look
 samples moves when all channels have come anew since it moved last: such a sample is what the analysis takes, and in it
 no channel is older than its own device makes it. The sample is as old as the oldest of its channels.
 
+A value that was asked for is older than its arrival: by one period after SYNC, and with the period it grows. So a
+sample carries how long before it each channel was measured, and the analysis puts them on one clock.
+
 A device that answers and measures no more is not seen by its answers: what shows that a value is new is told for each
 channel (`drivers.config.ChannelConfig`). While that does not show, the value grows old although answers come.
 """
@@ -17,13 +20,17 @@ from definitions.image import AGE_NEVER
 from drivers.config import ALL_CHANNELS, ChannelConfig
 
 SAMPLE_FIELDS = (*ALL_CHANNELS, "sample_counter", "sample_time_us", "sample_status")
-"""What a sample holds, in the order in which the image takes it."""
+"""What an amplifier delivers, in the order in which the image takes it."""
+
+DELAY_FIELDS = tuple(f"{channel.rsplit('_', 1)[0]}_delay_scans" for channel in ALL_CHANNELS)
+"""How long before the sample each channel was measured, in the order of the channels."""
 
 STATUS = "sample_status"
 """Field of a device that reports the bits of `definitions.image.SampleStatus` as the image has them."""
 
 NO_FIELD = -1
 _COUNTER, _TIME, _STATUS = (SAMPLE_FIELDS.index(name) for name in ("sample_counter", "sample_time_us", "sample_status"))
+_DELAYS = len(SAMPLE_FIELDS)
 _UINT32 = 0xFFFF_FFFF
 
 
@@ -43,6 +50,13 @@ class Feed(Protocol):
         """Whether its connection is gone."""
 
 
+class Source(Feed, Protocol):
+    """A block of which a channel is taken."""
+
+    def measured_scan(self, scan: int, synced_scan: int) -> int:
+        """Scan in which values that came in `scan` were asked for; SYNC was sent last in `synced_scan`."""
+
+
 class _Channel:
     """One channel: where its value is, and when it was new last."""
 
@@ -52,6 +66,7 @@ class _Channel:
         "changed",
         "feed",
         "is_new",
+        "measured",
         "place",
         "proof",
         "proven_by",
@@ -61,17 +76,17 @@ class _Channel:
         "zero",
     )
 
-    def __init__(self, config: ChannelConfig, feed: Feed, still_scans: int) -> None:
+    def __init__(self, config: ChannelConfig, feed: Source, still_scans: int) -> None:
         self.feed, self.place, self.scale, self.zero = feed, feed.place(config.field), config.scale, config.zero
         self.at = ALL_CHANNELS.index(config.channel)
         self.proof = feed.place(config.proof_field) if config.proof_field else NO_FIELD
         self.still = still_scans
         self.seen: list[float] = feed.values
         self.proven_by: float | None = None
-        self.changed = self.came = -1
+        self.changed = self.came = self.measured = -1
         self.is_new = False
 
-    def take(self, values: list[float], scan: int) -> None:
+    def take(self, values: list[float], scan: int, synced_scan: int) -> None:
         """Look whether values that have just come are new ones."""
         self.seen = values
         if self.proof != NO_FIELD:
@@ -83,6 +98,7 @@ class _Channel:
         age_scans = self.feed.age_scans(scan)
         if age_scans < AGE_NEVER:
             self.came = scan - age_scans
+            self.measured = self.feed.measured_scan(scan, synced_scan)
             self.is_new = True
 
 
@@ -92,7 +108,7 @@ class ComposedSample:
     Channels that the bench does not have read 0, as fields that an amplifier does not have.
     """
 
-    def __init__(self, channels: Sequence[tuple[ChannelConfig, Feed]], period_ns: int) -> None:
+    def __init__(self, channels: Sequence[tuple[ChannelConfig, Source]], period_ns: int) -> None:
         """Prepare the tables; each channel with the feed that has its field."""
         self._channels = tuple(
             _Channel(config, feed, max(round(config.still_s * 1e9 / period_ns), 0)) for config, feed in channels
@@ -100,11 +116,12 @@ class ComposedSample:
         self._period_ns = period_ns
         self._feeds = tuple(dict.fromkeys(feed for _, feed in channels))
         self._statuses = tuple((feed, feed.place(STATUS)) for feed in self._feeds if feed.place(STATUS) != NO_FIELD)
-        self.values: list[float] = [0.0] * len(SAMPLE_FIELDS)
+        self.values: list[float] = [0.0] * (len(SAMPLE_FIELDS) + len(ALL_CHANNELS))
+        self._synced_scan = 0
 
     def place(self, name: str) -> int:
-        """Index of a field in `values`."""
-        return SAMPLE_FIELDS.index(name)
+        """Index of a field in `values`; the delays stand behind what an amplifier delivers too."""
+        return (*SAMPLE_FIELDS, *DELAY_FIELDS).index(name)
 
     @property
     def lost(self) -> bool:
@@ -115,12 +132,13 @@ class ComposedSample:
         """Take what the devices have said in this scan."""
         taken: list[float] | None = None
         complete = True
+        synced_scan, self._synced_scan = self._synced_scan, scan
         for channel in self._channels:
             values = channel.feed.values
             if values is not channel.seen:
                 if taken is None:
                     taken = self.values.copy()
-                channel.take(values, scan)
+                channel.take(values, scan, synced_scan)
                 taken[channel.at] = values[channel.place] * channel.scale + channel.zero
             complete &= channel.is_new
         if taken is None:
@@ -128,6 +146,7 @@ class ComposedSample:
         if complete:
             for channel in self._channels:
                 channel.is_new = False
+                taken[_DELAYS + channel.at] = scan - channel.measured
             taken[_COUNTER] = int(taken[_COUNTER]) + 1 & _UINT32
             taken[_TIME] = scan * self._period_ns // 1000 & _UINT32
         status = 0

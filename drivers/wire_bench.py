@@ -92,7 +92,11 @@ class WireBench:
             config.can_sensors, config.drive.profile, config.drive.node_id, config.drive.controller_node_id
         ):
             raise ProfileError(*problems)
-        self._can_frames = [(sensor.name, SensorFrame(one)) for sensor in config.can_sensors for one in sensor.frames]
+        self._can_frames = [
+            (sensor.name, SensorFrame(one, synchronous=sensor.synchronous))
+            for sensor in config.can_sensors
+            for one in sensor.frames
+        ]
         self._can_nodes: dict[int, tuple[str, SensorNode]] = {}
         """Names and nodes of the sensors that have a heartbeat, by the identifier of that."""
         self._composed = self._compose(measuring) if config.sources else None

@@ -6,7 +6,7 @@ from definitions.first_image import first_image
 from definitions.image import AGE_NEVER, REMOTE_IO_FIELDS, DriveMode, DriveState, Image, Link
 from drivers.modbus.device import NO_FIELD, ModbusDevice
 from drivers.modbus.part_fields import READ_FIELDS
-from drivers.sample import Feed
+from drivers.sample import DELAY_FIELDS, Feed
 from drivers.servo_drive.cia402 import decode_state, follows_command, homing_attained, homing_error, internal_limit
 from drivers.servo_drive.data_types import picker
 from drivers.servo_drive.drive import CanDrive
@@ -50,7 +50,7 @@ class WireImage:
         self._tells_on = brake.place("brake_on") != NO_FIELD
         self._tells_current = brake.place("brake_current_a") != NO_FIELD
         self._fixed_current_a = fixed_current_a
-        self._sample_of = picker([amplifier.place(name) for name in READ_FIELDS["amplifier"]])
+        self._sample_of = picker([amplifier.place(name) for name in (*READ_FIELDS["amplifier"], *DELAY_FIELDS)])
         self._lock_of = picker([brake.place(name) for name in READ_FIELDS["brake"]])
         self._contacts_of = picker([remote_io.place(name) for name in READ_FIELDS["remote_io"]])
         # What was taken last of each device, and at first nothing: then the first values are new ones.
@@ -128,7 +128,7 @@ class WireImage:
 
     def _take_sample(self, values: list[float]) -> None:
         image, self._sample = self._image, values
-        torque_in, torque_out, angle_in, angle_out, counter, time_us, status = self._sample_of(values)
+        torque_in, torque_out, angle_in, angle_out, counter, time_us, status, *delays = self._sample_of(values)
         image.torque_in_nm = float(torque_in)
         image.torque_out_nm = float(torque_out)
         image.angle_in_rad = float(angle_in)
@@ -136,6 +136,12 @@ class WireImage:
         image.sample_counter = int(counter) & 0xFFFF_FFFF
         image.sample_time_us = int(time_us) & 0xFFFF_FFFF
         image.sample_status = int(status) & 0xFF
+        (
+            image.torque_in_delay_scans,
+            image.torque_out_delay_scans,
+            image.angle_in_delay_scans,
+            image.angle_out_delay_scans,
+        ) = map(int, delays)
 
     def _take_lock(self, values: list[float]) -> None:
         image, self._lock = self._image, values

@@ -140,21 +140,25 @@ def _slope(time_s: FloatArray, angle_arcmin: FloatArray) -> float:
 def align(trace: Trace, method: Method, estimated: SpeedSkew | None = None) -> tuple[Trace, Skew]:
     """Return the trace with every channel moved forward to the delay of the fastest one, and what was done.
 
-    estimated: skew to be taken instead of the method's lags. Equal lags move nothing. A lag of the first order is, on
-    a ramp, a delay by its time constant: next to a turning point the correction is too large for as long as it lasts.
+    estimated: skew to be taken instead of the method's lags. To a lag comes the age of each value by the trace itself
+    (`Trace.delays_s`); an estimate holds both. Equal lags move nothing. A lag of the first order is, on a ramp, a delay
+    by its time constant: next to a turning point the correction is too large for as long as it lasts.
     """
     torque = "torque_in_nm" if converts(trace, method) else "torque_out_nm"
     there = [name for name in ALIGNED if getattr(trace, name) is not None]
     lags, how = _lags(there, method, estimated)
     if lags is None:
         return trace, Skew(None, None, StageRecord("time alignment", how))
+    ages = {} if estimated is not None else {name: trace.delays_s[name] for name in there if name in trace.delays_s}
+    behind = {name: lags[name] + ages.get(name, 0.0) for name in there}
+    lags = {name: float(np.median(values)) for name, values in behind.items()}
     skew = max((lags[name] for name in there if name.startswith("angle")), default=0.0) - lags.get(torque, 0.0)
     figures = {f"lag of {name}": Figure(lags[name], "s") for name in there} | {"angle behind torque": Figure(skew, "s")}
     if estimated is not None:
         figures["standard error"] = Figure(estimated.standard_error_s, "s")
         figures["width at standstill"] = Figure(estimated.width_arcmin, "arcmin")
     first = min(lags.values(), default=0.0)
-    late = {name: lag - first for name, lag in lags.items() if lag - first > SAME_LAG_S}
+    late = {name: lags[name] - first for name in there if np.max(np.abs(behind[name] - first)) > SAME_LAG_S}
     if not late:
         text = f"time alignment: {how}; all channels have the same lag, no correction needed"
         return trace, Skew(0.0, 0.0, StageRecord("time alignment", text, figures))
@@ -164,7 +168,7 @@ def align(trace: Trace, method: Method, estimated: SpeedSkew | None = None) -> t
         text = f"time alignment: {how}; {words} late, not moved: {why}"
         return trace, Skew(0.0, skew, StageRecord("time alignment", text, figures))
     time = trace.t_s
-    moved = {name: np.interp(time + lag, time, getattr(trace, name)) for name, lag in late.items()}
+    moved = {name: np.interp(time - first, time - behind[name], getattr(trace, name)) for name in late}
     text = f"time alignment: {how}; moved back: {words}"
     return replace(trace, **moved), Skew(skew, 0.0, StageRecord("time alignment", text, figures, applied=True))
 

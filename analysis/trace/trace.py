@@ -48,7 +48,8 @@ class Trace:
 
     segment: segment id per sample, its meaning in `segments`; None when the profile is not known (turning points are
     then found on the curve). reading: how a file was read, in words, where it is not plain. windup_made: what stands in
-    angle_out_rad is the wind-up of the unit, made elsewhere with all its corrections. Raises AnalysisError when
+    angle_out_rad is the wind-up of the unit, made elsewhere with all its corrections. delays_s: by channel, how long
+    before the time of its row each value was measured [s], 0 or more; no entry: at that time. Raises AnalysisError when
     lengths differ, a value is not finite or beyond 1e9, time runs backwards, or a segment id or role is
     unknown; the text names column and row (counted from 1).
     """
@@ -66,6 +67,7 @@ class Trace:
     source: str = "trace"
     reading: str = ""
     windup_made: bool = False
+    delays_s: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check and normalise the arrays (float64, int64)."""
@@ -76,6 +78,9 @@ class Trace:
                 array = _as_floats(values, self.source, name)
                 object.__setattr__(self, name, array)
                 lengths[name] = array.size
+        delays = {name: _as_floats(values, self.source, f"delay of {name}") for name, values in self.delays_s.items()}
+        object.__setattr__(self, "delays_s", delays)
+        lengths |= {f"delay of {name}": array.size for name, array in delays.items()}
         if self.segment is not None:
             object.__setattr__(self, "segment", np.asarray(self.segment, dtype=np.int64))
             lengths["segment"] = int(np.asarray(self.segment).size)

@@ -28,9 +28,9 @@ class SensorFrame:
     lost = False
     """Whether its node is gone, or started anew; of the bus itself its link knows."""
 
-    def __init__(self, frame: CanFrame) -> None:
-        """Prepare the table of a frame."""
-        self.identifier, self.size = frame.identifier, frame.size
+    def __init__(self, frame: CanFrame, *, synchronous: bool) -> None:
+        """Prepare the table of a frame; synchronous: it answers SYNC, and its values are of that moment."""
+        self.identifier, self.size, self._synchronous = frame.identifier, frame.size, synchronous
         self.names = tuple(field.name for field in frame.fields)
         self.values: list[float] = [0.0] * (len(self.names) + 1)
         self.malformed = self.frames = 0
@@ -56,6 +56,10 @@ class SensorFrame:
         """Age of the frame that came last."""
         came = self._arrived_scan
         return scan - came if came >= 0 and scan - came < AGE_NEVER else AGE_NEVER
+
+    def measured_scan(self, scan: int, synced_scan: int) -> int:
+        """Scan in which the values of a frame that came in `scan` were measured, for all that is known of it."""
+        return synced_scan if self._synchronous else scan
 
     def take(self, data: bytes, scan: int) -> None:
         """Take a frame; one of another length, or with what is not a number, is counted and not believed."""

@@ -100,6 +100,11 @@ class ModbusDevice:
         came = self._arrived_scan
         return scan - came if came >= 0 and scan - came < AGE_NEVER else AGE_NEVER
 
+    def measured_scan(self, scan: int, synced_scan: int) -> int:
+        """Scan in which the values were asked for that came in `scan`: the earliest in which they can be measured."""
+        del synced_scan
+        return scan if self._read_scan is None else self._read_scan
+
     def ordered(self, name: str) -> float:
         """Return what was ordered last; 0 before."""
         return self._orders.get(name, 0.0)

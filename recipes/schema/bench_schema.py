@@ -399,25 +399,43 @@ class Bench(Section):
         """
         if self.channels is None:
             return 0.0 if self.amplifier is None else max(self.amplifier.poll_every_s, period_s)
-        sources = list(self.channels.by_name.values())
+        named = {one.device for one in self.channels.by_name.values()}
+        sent = [one.update_every_s or period_s for one in self.can_devices if one.name in named]
+        return max([self._asked_every(period_s), *sent])
+
+    def _asked_every(self, period_s: float) -> float:
+        """Longest time between two requests for the same channel on Modbus, where `channels` name devices [s]."""
+        sources = [] if self.channels is None else list(self.channels.by_name.values())
         slowest = 0.0
         for device in self.devices:
             on_the_line = {one.name for one in self.devices if one.line == device.line}
             asked = {(one.device, one.proof_field or one.field) for one in sources if one.device in on_the_line}
             slowest = max(slowest, device.poll_every_s, period_s * len(asked))
-        named = {one.device for one in sources}
-        return max([slowest, *(one.update_every_s or period_s for one in self.can_devices if one.name in named)])
+        return slowest
 
     def skew(self, period_s: float) -> float:
         """Limit of the difference between the delays of torque and angle in a scan of this period [s].
 
-        Channels that do not share a counter or time stamp are measured each in its time: what lies between two values
-        of the slowest of them comes on top.
+        Channels that do not share a counter or time stamp are measured each in its time, and how long before the scan
+        is known within what lies between two values of the slowest of them: that comes on top. What answers SYNC was
+        measured at SYNC.
         """
         sources = {} if self.channels is None else self.channels.by_name
         samples = {(one.device, one.alive_field) for one in sources.values() if one.alive in ("counter", "time_stamp")}
         apart = len(samples) > 1 or any(one.alive in ("noise", "arrival") for one in sources.values())
-        return self.sensors.skew_s + (self.sample_every(period_s) if apart else 0.0)
+        named = {one.device for one in sources.values()}
+        sent = [one.update_every_s or 0.0 for one in self.can_devices if one.name in named]
+        return self.sensors.skew_s + (max([self._asked_every(period_s), *sent]) if apart else 0.0)
+
+    def unasked_delay(self, sensor: str, period_s: float) -> float:
+        """Mean time from the sending of a channel that nobody asks for to the scan that takes it [s].
+
+        Such a sensor on CAN sends in its own time, and a scan takes the newest it has: anything up to that time or to
+        the period is passed, whichever is shorter. Of what is asked for the record knows the time.
+        """
+        source = None if self.channels is None else getattr(self.channels, sensor)
+        every = next((one.update_every_s for one in self.can_devices if source and one.name == source.device), None)
+        return min(every, period_s) / 2.0 if every else 0.0
 
     def master_part(self, serial: str) -> MasterPart | None:
         """Return the master part with this serial number; None for a product."""

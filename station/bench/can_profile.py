@@ -30,16 +30,18 @@ def can_sensor(file: File, sensor: CanSensor, named: Collection[str]) -> CanSens
         RecipeError: the profile has problems, each with its place, or asks for what frames of a DBC file cannot give.
 
     """
-    heartbeat_s = sensor.heartbeat_s or 0.0
+    heartbeat_s, synchronous = sensor.heartbeat_s or 0.0, sensor.update_every_s is None
     if file.path.suffix.lower() == DBC:
         frames = tuple(_of_message(file.path, one, named) for one in _messages(file, named))
-        return CanSensorConfig(sensor.name, sensor.node_id, frames, heartbeat_s=heartbeat_s)
+        return CanSensorConfig(sensor.name, sensor.node_id, frames, heartbeat_s=heartbeat_s, synchronous=synchronous)
     profile = parse_document(file.content, str(file.path), CanProfile)
     if sensor.node_id is None and (profile.identity or profile.startup):
         found = "identity" if profile.identity else "startup"
         raise _refused(file.path, found, "'node_id' at the sensor in the bench file", "Give it, or delete the section.")
     frames = tuple(_of_file(file.path, frame, sensor.node_id) for frame in profile.frames)
-    return CanSensorConfig(sensor.name, sensor.node_id, frames, profile.identity, profile.startup, heartbeat_s)
+    return CanSensorConfig(
+        sensor.name, sensor.node_id, frames, profile.identity, profile.startup, heartbeat_s, synchronous
+    )
 
 
 def _of_file(path: Path, frame: CanFrameFile, node_id: int | None) -> CanFrame:

@@ -127,7 +127,7 @@ def _message(cob_id: int, data: bytes) -> can.Message:
 
 def values_of(frame: CanFrame, data: bytes) -> Mapping[str, float]:
     """Return what a frame says, by field; nothing when its length is another, or one of them is not a number."""
-    seen = SensorFrame(frame)
+    seen = SensorFrame(frame, synchronous=False)
     seen.take(data, 0)
     return dict(zip(seen.names, seen.values, strict=False)) if seen.frames else {}
 

@@ -78,19 +78,28 @@ def ages(tried: Tried) -> list[Age]:
 
 
 def lags(tried: Tried) -> list[Lag]:
-    """Return how far each channel lags behind the one that drives it."""
-    sensors, period_s = tried.job.bench.sensors, tried.job.recipe.sampling.period_ns * 1e-9
+    """Return how far each channel lags behind the one that drives it, by the sensors: not by the way to the scan."""
+    bench, period_s = tried.job.bench, tried.job.recipe.sampling.period_ns * 1e-9
+    sensors = bench.sensors
     loaded, locked = ("in", "out") if tried.job.recipe.loading == "input" else ("out", "in")
     mask = _loaded(tried)
 
     def column(name: str) -> Column:
         return np.asarray(tried.table["image"][name], dtype=float)[mask]
 
+    def delay_scans(name: str) -> float:
+        """Scans from the measurement to the scan that takes it; the drive answers SYNC."""
+        if bench.channels is None or name.startswith("drive_"):
+            return 0.0 if bench.channels is None else 1.0
+        sensor = name.rsplit("_", 1)[0]
+        return float(np.median(column(f"{sensor}_delay_scans"))) + bench.unasked_delay(sensor, period_s) / period_s
+
     told: list[Lag] = []
 
     def add(channel: str, against: str, declared_s: float, allowed_s: float) -> None:
         measured = lag_scans(column(against), column(channel), round(MOST_S / period_s))
-        measured_ms = None if measured is None else measured * period_s * 1e3
+        on_the_way = delay_scans(channel) - delay_scans(against)
+        measured_ms = None if measured is None else (measured - on_the_way) * period_s * 1e3
         told.append(Lag(channel, against, measured_ms, declared_s * 1e3, allowed_s * 1e3))
 
     angle, torque = getattr(sensors, f"angle_{loaded}"), getattr(sensors, f"torque_{loaded}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -58,7 +58,7 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
         fixture_stiffness_nm_per_arcmin=fixture,
         locked_stiffness_nm_per_arcmin=lock,
         fixture_curve=_fixture_curve(bench),
-        lags_s=lags_of(bench),
+        lags_s=lags_of(bench, recipe.sampling.period_s),
         planned_nm_s=planned_rates(recipe, bench),
     )
 
@@ -113,11 +113,14 @@ def planned_rates(recipe: Recipe, bench: Bench | None) -> tuple[float, float] | 
     return (min(rates), max(rates)) if rates else None
 
 
-def lags_of(bench: Bench) -> dict[str, float]:
-    """Return how late each channel of this bench is [s]."""
-    sensors = bench.sensors
-    there = {channel: getattr(sensors, name) for name, channel in CHANNEL_OF_SENSOR.items()}
-    return {channel: sensor.lag_s for channel, sensor in there.items() if sensor is not None}
+def lags_of(bench: Bench, period_s: float) -> dict[str, float]:
+    """Return how late each channel of this bench is in a scan of this period [s], beside the delays of the record."""
+    there = {name: getattr(bench.sensors, name) for name in CHANNEL_OF_SENSOR}
+    return {
+        CHANNEL_OF_SENSOR[name]: sensor.lag_s + bench.unasked_delay(name, period_s)
+        for name, sensor in there.items()
+        if sensor is not None
+    }
 
 
 def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
@@ -182,6 +185,7 @@ def trace_of(
     return Trace(
         t_s=kept["scan"] * (period_ns * 1e-9),
         **measured,
+        delays_s=_delays(kept, measured, period_ns),
         segment=kept["orders"]["segment"].astype(np.int64),
         segments=segment_table(segments),
         source=source,
@@ -201,6 +205,13 @@ def measured_channels(table: Table, bench: Bench) -> dict[str, npt.NDArray[np.fl
     image, there = table["image"], channels(bench)
     measured = {name: from_zero(table, name) for name in ZEROES if name in there}
     return measured | {name: image[field].copy() for name, field in AS_RECORDED.items() if field in image}
+
+
+def _delays(table: Table, channels: Collection[str], period_ns: int) -> dict[str, npt.NDArray[np.float64]]:
+    """Return how long before its sample each channel was measured [s]; records of before have no such fields."""
+    image = table["image"]
+    fields = {name: f"{name.rsplit('_', 1)[0]}_delay_scans" for name in CHANNEL_OF_SENSOR.values() if name in channels}
+    return {name: image[field] * (period_ns * 1e-9) for name, field in fields.items() if field in image}
 
 
 def segment_table(segments: Sequence[SegmentRow | Segment]) -> dict[int, SegmentInfo]:

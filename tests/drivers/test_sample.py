@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from definitions.image import AGE_NEVER, SampleStatus
+from definitions.profiles.can import CanField, CanFrame
+from drivers.can.sensors import SensorFrame
 from drivers.config import ChannelConfig
-from drivers.sample import SAMPLE_FIELDS, ComposedSample
+from drivers.sample import ComposedSample
 
 PERIOD_NS = 1_000_000
 
@@ -15,7 +17,7 @@ class Box:
     def __init__(self, *names: str) -> None:
         self.names = names
         self.values = [0.0] * (len(names) + 1)
-        self.came = -1
+        self.came = self.asked = -1
         self.lost = False
 
     def place(self, name: str) -> int:
@@ -24,8 +26,12 @@ class Box:
     def age_scans(self, scan: int) -> int:
         return scan - self.came if self.came >= 0 else AGE_NEVER
 
-    def says(self, scan: int, *values: float) -> None:
-        self.values, self.came = [*values, 0.0], scan
+    def measured_scan(self, scan: int, synced_scan: int) -> int:
+        assert synced_scan < scan or not scan
+        return self.asked if self.asked >= 0 else scan
+
+    def says(self, scan: int, *values: float, asked: int = -1) -> None:
+        self.values, self.came, self.asked = [*values, 0.0], scan, asked
 
 
 def channel(name: str, field: str, **more: object) -> ChannelConfig:
@@ -33,7 +39,7 @@ def channel(name: str, field: str, **more: object) -> ChannelConfig:
 
 
 def value(sample: ComposedSample, name: str) -> float:
-    return sample.values[SAMPLE_FIELDS.index(name)]
+    return sample.values[sample.place(name)]
 
 
 def test_the_counter_moves_when_every_channel_has_come_anew() -> None:
@@ -98,3 +104,37 @@ def test_bits_of_the_devices_and_lost_ones_are_taken_together() -> None:
     assert not sample.lost
     other.lost = True
     assert sample.lost
+
+
+def frame_of(*, synchronous: bool) -> SensorFrame:
+    return SensorFrame(CanFrame(0x18B, 1, (CanField("x", 0, 8, "unsigned", "little"),)), synchronous=synchronous)
+
+
+def test_each_channel_of_a_sample_says_how_long_before_it_it_was_measured() -> None:
+    """After SYNC by the scans since it was sent, also over a gap; after a request by the scans since that."""
+    by_itself, at_sync, asked = frame_of(synchronous=False), frame_of(synchronous=True), Box("a")
+    sources = [(channel("torque_out_nm", "x"), by_itself), (channel("angle_in_rad", "x"), at_sync)]
+    sample = ComposedSample([*sources, (channel("angle_out_rad", "a"), asked)], PERIOD_NS)
+    names = ("torque_out_delay_scans", "angle_in_delay_scans", "angle_out_delay_scans", "torque_in_delay_scans")
+    delays = []
+    for scan in (0, 1, 2, 3, 7, 8, 9):  # three periods are missed before scan 7
+        by_itself.take(b"a", scan)
+        at_sync.take(b"b", scan)
+        if scan in (3, 7, 9):
+            asked.says(scan, 1.0, asked=scan - 2)
+        sample.take(scan)
+        delays.append([value(sample, name) for name in names])
+    at_3, at_7, at_9 = [0, 1, 2, 0], [0, 4, 2, 0], [0, 1, 2, 0]
+    assert delays == [[0, 0, 0, 0]] * 3 + [at_3, at_7, at_7, at_9], "of the sample, until the next is complete"
+
+
+def test_a_value_that_waits_for_the_others_is_as_old_as_it_is() -> None:
+    early, late = Box("t"), Box("a")
+    sample = ComposedSample([(channel("torque_out_nm", "t"), early), (channel("angle_in_rad", "a"), late)], PERIOD_NS)
+    for scan in range(12):
+        if scan == 3:
+            early.says(scan, 1.0)
+        if scan == 9:
+            late.says(scan, 1.0)
+        sample.take(scan)
+    assert (value(sample, "torque_out_delay_scans"), value(sample, "angle_in_delay_scans")) == (6, 0)

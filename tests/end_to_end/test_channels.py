@@ -11,14 +11,17 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from libmodbus import compiled
 from lostmotion_command import COMMAND, ROOT
 from patient import QUICK_RECIPE, VIRTUAL_BENCH, write_changed
+from ruamel.yaml import YAML
 
 from benchmarks.slow_amplifier import bench_of, samples
-from station.bench.request import load_job
+from station.bench.request import DRIVER_PROFILES, load_job
 
 pytestmark = pytest.mark.wires
 BENCHES = Path(__file__).parents[1] / "data" / "benches"
@@ -38,6 +41,10 @@ def recipe(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def truth(recipe: str) -> dict[str, float]:
     """What is true of P1 in this recipe, by metric and side."""
+    return true_of(recipe)
+
+
+def true_of(recipe: str) -> dict[str, float]:
     job = load_job(recipe, "virtual")
     return samples(job, bench_of(job, 1), None)[2]
 
@@ -92,6 +99,27 @@ def test_torques_and_angles_of_two_canopen_sensors(lostmotion, recipe, truth):
     assert all("encoders" in note for note in of_sensors)
 
 
+SYNC_AND_ITS_PERIOD = {
+    "1 ms": ("1 ms", "node_id: 12}"),
+    "4 ms": ("4 ms", "node_id: 12}"),
+    "4 ms, encoders in their own time": ("4 ms", "node_id: 12, update_every: 10 ms}"),
+}
+"""Recipe's period, and what stands in the bench file of the encoders; 2 ms is the period of the other tests here."""
+
+
+@pytest.mark.parametrize("case", SYNC_AND_ITS_PERIOD)
+def test_values_that_answer_sync_are_as_old_as_the_period_and_no_wider_loop(lostmotion, tmp_path, case):
+    """The lag that the bench file declares is the sensor's own, so the same file is right at every period."""
+    period, encoders = SYNC_AND_ITS_PERIOD[case]
+    recipe = str(write_changed(QUICK_RECIPE, tmp_path / "quick.yaml", {"sampling": {"period": period}}))
+    folder = Path(shutil.copytree(BENCHES, tmp_path / "benches"))
+    bench = folder / "can-sensors.yaml"
+    bench.write_text(bench.read_text(encoding="utf-8").replace("node_id: 12}", encoders), encoding="utf-8")
+    result = run_on(lostmotion, recipe, "can-sensors", folder)
+    assert beyond_its_uncertainty(result, true_of(recipe)) == []
+    assert result["verdict"] == "PASS"
+
+
 def test_raw_frames_that_a_dbc_file_describes_and_a_brake_at_an_output_of_the_drive(lostmotion, recipe, truth):
     result = run_on(lostmotion, recipe, "can-dbc")
     assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
@@ -100,6 +128,49 @@ def test_raw_frames_that_a_dbc_file_describes_and_a_brake_at_an_output_of_the_dr
     (said,) = [note for note in result["notes"] if "its outputs may fall then" in note]
     assert said.startswith("Brake: not proven that the lock stays closed")
     assert not any("brake is on: what was ordered" in note for note in result["notes"]), "a contact says so"
+
+
+@contextmanager
+def served(bench: Path) -> Iterator[dict]:
+    """The virtual bench of a file as a process of its own; what it says when it is ready."""
+    ports = ("--can", "127.0.0.1:0", "--modbus", "127.0.0.1:0")
+    command = [*COMMAND, "virtual-bench", "--bench", str(bench), "--seed", "1", *ports]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        yield json.loads(process.stdout.readline())
+        process.terminate()
+
+
+@pytest.fixture
+def on_libmodbus(tmp_path: Path) -> Iterator[Path]:
+    """Two amplifiers, a brake on a coil and remote I/O on libmodbus, with the virtual unit behind them."""
+    program = compiled(Path(__file__).with_name("libmodbus_devices.c"), tmp_path)
+    folder = Path(shutil.copytree(BENCHES, tmp_path / "benches"))
+    (folder / "profiles" / "coil-brake.yaml").write_bytes((DRIVER_PROFILES / "coil-brake.yaml").read_bytes())
+    here = write_changed(folder / "two-amplifiers.yaml", folder / "c.yaml", {"bench": {"name": "c", "embedded": False}})
+    parts = ("torques", "angles", "brake", "remote_io")
+    with served(here) as ready:
+        command = [str(program), *(str(ready[part]["port"]) for part in parts)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as devices:
+            assert devices.stdin is not None
+            assert devices.stdout is not None
+            ports = dict(zip(parts, map(int, devices.stdout.readline().split()), strict=True))
+            measuring = YAML(typ="safe").load(here)["devices"]
+            at: dict[str, object] = {part: {"port": ports[part]} for part in ("brake", "remote_io")}
+            at["devices"] = [one | {"port": ports[one["name"]]} for one in measuring]
+            at |= {"can": {"port": ready["can"]["port"]}, "pace": ready["pace"]}
+            yield write_changed(here, here, at).parent
+            devices.stdin.close()
+
+
+def test_the_main_job_over_devices_on_libmodbus(lostmotion, recipe, truth, on_libmodbus):
+    """No Modbus device is of ours here: requests are decoded and answered by libmodbus, in C."""
+    result = run_on(lostmotion, recipe, "c", on_libmodbus, ())
+    assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
+    wires, scans = result["timing"]["wires"], result["timing"]["scans"]
+    assert min(wires["torques.replies"], wires["angles.replies"]) > 0.95 * scans
+    for part in ("torques", "angles", "brake", "remote_io"):
+        assert wires[f"{part}.timeouts"] == wires[f"{part}.garbage"] == wires[f"{part}.exceptions"] == 0
 
 
 @pytest.fixture
@@ -119,14 +190,9 @@ def rtu_amplifier() -> Iterator[Path]:
             "channels": channels,
         }
         write_changed(VIRTUAL_BENCH, here, changes)
-        ports = ("--can", "127.0.0.1:0", "--modbus", "127.0.0.1:0")
-        command = [*COMMAND, "virtual-bench", "--bench", str(here), "--seed", "1", *ports]
-        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-            assert process.stdout is not None
-            ready = json.loads(process.stdout.readline())
+        with served(here) as ready:
             at = {part: {key: ready[part][key] for key in ("host", "port")} for part in ("can", "brake", "remote_io")}
             yield write_changed(here, here, at, {"pace": ready["pace"]}).parent
-            process.terminate()
 
 
 def test_an_amplifier_on_a_serial_line_that_is_asked_every_10_ms(lostmotion, recipe, truth, rtu_amplifier):

@@ -43,3 +43,12 @@ def test_channels_measured_each_in_its_time_have_a_skew_of_the_slowest() -> None
     one_sample = one_sample.replace("time_stamp", "counter").replace("{device: angles", "{device: torques")
     together = parse_bench(one_sample.encode(), "bench.yaml")
     assert together.skew(1e-3) == together.sensors.skew_s, "a shared counter is one sample"
+
+
+def test_what_answers_sync_was_measured_at_sync_whatever_the_period() -> None:
+    bench = load_bench(FOLDER / "can-sensors.yaml")
+    for period_s in (1e-3, 4e-3):
+        assert bench.skew(period_s) == pytest.approx(bench.sensors.skew_s + 1e-3), "the flange sends every millisecond"
+        assert bench.unasked_delay("torque_out", period_s) == pytest.approx(0.5e-3)
+        assert bench.unasked_delay("angle_out", period_s) == 0.0, "of SYNC the record knows"
+    assert bench.unasked_delay("torque_in", 0.5e-3) == pytest.approx(0.25e-3), "a scan takes the newest"

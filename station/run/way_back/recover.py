@@ -26,7 +26,6 @@ from station.records.ring.ring import ScanState, StopCause
 from station.records.ring.to_disk import RecordWriter
 from station.records.run_record import INTERRUPTED, RunRecord
 from station.records.run_ring import ring_of
-from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import finish_seal, is_sealed
 from station.run.outcome import RunOutcome, cause_name, scan_report
 
@@ -115,13 +114,14 @@ def _complete_on_disk(run: RunRecord) -> int:
         RecordError: the samples are not there, or cannot be looked at. That may pass, so it decides nothing.
 
     """
+    record_bytes = run.layout().record_bytes  # its own: a version before may have written records of another length
     try:
         size = run.samples.stat().st_size
-        if size % RECORD_BYTES:
-            os.truncate(run.samples, size - size % RECORD_BYTES)
+        if size % record_bytes:
+            os.truncate(run.samples, size - size % record_bytes)
     except OSError as error:
         raise refused(run.samples, error, "read") from error
-    return size // RECORD_BYTES
+    return size // record_bytes
 
 
 def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | None = None) -> int:

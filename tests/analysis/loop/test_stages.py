@@ -125,6 +125,21 @@ def test_a_pure_delay_is_corrected_exactly() -> None:
     assert value(analyse(late, known, [BACKLASH])) == pytest.approx(0.94, abs=5e-5)
 
 
+def test_values_whose_age_the_trace_knows_are_moved_by_it_one_by_one() -> None:
+    """The angle is measured 4 ms before each sample, at times 12 ms: no lag of the channel can put that right."""
+    trace = timed_trace(P1, 480.0)
+    delays = np.where(np.arange(trace.samples) % 7 == 0, 0.012, 0.004)
+    angle = np.interp(trace.t_s - 0.01 - delays, trace.t_s, trace.angle_out_rad)
+    late = dataclasses.replace(trace, angle_out_rad=angle, delays_s={"angle_out_rad": delays})
+    known = dataclasses.replace(METHOD, lags_s={"torque_out_nm": 0.0, "angle_out_rad": 0.01})
+    found = analyse(late, known, [BACKLASH])
+    assert value(found) == pytest.approx(0.94, abs=5e-5)
+    assert stage(found, "time alignment").figures["lag of angle_out_rad"].value == pytest.approx(0.014)
+    assert value(analyse(dataclasses.replace(late, delays_s={}), known, [BACKLASH])) > 0.942
+    with pytest.raises(AnalysisError, match="delay of angle_out_rad has 3"):
+        dataclasses.replace(late, delays_s={"angle_out_rad": delays[:3]})
+
+
 def test_equal_lags_and_unknown_lags_move_nothing() -> None:
     trace = bench_trace(P1, 453.2, cycles=1)
     plain = analyse(trace, METHOD, [BACKLASH, SPRING])

@@ -146,7 +146,7 @@ UP, FRESH, WAITS = (NmtState.OPERATIONAL,), (NmtState.BOOT_UP, NmtState.OPERATIO
 def test_a_node_that_is_silent_or_started_anew_is_lost_and_stays_so(
     beats: dict[int, tuple[NmtState, ...]], lost_at: int | None
 ) -> None:
-    frame = SensorFrame(FRAME)
+    frame = SensorFrame(FRAME, synchronous=False)
     node = SensorNode([frame], heartbeat_scans=50)
     lost = []
     for scan in range(400):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -12,6 +11,7 @@ import pytest
 from can_drive_support import orders
 from drivers_support import PERIOD_NS, drive_config, modbus_config, modbus_profile, raw_profile
 from durand_drive import DurandDrive
+from libmodbus import compiled
 from ruamel.yaml import YAML
 
 from definitions.image import Command, Image
@@ -43,25 +43,7 @@ CLOSED = orders()._replace(brake_on=1, brake_current_a=6.0)
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("there is no C compiler: libmodbus is not tried")
-    made = tmp_path_factory.mktemp("libmodbus") / "bench"
-    command = [
-        compiler,
-        "-O1",
-        "-Wall",
-        "-Werror",
-        "-I/usr/include/modbus",
-        str(HERE / "libmodbus_bench.c"),
-        "-o",
-        str(made),
-    ]
-    done = subprocess.run([*command, "-lmodbus"], capture_output=True, text=True, check=False)
-    if "modbus.h" in done.stderr and "No such file" in done.stderr:
-        pytest.skip("libmodbus-dev is not installed: libmodbus is not tried")
-    assert done.returncode == 0, done.stderr
-    return made
+    return compiled(HERE / "libmodbus_bench.c", tmp_path_factory.mktemp("libmodbus"))
 
 
 class Stand:

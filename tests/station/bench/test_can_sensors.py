@@ -43,7 +43,7 @@ def test_a_frame_of_a_dbc_file_means_what_cantools_says(torque: int, small: int,
     for frame, values in zip(sensor.frames, (torques, angles), strict=True):
         message = database.get_message_by_frame_id(frame.identifier)
         data = message.encode(values)
-        seen = SensorFrame(frame)
+        seen = SensorFrame(frame, synchronous=False)
         seen.take(data, 3)
         assert seen.values[:-1] == pytest.approx([values[signal.name] for signal in message.signals])
         assert [name.split(".")[1] for name in seen.names] == [signal.name for signal in message.signals]

@@ -323,11 +323,12 @@ _ROWS = (
         explained_by="angle_steps", settable=SHARES,
     ),
     Check(
-        "creep_back", "Creep against the torque", FRACTION, 0.5,
-        "creep of the wind-up against its torque: rate in the dwells times the duration of a branch, relative to the "
-        "whole wind-up",
-        "the wind-up creeps back against its torque, which no unit does",
-        "check lock, couplings and encoders. Check whether a part warms up during the dwells. Then measure again",
+        "creep_back", "Wind-up moving back while the torque is held", FRACTION, 0.5,
+        "movement of the wind-up against the torque while it is held (dwells): rate times the duration of a branch, "
+        "relative to the whole wind-up",
+        "while the torque is held, the wind-up moves back; a reducer moves on in the direction of its torque",
+        "check that the lock does not slip and that couplings and encoders are tight. Let unit and bench reach one "
+        "temperature. Then measure again",
         explained_by="angle_steps", settable=SHARES,
     ),
     Check(

@@ -158,7 +158,7 @@ def creep_back(found: Measured) -> Reading | str:
     u = math.hypot(*(float(np.std(some, ddof=1)) / math.sqrt(len(some)) for some in rates.values())) / 2.0
     seconds = [float(np.ptp(one.t_s)) for pair in found.pairs for one in pair if one.t_s is not None]
     back = max(0.0, -mean - CERTAIN * u) * max(seconds)
-    words = f"in the dwells the wind-up creeps back against the torque by {-60.0 * mean:.2g} arcmin/min"
+    words = f"while the torque is held, the wind-up moves back by {-60.0 * mean:.2g} arcmin/min"
     return of_span(found, back, words)
 
 

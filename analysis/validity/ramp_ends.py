@@ -100,13 +100,17 @@ def lateness_of(found: Measured) -> Lateness | str:
     # What scatters by more than the limit bounds no delay; one that stands out of its scatter is one all the same.
     if CERTAIN * told.u_nm > max(allowed_nm, abs(told.nm) - allowed_nm):
         return (
-            f"not measured: {told.turns} turns of the load tell the delay of the torque to "
-            f"{CERTAIN * told.u_nm:.2g} N·m only"
+            f"not measured: the delay of the torque at {told.turns} turning points is known only to "
+            f"{CERTAIN * told.u_nm:.2g} N·m, and {allowed_nm:.2g} N·m are needed. Measure more cycles, or let the "
+            "torque rest at its turning points for 100 ms or more"
         )
     count_nm = count_arcmin(found) * told.nm_per_arcmin
     certain = abs(told.nm) > max(CERTAIN * told.u_nm + count_nm, _least(told.nm) * allowed_nm)
     in_time = "" if told.seconds is None else f", {abs(told.seconds) * 1e3:.2g} ms"
-    words = f"at {told.turns} turns of the load the torque turns {abs(told.nm):.2g} N·m off the wind-up{in_time}"
+    way = "later" if told.nm > 0.0 else "earlier"
+    words = (
+        f"at {told.turns} turning points the torque reverses {way} than the wind-up, by {abs(told.nm):.2g} N·m{in_time}"
+    )
     return Lateness(abs(told.nm), (told.seconds or 0.0) if certain else 0.0, words)
 
 
@@ -120,7 +124,8 @@ def _at_ends(ends: Sequence[RampEnd], found: Measured) -> Lateness:
     count_s = count_arcmin(found) / float(np.median([abs(one.speed_arcmin_s) for one in ends]))
     middle_s = float(np.median(signed))
     certain = abs(middle_s) > CERTAIN * u_s + count_s and nm > _least(middle_s) * allowed_nm
-    words = f"at the ends of {len(ends)} ramps the output torque comes to rest {late_s * 1e3:.2g} ms off the wind-up"
+    way = "later" if middle_s > 0.0 else "earlier"
+    words = f"at the ends of {len(ends)} ramps the output torque stops {late_s * 1e3:.2g} ms {way} than the wind-up"
     if count_s > late_s:
         words += (
             f", and the angles are recorded in steps of {count_arcmin(found):.2g} arcmin at the output, each of which "

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 from recipes.schema.bench_schema import Bench, MasterPart
 from station.documents.manifest import MASTER, Manifest
+from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RunRecord
+from station.records.run_record import RESULT, RunRecord
 from station.records.seal import alterations
 
 COMPLETE = "complete"
@@ -47,9 +48,33 @@ def _checked(store: Store, bench: str, part: MasterPart, now: datetime) -> Maste
     elif not timedelta(0) <= age <= timedelta(seconds=part.every_s):
         wrong = f"was last measured {ago}; due every {_hours(part.every_s)}"
     else:
-        right = f"read {manifest.verdict}, as it should ({ago}): torques and angles were measured correctly then"
+        right = f"read {manifest.verdict}, as it should ({ago}). {_proves(run, part)}"
         return MasterCheck(part.serial, True, f"{MASTER}{part.serial} {right}")  # noqa: FBT003
     return MasterCheck(part.serial, False, f"{MASTER}{part.serial} {wrong}")  # noqa: FBT003
+
+
+ONE_SIDED = (
+    "Its limits are on one side, so an error that makes it read better does not show: give its recipe a lower and an "
+    "upper limit"
+)
+
+
+def _proves(run: RunRecord, part: MasterPart) -> str:
+    """Say how large an error common to torques or angles may have been when a master part read as it should.
+
+    A good one lies within its limits whatever the error, so its value cannot be off by more than they are apart.
+    """
+    if part.expect != "PASS":
+        return "A unit like it does not pass on this bench"
+    apart = {}
+    for metric in run.read(Result, RESULT).metrics:
+        low, high = metric.limits.min, metric.limits.max
+        if low is not None and high is not None and low > 0.0:
+            apart[metric.id] = 100.0 * (high / low - 1.0)
+    if not apart:
+        return ONE_SIDED
+    narrowest = min(apart, key=lambda name: apart[name])
+    return f"An error of its {narrowest} above {apart[narrowest]:.2g} % would have shown"
 
 
 def _newest(store: Store, bench: str, serial: str) -> tuple[RunRecord, Manifest] | None:

@@ -19,6 +19,7 @@ from analysis.trace.segment_names import segment_name
 from analysis.trace.trace import SegmentInfo
 from definitions.checks import CHECKS
 from station.bench.request import Job
+from station.documents.manifest import MASTER
 from station.documents.result import CheckValue, MetricValue, Result, StageRow
 from station.records.run_record import RunRecord
 from station.reports.budget_rows import BudgetTable, budget_tables
@@ -143,8 +144,12 @@ def open_line(result: Result) -> str:
         f"{one.text}: {f'up to {one.figure:.2g} {one.unit}' if one.figure is not None else 'not checked'}"
         for one in result.not_excluded
     ]
+    if not said:
+        return ""
     where = "and therefore in U" if any(one.in_budget for one in result.not_excluded) else "and not in U"
-    return f"Not excluded by this run, {where}: {'; '.join(said)}." if said else ""
+    checked = result.run is None or any(note.startswith(MASTER) for note in result.notes)
+    missing = "" if checked else " A master part shows such errors; the bench file names none (master_parts)."
+    return f"Not excluded by this run, {where}: {'; '.join(said)}.{missing}"
 
 
 def _counted(count: int, became: str) -> str:

@@ -66,6 +66,26 @@ def test_a_master_part_speaks_for_its_bench_while_it_is_young_and_reads_right(
     assert ("PASS" if failed is None else "FAIL") in found.text or abs(later_h) in {25.0, 9.0, 1.0}
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (100.0, 104.0, "stiffness_lsq above 4 %"),
+        (None, 104.0, "lower and an upper limit"),
+        (100.0, None, "lower and an"),
+    ],
+)
+def test_what_a_master_part_proves_is_how_near_its_limits_lie(
+    tmp_path: Path, low: float | None, high: float | None, said: str
+) -> None:
+    """Its value and what it truly is lie between its limits: they are apart by no more than these."""
+    stiffness = metric(102.0, id="stiffness_lsq", limits={"min": low, "max": high})
+    wide = metric(0.4, limits={"min": 0.2, "max": 0.5} if low and high else {"min": None, "max": 1.0})
+    store_run(tmp_path, GOOD.serial, [wide, stiffness])
+    (found,) = master_parts(Store(tmp_path), bench_with(GOOD), moment(tmp_path) + timedelta(hours=1))
+    assert found.in_order
+    assert said in found.text
+
+
 def test_the_newest_run_counts_and_none_with_faults_or_of_another_bench(tmp_path: Path) -> None:
     store_run(tmp_path, GOOD.serial, [metric(0.4)])
     store_run(tmp_path, GOOD.serial, [metric(0.4)], day=0.1, failed="a fault was injected", scenario="scenario.yaml")

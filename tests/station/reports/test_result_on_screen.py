@@ -16,6 +16,7 @@ from rich.console import Console
 
 from definitions.checks import CHECKS
 from station.documents.entries import plain
+from station.documents.manifest import MASTER
 from station.reports.content import checks_line
 from station.reports.headline import remaining_reasons
 from station.reports.html_page import rule_text
@@ -56,6 +57,25 @@ def test_what_the_checks_leave_open_is_said_with_its_size() -> None:
     assert "gain: up to 1.3 %" in line
     assert "hysteresis: not checked" in line
     assert not any("Not excluded" in one for one in summary_lines(result(metrics=[metric()])))
+
+
+@pytest.mark.parametrize("in_budget", [True, False])
+def test_it_is_said_whether_what_is_left_open_is_in_u(*, in_budget: bool) -> None:
+    unseen = [{"id": "ratio_agreement", "figure": 1.3, "unit": "%", "text": "gain", "in_budget": in_budget}]
+    (line,) = [one for one in summary_lines(result(metrics=[metric()], not_excluded=unseen)) if "Not excluded" in one]
+    assert ("not in U" in line) is not in_budget
+
+
+@pytest.mark.parametrize(
+    ("notes", "run", "said"), [((), "R", True), ((f"{MASTER}M-1 read",), "R", False), ((), None, False)]
+)
+def test_a_bench_without_a_master_part_is_told_what_one_would_show(
+    notes: tuple[str, ...], run: str | None, *, said: bool
+) -> None:
+    unseen = [{"id": "drive_torque_agreement", "figure": 10.0, "unit": "%", "text": "gain of both torques alike"}]
+    shown = replace(result(metrics=[metric()], not_excluded=unseen), notes=notes, run=run)
+    (line,) = [one for one in summary_lines(shown) if "Not excluded" in one]
+    assert ("master_parts" in line) is said
 
 
 def test_a_metric_on_screen_has_its_title_with_its_id_below() -> None:

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -20,7 +20,6 @@ from station.cli.bench.setup_commands import profile_app, schema
 from station.cli.commissioning.commands import bench_app
 from station.cli.errors import EXIT_BENCH, can_be_mended, nobody_reads, program_failed, refuse
 from station.cli.faults.commands import faults_app
-from station.cli.help import GroupedHelp
 from station.cli.line import commands as cli_line
 from station.cli.measure import commands as cli_measure
 from station.cli.quality.commands import quality_app
@@ -36,6 +35,26 @@ from station.plain_text import never_crash
 
 if TYPE_CHECKING:
     from station.run.ahead import Ahead
+
+LONGEST_HELP = 200
+"""Characters of a command's first sentence; it is wrapped, not cut off."""
+
+
+class GroupedHelp(TyperGroup):
+    """A group of commands whose help lists them below the headings that they were registered with."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands, each with its whole first sentence; what has commands of its own ends its section."""
+        width = max(map(len, self.commands))
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for name in sorted(self.list_commands(ctx), key=lambda name: isinstance(self.commands[name], TyperGroup)):
+            command = self.commands[name]
+            row = (name.ljust(width), command.get_short_help_str(LONGEST_HELP))
+            sections.setdefault(command.rich_help_panel, []).append(row)  # type: ignore[attr-defined]
+        for heading, rows in sections.items():
+            with formatter.section(heading):
+                formatter.write_dl(rows)
+
 
 app = typer.Typer(
     name="lostmotion",

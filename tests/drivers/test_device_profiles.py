@@ -67,7 +67,7 @@ MODBUS_MISTAKES = [
     (_set("identity", "value", 65536), "beyond u16: at most 65535"),
     (_set("identity", "text", "AB"), "has the key value, and no text"),
     (_set("read", "fields", 3, "scale", 0.0), "the scale is 0"),
-    (_set("read", "fields", 5, "scale", -1.0), "a counter has neither scale nor zero"),
+    (_set("read", "fields", -1, "scale", -1.0), "a counter has neither scale nor zero"),
     (_set("write", {"table": "input", "address": 0, "fields": []}), "Input should be 'holding'"),
     (
         _set("write", {"table": "holding", "address": 0, "fields": [{"name": "a", "offset": 1, "type": "u16"}]}),

@@ -113,9 +113,9 @@ def doctor(as_json: JsonOption = False) -> None:
 
     Exit code: 0 when nothing does, 1 when something does.
     """
-    from station.cli.bench import doctor as command_doctor
+    from station.cli.bench import timing as command_timing
 
-    raise typer.Exit(command_doctor.doctor(as_json=as_json))
+    raise typer.Exit(command_timing.doctor(as_json=as_json))
 
 
 def blank(

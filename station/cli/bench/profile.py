@@ -1,4 +1,4 @@
-"""`lostmotion profile from-eds`: profiles drafted from the EDS files of drives, and what each drive lacks."""
+"""`lostmotion profile`: profiles drafted from the EDS files of drives; a drive held against its profile."""
 
 from __future__ import annotations
 
@@ -8,13 +8,29 @@ from pathlib import Path
 
 import typer
 
-from recipes import RecipeError
+from definitions.protections import missing_text
+from drivers.can.bus import open_can
+from drivers.can.other_controller import refuse_other_controller
+from drivers.errors import DriverError
+from drivers.servo_drive.comparison import Compared, compare_drive
+from drivers.servo_drive.objects import missing_protections
+from recipes import RecipeError, find_bench, load_bench
 from station.atomic_file import write_atomic
+from station.bench.assemble import can_config, drive_config, drive_profile
+from station.bench.bench_lock import alone_on
 from station.bench.eds_profile import ENDINGS, Draft, draft, eds_files
+from station.bench.files import FileAt
+from station.bench.request import find_profile
 from station.cli.out_file import refuse_records
-from station.errors import StationError
+from station.errors import BenchFaultError, StationError
 
 EXIT_UNUSABLE = 1
+
+PERIOD_NS = 1_000_000
+"""Scan period whose objects are compared: the one of the shipped recipes."""
+
+EXIT_DIFFERENT = 1
+SET_UP_REFUSES = ("refused", "no answer")
 
 
 def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
@@ -39,7 +55,7 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         typer.echo(json.dumps({"drafts": rows, "unreadable": unreadable}, ensure_ascii=False))
     else:
         for one in drafts:
-            _say(one, out)
+            _say_draft(one, out)
         for text in unreadable:
             typer.echo(text)
         if len(files) > 1:
@@ -80,7 +96,7 @@ def _write(drafts: list[Draft], out: Path | None) -> None:
         write_atomic(out / f"{one.name}.yaml", one.text.encode())
 
 
-def _say(one: Draft, out: Path | None) -> None:
+def _say_draft(one: Draft, out: Path | None) -> None:
     if out is None:
         typer.echo(one.text)
     else:
@@ -92,3 +108,54 @@ def _say(one: Draft, out: Path | None) -> None:
     ):
         for text in texts:
             typer.echo(f"# {heading}: {text}")
+
+
+def compare(bench_name: str, *, as_json: bool) -> int:
+    """Print what every object of the set-up holds; 1 when the set-up would refuse the drive.
+
+    Raises:
+        RecipeError: bench file or profile have problems.
+        StationError: the bench is the embedded virtual one, which is there only while a run uses it.
+        BenchBusyError: another process controls the bench.
+        BenchFaultError: the bus cannot be opened, or another controller is on it.
+
+    """
+    path = find_bench(bench_name)
+    bench = load_bench(path)
+    if bench.bench.embedded:
+        hint = "Start `lostmotion virtual-bench`, and name a bench file with its ports"
+        raise StationError(f"{path}: the embedded virtual bench is there only while a run uses it. {hint}")
+    profile = drive_profile(FileAt(find_profile(bench.drive.profile, path)))
+    can, drive = can_config(bench), drive_config(bench, profile)
+    with alone_on(bench.bench.name, can):
+        try:
+            link = open_can(can)
+            try:
+                refuse_other_controller(link, drive)
+                compared = compare_drive(link, drive, PERIOD_NS)
+            finally:
+                link.close()
+        except DriverError as error:
+            raise BenchFaultError(str(error)) from error
+    missing = [missing_text(one) for one in missing_protections(profile)]
+    if as_json:
+        rows = [one._asdict() for one in compared]
+        typer.echo(
+            json.dumps({"profile": profile.profile.name, "objects": rows, "missing": missing}, ensure_ascii=False)
+        )
+    else:
+        _say_compared(compared, missing)
+    return EXIT_DIFFERENT if any(one.outcome in SET_UP_REFUSES for one in compared) else 0
+
+
+def _say_compared(compared: list[Compared], missing: list[str]) -> None:
+    for one in compared:
+        hint = f"; {one.next_step}" if one.next_step else ""
+        typer.echo(f"{one.outcome:15} {one.place}  {one.meaning}: found {one.found}, wanted {one.wanted}{hint}")
+    for text in missing:
+        typer.echo(text)
+    counts = {
+        outcome: sum(one.outcome == outcome for one in compared)
+        for outcome in dict.fromkeys(one.outcome for one in compared)
+    }
+    typer.echo(", ".join(f"{count} {outcome}" for outcome, count in counts.items()) + "; nothing was written")

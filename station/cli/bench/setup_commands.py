@@ -43,9 +43,9 @@ def profile_compare(
 
     Exit code: 0; 1 when a run would refuse this drive; 2 bad input; 4 bench fault.
     """
-    from station.cli.bench import compare as command_compare
+    from station.cli.bench import profile as command_profile
 
-    raise typer.Exit(command_compare.compare(bench, as_json=as_json))
+    raise typer.Exit(command_profile.compare(bench, as_json=as_json))
 
 
 def schema(kind: Annotated[str, typer.Argument(metavar="KIND", help="recipe, bench or profile.")]) -> None:

@@ -1,4 +1,4 @@
-"""`lostmotion timing`: what this machine can do, measured with the whole scan and explained."""
+"""`lostmotion timing` and `doctor`: what this machine can do, measured with the whole scan; what stands in its way."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from station.bench.request import load_job
+from station.cli.say import Grid, say
 from station.documents.entries import plain
 from station.documents.scan_report import ScanRow
 from station.records.scan_times import CAUSES, PARTS
+from station.scan.machine import look
 from station.timing.rates import HEAD, MISSED_ALLOWED, Rate, limit, measured
 from station.timing.report import Asked, TimingReport
 from station.timing.run import measure
 
 DEFAULT_RECIPE = "rv-40e-121-quick"
+IN_THE_WAY = 1
+
 BINS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 100_000)
 BAR = 40
 GAPS_SHOWN = 10
@@ -197,3 +201,22 @@ def footing(report: TimingReport) -> list[str]:
 
 def _parts(scan: ScanRow) -> str:
     return ", ".join(f"{part} {getattr(scan, f'{part}_us'):.0f}" for part in PARTS) + " µs"
+
+
+def doctor(*, as_json: bool) -> int:
+    """Print every look at the machine; return 0 when nothing stands in the way, else 1."""
+    findings = look()
+    wrong = [one for one in findings if not one.in_order]
+    if as_json:
+        sys.stdout.write(json.dumps(plain(findings), ensure_ascii=False) + "\n")
+        return IN_THE_WAY if wrong else 0
+    rows = [("ok" if one.in_order else "MEND", one.name, one.found) for one in findings]
+    blocks: list[str | Grid] = [Grid(("", "", ""), rows)]
+    blocks += [f"{one.name}: {one.mend}" for one in wrong]
+    blocks.append(
+        "Then measure: lostmotion timing --seconds 60"
+        if wrong
+        else "Nothing stands in the way. What the machine does, 'lostmotion timing --seconds 60' measures"
+    )
+    say({}, blocks, as_json=False)
+    return IN_THE_WAY if wrong else 0

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.torque_ratio.line_fit import LEAST_POINTS, RatioFit, fit_torque_ratio
+from analysis.torque_ratio.line_fit import FLAG_STUDENTISED, LEAST_POINTS, RatioFit, fit_torque_ratio
 from analysis.torque_ratio.points import doubts, fit_points
 from analysis.torque_ratio.quadrant_fit import quadrant_points
 from analysis.trace.errors import AnalysisError
@@ -20,20 +20,70 @@ from analysis.trace.units import IntArray
 from definitions.units import TORQUE
 from recipes.text.quantity import QuantityError, read_quantity, show
 from station.bench.request import trace_file
-from station.cli.bench.torque_ratio_lines import FlaggedPoint, Line, OtherLine, Target
-from station.cli.bench.torque_ratio_text import line_blocks
-from station.cli.say import say
+from station.cli.say import Grid, say
 from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RESULT
 from station.reports.headline import objection
+from station.reports.result_text import minus
 from station.results.export_origin import origin_of
 from station.results.run_analysis import complete_run
 
+Block = str | Grid
+
 FITTED = ("calibrate", "measure")
 """Roles of the segments that lines are fitted to, the first one that a file has."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherLine:
+    """Offset and slope of a line that was fitted otherwise."""
+
+    offset_nm: float
+    slope: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlaggedPoint:
+    """A point far from its line: `row` of the file, None in a run, where a point is an average; counted from 1."""
+
+    row: int | None
+    point: int
+    torque_in_nm: float
+    torque_out_nm: float
+    studentised: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """The input torque that a wanted output torque needs; `beyond_points`: no point was measured so far out."""
+
+    torque_out_nm: float
+    torque_in_nm: float
+    u_torque_in_nm: float
+    u_torque_out_nm: float
+    beyond_points: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One line with what stands beside it; `quadrant` is None for a table of points."""
+
+    quadrant: str | None
+    points: int
+    offset_nm: float
+    slope: float
+    residual_sd_nm: float
+    u_offset_nm: float
+    u_slope: float
+    correlation: float
+    r_squared: float
+    theil_sen: OtherLine
+    without_flagged: OtherLine | None
+    flagged: tuple[FlaggedPoint, ...]
+    targets: tuple[Target, ...]
 
 
 @dataclass(frozen=True)
@@ -66,7 +116,7 @@ def torque_ratio(name: str, targets: Sequence[str], data: Path, *, as_json: bool
     _refuse_unreached(wanted, found)
     lines = [_line(quadrant, fit, wanted, found.rows) for quadrant, fit in found.fits.items()]
     document = {"source": found.source, "run": found.run, "lines": plain(lines), "notes": list(found.notes)}
-    blocks = [block for line in lines for block in line_blocks(line, found.source)]
+    blocks = [block for line in lines for block in _line_blocks(line, found.source)]
     return say(document, [*blocks, *found.notes], as_json=as_json)
 
 
@@ -181,3 +231,73 @@ def _needed(fit: RatioFit, torque_out_nm: float) -> Target:
         u_torque_out_nm=fit.u_torque_out_nm(torque_in_nm),
         beyond_points=not float(fit.outputs_nm.min()) <= torque_out_nm <= float(fit.outputs_nm.max()),
     )
+
+
+def _line_blocks(line: Line, source: str) -> list[Block]:
+    """Return what is printed of one line."""
+    head = f"{source}, {line.quadrant}" if line.quadrant else source
+    return [
+        f"{head}: T_out = C + m·T_in, {line.points} points",
+        Grid(("", "C [N·m]", "m"), _coefficients(line), right=(1, 2)),
+        _scatter(line),
+        *_flagged(line),
+        *_targets(line),
+        "",
+    ]
+
+
+def _coefficients(line: Line) -> list[tuple[str, str, str]]:
+    rows = [
+        ("least squares", _digits(line.offset_nm, 8), _digits(line.slope, 8)),
+        ("standard uncertainty", _digits(line.u_offset_nm, 4), _digits(line.u_slope, 5)),
+    ]
+    for name, other in (("Theil–Sen", line.theil_sen), ("without flagged points", line.without_flagged)):
+        if other is not None:
+            rows.append((name, _digits(other.offset_nm, 5), _digits(other.slope, 5)))
+    return rows
+
+
+def _scatter(line: Line) -> str:
+    correlation = minus(f"{line.correlation:.3f}")
+    s = _digits(line.residual_sd_nm, 4)
+    return f"s = {s} N·m, correlation of C and m {correlation}, R² = {line.r_squared:.5f}"
+
+
+def _flagged(line: Line) -> list[Block]:
+    if not line.flagged:
+        return [f"no point flagged (|t| > {FLAG_STUDENTISED:g}, externally studentised)"]
+    rows = [
+        (
+            f"point {one.point}" if one.row is None else f"row {one.row}",
+            minus(f"{one.torque_in_nm:.6g}"),
+            minus(f"{one.torque_out_nm:.6g}"),
+            minus(f"{one.studentised:.2f}"),
+        )
+        for one in line.flagged
+    ]
+    return [
+        f"flagged (|t| > {FLAG_STUDENTISED:g}, externally studentised): look at them before the line is used",
+        Grid(("", "T_in [N·m]", "T_out [N·m]", "t"), rows, right=(1, 2, 3)),
+    ]
+
+
+def _targets(line: Line) -> list[Block]:
+    if not line.targets:
+        return []
+    rows = [
+        (
+            minus(f"{one.torque_out_nm:g}"),
+            _digits(one.torque_in_nm, 5),
+            _digits(one.u_torque_in_nm, 3),
+            _digits(one.u_torque_out_nm, 3),
+            "beyond the points" if one.beyond_points else "",
+        )
+        for one in line.targets
+    ]
+    heads = ("target T_out [N·m]", "T_in [N·m]", "u(T_in) [N·m]", "u(T_out) of the line [N·m]", "")
+    return [Grid(heads, rows, right=(0, 1, 2, 3))]
+
+
+def _digits(value: float, count: int) -> str:
+    """Return a number with all of its digits, zeroes at the end too."""
+    return minus(f"{value:#.{count}g}".rstrip("."))

@@ -263,12 +263,12 @@ def trial(
     as_json: JsonOption = False,
 ) -> None:
     """Try other limits: which verdicts of a lot would change, and the risk of wrong decisions before and after."""
-    from station.cli.quality import trial as command_trial
+    from station.cli.quality import quality
     from station.quality.limits_trial import Tried
 
     lot = _lot(recipe, model, bench, since, until, virtual, newest)
     tried = Tried(metric, branch, lower, upper, guard_factor)
-    raise typer.Exit(command_trial.print_trial(data, lot, tried, draft, as_json=as_json))
+    raise typer.Exit(quality.print_trial(data, lot, tried, draft, as_json=as_json))
 
 
 @quality_app.command("dfq")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from analysis.studies.eccentricity import PUBLISHED, EccentricityRow, EccentricityTrend, eccentricity_trend
 from analysis.studies.lock_angle import Correlation, Spread, lock_angle_study
 from analysis.studies.temperature import TemperatureTrend, temperature_trend
+from definitions.states import LOADED
 from station.cli.csv_columns import read_csv_columns
 from station.cli.line.line_statistics import Asked, Side, Values, figure, values_of, worse_side
 from station.cli.line.line_statistics import FromFile as FromColumn
@@ -18,11 +22,16 @@ from station.cli.line.stored_values import FromRuns, StoredValues, values_of_sid
 from station.cli.say import Grid, say
 from station.documents.entries import alongside
 from station.errors import StationError
-from station.records.run_conditions import housing_temperature_c, lock_position_deg
+from station.records.program_file import StoredProgram
+from station.records.run_record import RunRecord
+from station.records.samples.samples import channel_values
 
 TEMPERATURE = "temperature_c"
 LABELS = ("test", "position", "position_deg", "lock_deg", "run")
 """Columns of a CSV file that number the positions and are no metrics."""
+
+LOOKED_AT = 512
+"""Records that a mean temperature is taken of: a housing warms within minutes, not within scans."""
 
 SQUARE = 2.0
 ECCENTRICITY_COLUMNS = EccentricityRow._fields
@@ -249,3 +258,24 @@ def eccentricity(
     at = [StiffnessAt(place, stiffness) for place, stiffness in asked]
     document = EccentricityStudied(source=FromFile(None if file is None else str(file)), found=trend, rows=rows, at=at)
     return say(document, blocks, as_json=as_json)
+
+
+def housing_temperature_c(run: RunRecord) -> float:
+    """Return the mean temperature of the housing while the run measured [°C]; StationError when there is none."""
+    state, temperature = channel_values(run, [("orders", "state"), ("image", "housing_temp_c")])
+    if not state.size:
+        raise StationError(f"{run.id}: the run has no records")
+    step = max(1, state.size // LOOKED_AT)
+    values = temperature[::step][np.isin(state[::step], sorted(LOADED))]
+    if not values.size or not np.isfinite(values).all():
+        raise StationError(f"{run.id}: the run has no temperature of the housing while it measured")
+    return float(values.mean())
+
+
+def lock_position_deg(run: RunRecord) -> float:
+    """Return where the locked shaft stood when the lock had closed [° of that shaft, by its encoder's reference]."""
+    locked_output = StoredProgram.of(run).loading_input
+    (zero,) = channel_values(run, [("orders", "angle_out_zero_rad" if locked_output else "angle_in_zero_rad")])
+    if not zero.size:
+        raise StationError(f"{run.id}: the run has no records")
+    return math.degrees(float(zero[-1]))

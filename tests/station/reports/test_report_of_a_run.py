@@ -24,10 +24,10 @@ from station.cli.runs.evaluate_anew import reevaluate
 from station.cli.studies import model as command_model
 from station.cli.studies import play_model as command_play_model
 from station.cli.studies.model import Asked, fixed_values
+from station.cli.studies.studies import housing_temperature_c, lock_position_deg
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_conditions import housing_temperature_c, lock_position_deg
 from station.records.run_record import RunRecord
 from station.reports.budget_rows import budget_tables
 from station.reports.content import check_rows, shown_checks, stage_rows, uncertainty_kind

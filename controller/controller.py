@@ -14,6 +14,7 @@ from controller.aftermath import FaultReaction, Release, Rest
 from controller.context import RUNNING, Context, Event, Outcome
 from controller.held_lock import Left
 from controller.interlocks import Watch
+from controller.jog import Jog
 from controller.loading import Loading
 from controller.preparation import CloseLock, Home, Readiness
 from controller.states import TRANSITIONS, Sequence
@@ -80,6 +81,7 @@ class Controller:
         self._release = Release(self._context)
         self._rest = Rest(self._context)
         self._fault = FaultReaction(self._context)
+        self._jog = Jog(self._context)
         self._scan_by_state: dict[State, Callable[[Image, int], Outcome]] = {
             State.IDLE: self._scan_idle,
             State.HOME: self._home.scan,
@@ -88,6 +90,7 @@ class Controller:
             State.RELEASE: self._release.scan,
             State.COMPLETE: self._rest.scan,
             State.STOPPED: self._scan_end,
+            State.JOG: self._jog.scan,
         }
         self._draft = _OrdersDraft()
         self._left = left
@@ -165,7 +168,7 @@ class Controller:
             return Outcome(fault=FAULT_BY_NUMBER[left.fault].id)
         if outcome.fault:
             self._waits_for_person = False  # there is nothing to go back to
-        return outcome
+        return Outcome(trigger="jog") if outcome.trigger and self.program.jog is not None else outcome
 
     def _scan_lock(self, image: Image, elapsed: int) -> Outcome:
         closing = self._context.phase in (CloseLock.CLOSE, CloseLock.SETTLE)
@@ -212,13 +215,16 @@ class Controller:
         self.events.append(Event(scan, "transition", before.name.lower(), state.name.lower()))
         if state == State.IDLE:
             self._context.lock_found = True
-        if state == State.HOME:
+        if state in (State.HOME, State.JOG):
             self._start_pending = False
             self._watch.forget()
             self._logged = 0
             self._context.begin()
+        if state == State.HOME:
             self._loading.forget()
             self._home.enter(image)
+        elif state == State.JOG:
+            self._jog.enter(image)
         elif state == State.LOCK:
             self._close_lock.enter()
         elif state == State.UNLOAD:

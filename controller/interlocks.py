@@ -41,6 +41,8 @@ RAISED_BY_STEPS: frozenset[str] = frozenset(
         "brake_stays_closed",
         "drive_mode_refused",
         "drive_dropped_out",
+        "enabling_device_stuck",
+        "jog_not_stopped",
     },
 )
 """Faults that a step of the sequence raises when what it waits for does not come."""

@@ -6,6 +6,7 @@ Rules, in plain words:
 - FAULT is left by a person only (reset, after the acknowledgement and with the cause gone), and then through UNLOAD, so
   that whatever is still wound up is brought to zero before the lock opens.
 - A stop by the operator is not a fault: UNLOAD, RELEASE, STOPPED.
+- A jog is no run: it is reached from IDLE alone and left to STOPPED or FAULT, and never leads to torque on a unit.
 - The lock opens in RELEASE alone, which is reached from HOME (lock still open) and UNLOAD.
 
 At most one trigger is fired per scan, never from a callback. `transitions` runs the table with `queued=False` (a queue
@@ -44,6 +45,7 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition("trip", S.RELEASE, S.FAULT),
     Transition("trip", S.COMPLETE, S.FAULT),
     Transition("trip", S.STOPPED, S.FAULT),
+    Transition("trip", S.JOG, S.FAULT),
     # the operator's stop
     Transition("stop", S.IDLE, S.STOPPED),
     Transition("stop", S.HOME, S.RELEASE),
@@ -68,6 +70,9 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition("stopped", S.RELEASE, S.STOPPED),
     Transition("rearm", S.COMPLETE, S.IDLE),
     Transition("rearm", S.STOPPED, S.IDLE),
+    # the jog, in place of a run
+    Transition("jog", S.IDLE, S.JOG),
+    Transition("stopped", S.JOG, S.STOPPED),
     # the way back
     Transition("reset", S.FAULT, S.UNLOAD),
 )

@@ -290,8 +290,9 @@ FAULTS: tuple[Fault, ...] = (
           live_in=LOADED),
     Fault(40, "brake_stays_closed", R.POWER_OFF, 0, "Lock brake did not open, or was closed before the start",
           "Brake supply does not switch off, or was left on by hand",
-          "Switch the brake supply off, check that no torque is stored in the unit",
-          live_in=frozenset({S.HOME})),
+          "Switch the brake supply off, check that no torque is stored in the unit: 'lostmotion recover' unloads it",
+          # a jog would wind up what a closed lock holds
+          live_in=frozenset({S.HOME, S.JOG})),
     Fault(41, "sample_not_ready", R.QUICK_STOP, 0, "Measuring amplifier says that its samples are not ready",
           "Amplifier in start-up, in calibration, or a sensor channel off",
           "Check the amplifier's display and sensor channels",
@@ -300,7 +301,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(42, "drive_not_following", R.QUICK_STOP, 0, "Servo drive does not follow its set-point",
           "The drive ignores the cyclic set-points although it is enabled",
           "Check the drive's mode, its PDO mapping and that no other master sends set-points",
-          live_in=LOADED | {S.UNLOAD},
+          live_in=LOADED | {S.UNLOAD, S.JOG},
           time=Time("10 ms", 10.0)),
     Fault(43, "angle_channels_disagree", R.QUICK_STOP, 0, "Drive and angle sensor of the loaded shaft do not fit",
           "Angle sensor stuck, drifting or slipping on its shaft, broken coupling, or wrong gear_ratio in the bench",
@@ -310,6 +311,13 @@ FAULTS: tuple[Fault, ...] = (
           # watch each other, and a dead angle sensor must not stand against it
           live_in=LOCKED,
           time=Time("20 ms", 20.0)),
+    # --- jog
+    Fault(44, "enabling_device_stuck", R.QUICK_STOP, 0, "Enabling device pressed for too long",
+          "Contact stuck, wire short-circuited, or the device was tied down",
+          "Release the enabling device; check that its contact opens in both end positions"),
+    Fault(45, "jog_not_stopped", R.POWER_OFF, 0, "Shaft did not stop after a jog",
+          "Drive does not follow the speed, or does not switch off",
+          "Keep clear of the shaft; check the drive's status and its speed set-point before the next jog"),
 )
 
 # fmt: on

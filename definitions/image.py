@@ -47,6 +47,7 @@ class State(IntEnum):
     COMPLETE = 9
     STOPPED = 10
     FAULT = 11
+    JOG = 12
 
 
 class Reaction(IntEnum):
@@ -69,6 +70,10 @@ class Command(IntEnum):
     QUICK_STOP = 3
     ACKNOWLEDGE = 4
     RESET = 5
+    JOG_POSITIVE = 6
+    """Token of a jog: somebody holds the key for this direction now. Given anew every 50 ms, it counts for 100 ms."""
+    JOG_NEGATIVE = 7
+    """The same for the other direction."""
 
 
 class DriveState(IntEnum):
@@ -190,6 +195,9 @@ class Image:
     brake_age_scans: Annotated[U16, "scans", "age of the brake's values"]
     estop_released: Annotated[U8, "", "1 while the emergency stop chain is closed", "remote_io"]
     guard_closed: Annotated[U8, "", "1 while the guard is closed", "remote_io"]
+    enabling_device: Annotated[
+        U8, "", "1 while the three-position enabling device is in its middle position", "remote_io"
+    ]
     housing_temp_c: Annotated[F64, "°C", "temperature of the unit's housing", "remote_io"]
     ambient_temp_c: Annotated[F64, "°C", "temperature of the room", "remote_io"]
     io_age_scans: Annotated[U16, "scans", "age of the remote I/O's values"]

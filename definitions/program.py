@@ -112,7 +112,7 @@ else:
         namespace={
             "__module__": __name__,
             "__doc__": "Interlock limits in SI units, those of the fault table and the others; ages and times in scans."
-            " `inf` only where a sensor is absent.",
+            " `inf` only where a sensor is absent, or nothing is limited.",
         },
         frozen=True,
         slots=True,
@@ -165,8 +165,27 @@ class TorqueControl:
 
 
 @dataclass(frozen=True, slots=True)
+class Jog:
+    """Limits of a jog, at the loaded shaft: largest speed, how it is reached and left again; times in scans.
+
+    `token_scans`: age above which a token counts no more. `longest_press_scans`: a contact of the enabling device that
+    is closed for longer is stuck. `stop_scans`: the shaft stands by then, or the drive's power goes.
+    """
+
+    speed_rad_s: float
+    acceleration_rad_s2: float
+    deceleration_rad_s2: float
+    token_scans: int
+    longest_press_scans: int
+    stop_scans: int
+
+
+@dataclass(frozen=True, slots=True)
 class Program:
-    """Everything that `controller.Controller` needs to know, as plain numbers."""
+    """Everything that `controller.Controller` needs to know, as plain numbers.
+
+    With a `jog` it is no run: the start leads to the state JOG, and its limits are those of a jog.
+    """
 
     name: str
     period_s: float
@@ -188,6 +207,7 @@ class Program:
     release_scans: int
     unload_limit_scans: int
     settle_scans: int
+    jog: Jog | None = None
 
     @property
     def let_go_scans(self) -> int:

@@ -47,6 +47,7 @@ STATES: tuple[StateRow, ...] = (
              ended="The run was stopped: the torque was brought to zero and the lock opened",
              way_back="the lock is open and the drive is off"),
     StateRow(S.FAULT, "fault", ended="The run ended in a fault: check the bench before you touch the unit"),
+    StateRow(S.JOG, "turning the shaft by hand control", running=True),
 )  # fmt: skip
 """Every state, in the order of its numbers."""
 

@@ -14,6 +14,7 @@ from definitions.checks import CHECKS, Check
 from definitions.device_proofs import DEVICE_PROOFS
 from definitions.faults import FAULTS
 from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, DriveCommand, Field, State
+from definitions.jog import PHASES, PROTECTIONS
 from definitions.program import ROLES
 from definitions.protections import DRIVE_PROTECTIONS
 from definitions.states import STATES
@@ -56,6 +57,8 @@ def states() -> str:
                 for r in STATES
             ),
         )
+        + "\n## Phases of a jog\n\nThe drive is off in the first three, and they wait for a person.\n\n"
+        + table(("phase", "what happens", "what to do"), ((r.phase.name.lower(), r.words, r.next_action) for r in PHASES))
         + "\n## Roles of the segments\n\nEvery sample carries the number of its segment; a segment has one of these roles.\n\n"
         + table(("role", "what it is"), ((f"`{role}`", text) for role, text in ROLES.items()))
         + "\n## Budgets\n\nTimes and shares that a recipe does not set.\n\n"
@@ -223,6 +226,8 @@ def safety() -> str:
         + "\n## Of the controller\n\nInterlocks, looked at in every scan. What happens when each cause is brought about on purpose: [fault"
         " matrix](fault-matrix.md). Without the program none of them acts; then the drive's own protections are what is left.\n\n"
         + table(("what is noticed", "interlock", "reaction", "what it stands for"), watched)
+        + "\n## Of a jog\n\nA technician turns the shaft with people near it. Key first, then the enabling device: each movement takes both.\n\n"
+        + table(("protection", "what proves it", "what happens without it"), PROTECTIONS)
     )  # fmt: skip
 
 

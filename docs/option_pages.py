@@ -16,6 +16,7 @@ from recipes.schema.bench_schema import (
     CanBus,
     Drive,
     DriveBrake,
+    JogSection,
     MasterPart,
     MeasuringDevice,
     ModbusDevice,
@@ -126,7 +127,7 @@ BENCH_SECTIONS = {
     "bench": BenchHeader, "can": CanBus, "drive": Drive, "amplifier, remote_io": ModbusDevice, "brake": BrakeDevice, "drive_brake": DriveBrake,
     "devices (each)": MeasuringDevice, "can_devices (each)": CanSensor, "channels": Channels, "channels: torque_in, torque_out, angle_in, angle_out": ChannelSource,
     "sensors": Sensors, "sensors: torque_in, torque_out": TorqueSensor, "sensors: angle_in, angle_out": AngleSensor,
-    "pace": PaceOfBench, "torque_control": TorqueControl, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit, "calibrations: units: lines (each)": UnitLine,
+    "jog": JogSection, "pace": PaceOfBench, "torque_control": TorqueControl, "fixture": Fixture, "fixture: parts": FixtureParts, "fixture: curve": FixtureCurve, "calibrations (each)": Calibration, "calibrations: lines (each)": QuadrantLine, "calibrations: units (each)": CalibratedUnit, "calibrations: units: lines (each)": UnitLine,
     "master_parts (each)": MasterPart,
 }  # fmt: skip
 """Sections of a bench file, by their names there."""

@@ -135,6 +135,7 @@ ROWS: tuple[Row, ...] = (
     # people, surroundings, computer
     Row("io.estop", "trip", None, ("estop", "drive_dropped_out"), 12, wires="ramp_pos"),
     Row("io.guard", "open", None, ("guard_open",), 12, wires="calibrate"),
+    Row("io.enabling_device", "press", None, (), 0, states=("ramp_pos",), note="a run does not listen to it"),
     Row("io.housing_temp", "offset", 60, ("housing_temperature",), 32, UNLOADING_S),
     Row("scan.overrun", "miss", 45, ("missed_periods",), 3, UNLOADING_S),
     Row("scan.overrun", "miss", 20, (), 0),

@@ -32,6 +32,7 @@ def remote_io_shows(plant: Plant, faults: FaultInjector) -> dict[str, float]:
     return in_the_room | {
         "estop_released": wires.estop_released,
         "guard_closed": wires.guard_closed,
+        "enabling_device": wires.enabling_device,
         "housing_temp_c": plant.housing_temp_c + wires.housing_offset_k,
     }
 

@@ -23,6 +23,17 @@ BUDGETS: dict[str, tuple[float, str]] = {
     "brake_tolerance_of_current": (0.05, "brake current counts as reached within this"),
     "settle_of_time_constant": (5.0, "the brake's torque has settled after this many time constants"),
     "slew_of_peak_per_s": (0.5, "the drive's torque never changes faster than this share of its limit per second"),
+    "jog_token_s": (0.1, "a token of a jog counts for this long: two of them may be lost on the way"),
+    "jog_speed_of_largest": (0.1, "speed of a jog where the bench file sets none, of the shaft's largest"),
+    "jog_torque_of_rated": (0.2, "torque of a jog where the bench file sets none: a unit's friction, and some more"),
+    "jog_start_s": (0.5, "a jog comes to its speed in this time"),
+    "jog_ramp_down_s": (0.1, "and from it to standstill in this time, when key or enabling device is let go"),
+    "jog_stop_s": (0.3, "the shaft stands by then, or the power of the drive goes"),
+    "jog_speed_over_limit": (2.0, "overspeed of a jog, of its largest speed: a shaft that breaks loose runs ahead"),
+    "jog_drive_speed_over_limit": (1.5, "and what the drive itself is limited to, 0x6080"),
+    "jog_torque_over_limit": (1.5, "input torque that ends a jog, of its largest: sensors are not zeroed before it"),
+    "jog_torque_out_of_full_scale": (0.05, "output torque that ends a jog: something holds the output"),
+    "jog_brake_current": (0.01, "the lock counts as open below this share of its largest current"),
 }
 
 

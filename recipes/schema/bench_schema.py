@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from definitions.method import Loading
-from definitions.units import PERIOD, RAD_PER_ARCSEC
+from definitions.units import DURATION, PERIOD, RAD_PER_ARCSEC, SPEED, TORQUE
 from recipes.schema.calibration_schema import Calibration, Fixture
 from recipes.schema.channel_schema import CHANNELS, CanSensor, Channels
 from recipes.text.problems import one_of
@@ -24,6 +24,7 @@ from recipes.text.section import (
     Name,
     Port,
     PublicKey,
+    Quantity,
     Revision,
     Section,
     SensorError,
@@ -48,6 +49,9 @@ Baudrate = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 
 PARTS = ("amplifier", "brake", "remote_io")
 MOST_MEASURING = 6
 """Devices of `devices`: with brake and remote I/O as many as a message to a virtual bench has room for."""
+
+JOG_SHARE = 0.25
+"""Of the servo's largest speed and torque: the most that a jog may have."""
 
 RESERVED = frozenset({*PARTS, "drive", "can", "pace", "ready", "unit"})
 """Names that a virtual bench says something else by."""
@@ -269,6 +273,18 @@ class TorqueControl(Section):
     """Crossover at 2.4 Hz; 2.4 to 4 Hz is a decade below the first resonance of the virtual bench."""
 
 
+class JogSection(Section):
+    """How a technician turns the loaded shaft with the enabling device pressed; needs `enabling_device` in remote_io.
+
+    max_speed, max_torque: of that shaft, at most a quarter of what the servo has; left out, a tenth of its largest
+    speed and a fifth of its rated torque. longest_press: an enabling device that is pressed for longer counts as stuck.
+    """
+
+    max_speed_rad_s: Speed | None = None
+    max_torque_nm: Torque | None = None
+    longest_press_s: Annotated[float, Quantity(DURATION, at_least=1, up_to=120)] = 30.0
+
+
 class PaceOfBench(Section):
     """Where a virtual bench that was started by itself waits for the scan; real hardware has no such thing."""
 
@@ -293,6 +309,8 @@ class Bench(Section):
     sensors: Sensors
     fixture: Fixture
     torque_control: TorqueControl = TorqueControl()
+    jog: JogSection | None = None
+    """Limits of a jog; left out, those that follow from the servo."""
     pace: PaceOfBench | None = None
     """A virtual bench on wires that waits for the scan; a bench without it lives by its own clock."""
     calibrations: Annotated[tuple[Calibration, ...], Field(max_length=200)] = ()
@@ -333,6 +351,20 @@ class Bench(Section):
             found = "neither brake nor drive_brake" if self.brake is None else "both brake and drive_brake"
             hint = "Give 'brake' for a supply on Modbus, 'drive_brake' for an output of the drive."
             raise refusal(found, "one of the two", hint, at="brake")
+        return self
+
+    @model_validator(mode="after")
+    def _jog_is_slow_and_weak(self) -> Bench:
+        if self.jog is None:
+            return self
+        for option, value, largest, kind in (
+            ("max_speed", self.jog.max_speed_rad_s, self.max_loading_speed_rad_s, SPEED),
+            ("max_torque", self.jog.max_torque_nm, self.max_loading_torque_nm, TORQUE),
+        ):
+            if value is not None and value > largest * JOG_SHARE:
+                allowed = f"at most {show(largest * JOG_SHARE, kind)}, a quarter of what the servo has"
+                hint = "People are near the shaft: a jog is slow and weak."
+                raise refusal(show(value, kind), allowed, hint, at=f"jog.{option}")
         return self
 
     @model_validator(mode="after")

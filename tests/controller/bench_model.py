@@ -38,7 +38,7 @@ class BenchModel:
         self.command = Command.NONE
         self.zero_in_nm = 0.01
         self.drive_zero_rad, self.drive_gear_error = 40.0, 1.0
-        self.lock_holds = True
+        self.lock_holds = self.shaft_follows = True
         self.homing_scans = 0
         self.frozen: dict[str, float] = {}
 
@@ -57,7 +57,7 @@ class BenchModel:
         homing = enabled and orders.drive_command == DriveCommand.START_HOMING
         self.homing_scans = self.homing_scans + 1 if homing else 0
         torque_in = image.torque_in_nm - self.zero_in_nm
-        angle = image.angle_in_rad
+        angle, speed = image.angle_in_rad, 0.0
         stiffness = self.program.control.stiffness_nm_per_rad
         torque_out = image.torque_out_nm
         if enabled and orders.drive_mode == DriveMode.CYCLIC_SYNC_TORQUE:
@@ -65,10 +65,10 @@ class BenchModel:
             torque_out = self.friction(torque_in, torque_out)
             angle = torque_out / stiffness
         elif enabled and orders.drive_mode == DriveMode.CYCLIC_SYNC_VELOCITY:
-            angle += orders.drive_target_velocity_rad_s * self.program.period_s
-            torque_out = angle * stiffness
-            moving = orders.drive_target_velocity_rad_s or 1e-9
-            torque_in = self.input_torque(torque_out, 1.0 if moving > 0 else -1.0)
+            speed = orders.drive_target_velocity_rad_s if self.shaft_follows else image.drive_velocity_rad_s
+            angle += speed * self.program.period_s
+            torque_out = angle * stiffness if orders.brake_on else 0.0  # with the lock open the unit turns
+            torque_in = self.input_torque(torque_out, 1.0 if speed >= 0 else -1.0)
         elif not enabled:
             torque_in = torque_out = 0.0
         if not self.lock_holds and abs(torque_out) > 20.0:
@@ -76,7 +76,7 @@ class BenchModel:
         slip = 0.0 if self.lock_holds else torque_out * 1e-4
         self.image = image._replace(
             drive_state=state, drive_mode=orders.drive_mode, drive_homing_attained=int(self.homing_scans > 3),
-            drive_torque_nm=torque_in, drive_velocity_rad_s=0.0,
+            drive_torque_nm=torque_in, drive_velocity_rad_s=0.0 if orders.brake_on else speed,
             drive_angle_rad=self.drive_zero_rad + self.drive_gear_error * angle,
             torque_in_nm=torque_in + self.zero_in_nm,
             torque_out_nm=torque_out, angle_in_rad=angle, angle_out_rad=slip + torque_out * 3e-8,

@@ -57,7 +57,8 @@ ENTRIES: dict[State, set[State]] = {
     S.UNLOAD: {S.LOCK, S.CALIBRATE, S.RAMP_POS, S.RAMP_NEG, S.REVERSE, S.FAULT},
     S.RELEASE: {S.HOME, S.UNLOAD},
     S.COMPLETE: {S.RELEASE},
-    S.STOPPED: {S.IDLE, S.RELEASE},
+    S.STOPPED: {S.IDLE, S.RELEASE, S.JOG},
+    S.JOG: {S.IDLE},
     S.FAULT: set(S) - {S.FAULT},
 }
 

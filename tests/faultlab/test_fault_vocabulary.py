@@ -66,6 +66,8 @@ NOT_IN_THE_MATRIX = {
     "sample_not_ready": "tests/controller/test_debounce.py",
     "calibration_failed": "tests/controller/test_sequence.py",
     "brake_stays_closed": "tests/controller/test_start_and_lock.py",
+    "enabling_device_stuck": "tests/controller/test_jog.py",
+    "jog_not_stopped": "tests/controller/test_jog.py",
 }
 """Faults that no injected fault brings about, and where they are brought about instead."""
 

@@ -35,6 +35,7 @@ class Wires:
     cut: set[str] = field(default_factory=set)  # of "amplifier", "brake", "remote_io": connections closed
     estop_released: bool = True
     guard_closed: bool = True
+    enabling_device: bool = False
     housing_offset_k: float = 0.0
 
 
@@ -189,6 +190,8 @@ class FaultInjector(FaultSchedule):
             self._axis.machine.set_safe_torque_off(active=True, now_ns=now_ns)
         elif verb == "open":
             self.wires.guard_closed = False
+        elif verb == "press":
+            self.wires.enabling_device = True
         else:
             self.wires.housing_offset_k = value
 
@@ -228,6 +231,8 @@ class FaultInjector(FaultSchedule):
                 self._axis.machine.set_safe_torque_off(active=False, now_ns=now_ns)
             case "io", "open":
                 wires.guard_closed = True
+            case "io", "press":
+                wires.enabling_device = False
             case "io", _:
                 wires.housing_offset_k = 0.0
             case "sensor", _:

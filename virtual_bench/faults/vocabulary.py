@@ -181,6 +181,7 @@ FAULTS: dict[tuple[str, str], Verb] = {
     ("unit", "jam"): Verb("factor on the input friction, at least 1", 1.0, 1000.0, "the unit turns heavily"),
     ("io.estop", "trip"): _plain("contact open, safe torque off"),
     ("io.guard", "open"): _plain("contact open"),
+    ("io.enabling_device", "press"): _plain("contact closed"),
     ("io.housing_temp", "offset"): Verb("K added to the housing's temperature", -INF, INF, "the housing is warmer"),
     ("clock", "step"): Verb("s by which the bench's wall clock jumps", -1e9, 1e9, "time stamps of frames jump"),
     ("scan.overrun", "miss"): Verb("whole periods that are missed at once", 1, 1_000_000, "periods are missing"),

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from controller.controller import Controller
 from definitions.image import Command, Image, Orders
+from definitions.program import Program
+from recipes.compiler.jog import PERIOD_NS, compile_jog, jog_bench, jog_speed_rad_s
 from station.bench.request import Job, load_job
 from station.records.samples.scan_record import pack
 
@@ -35,7 +37,10 @@ RESOLUTION = {
 
 @dataclass(frozen=True)
 class Golden:
-    """One golden run: faults on the bench, commands and missed periods by scan number, state and cause at its end."""
+    """One golden run: faults on the bench, commands and missed periods by scan number, state and cause at its end.
+
+    jog: it is a jog of this bench, and no run.
+    """
 
     name: str
     end: str
@@ -43,6 +48,7 @@ class Golden:
     faults: tuple[dict[str, object], ...] = ()
     commands: dict[int, Command] = field(default_factory=dict)
     missed: dict[int, int] = field(default_factory=dict)
+    jog: bool = False
 
     @property
     def path(self) -> Path:
@@ -51,6 +57,14 @@ class Golden:
 
 def _fault(target: str, verb: str, value: float | None = None) -> tuple[dict[str, object], ...]:
     return ({"target": target, "verb": verb, "value": value, "when": IN_RAMP},)
+
+
+def _pressed(at_s: float, for_ms: float) -> dict[str, object]:
+    return {"target": "io.enabling_device", "verb": "press", "when": {"time_s": at_s}, "for_ms": for_ms}
+
+
+def _held(key: Command, first: int, last: int) -> dict[int, Command]:
+    return dict.fromkeys(range(first, last, 50), key)
 
 
 GOLDEN_RUNS: tuple[Golden, ...] = (
@@ -75,12 +89,27 @@ GOLDEN_RUNS: tuple[Golden, ...] = (
         "stopped",
         commands={2300: Command.QUICK_STOP, 2900: Command.ACKNOWLEDGE, 2950: Command.RESET},
     ),
+    # one movement that the enabling device ends, one that the key ends, each way
+    Golden(
+        "jog",
+        "stopped",
+        faults=(_pressed(0.5, 800), _pressed(1.7, 1500)),
+        commands=_held(Command.JOG_POSITIVE, 200, 1200)
+        | _held(Command.JOG_NEGATIVE, 1400, 2300)
+        | {3000: Command.STOP},
+        jog=True,
+    ),
 )
 
 
 def job() -> Job:
     """Return the recipe of the golden runs on the shipped virtual bench."""
     return load_job(str(FOLDER / "golden.yaml"), None)
+
+
+def program_of(golden: Golden, work: Job) -> Program:
+    """Return the program of a golden run."""
+    return compile_jog(work.bench, jog_speed_rad_s(work.bench)) if golden.jog else work.program
 
 
 class _Rounding:
@@ -105,15 +134,17 @@ def _bench(golden: Golden, work: Job) -> Iterator[_Rounding]:
     from virtual_bench.in_process import VirtualTimeBench  # noqa: PLC0415 - compiles the physics; replay needs none
 
     scenario = Scenario.model_validate({"scenario": {"name": golden.name}, "faults": golden.faults})
-    config = virtual_config(work.bench, work.profile_paths, VirtualUnit("P1:1", seed=1))
-    bench = VirtualTimeBench(config, work.recipe.sampling.period_ns, scenario)
+    config = virtual_config(
+        jog_bench(work.bench) if golden.jog else work.bench, work.profile_paths, VirtualUnit("P1:1", seed=1)
+    )
+    bench = VirtualTimeBench(config, PERIOD_NS if golden.jog else work.recipe.sampling.period_ns, scenario)
     yield _Rounding(bench)
     assert bench.faults.unseen() == [], f"{golden.name}: a fault had no effect"
 
 
 def make(golden: Golden, work: Job) -> bytes:
     """Run a golden run in virtual time and return its records."""
-    controller = Controller(work.program)
+    controller = Controller(program_of(golden, work))
     records: list[bytes] = []
     with _bench(golden, work) as bench:
         scan = -1

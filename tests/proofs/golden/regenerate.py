@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from golden_file import read_golden, write_golden
-from golden_runs import GOLDEN_RUNS, job, make
+from golden_runs import GOLDEN_RUNS, job, make, program_of
 
 from controller.controller import Controller
 from station.records.samples.event_log import state_name
@@ -39,7 +39,7 @@ def main() -> None:
     for golden in GOLDEN_RUNS:
         content = make(golden, work)
         there = old.get(golden.name)
-        before = None if there is None else replay(there, Controller(work.program))
+        before = None if there is None else replay(there, Controller(program_of(golden, work)))
         write_golden(golden.path, content, base)
         base = base or content
         last = table_of(content)[-1]["orders"]

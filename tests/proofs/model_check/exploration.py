@@ -9,7 +9,7 @@ from typing import Any
 from graph import Graph
 from mutants import Mutant
 from probes import Probes, check_agreement, check_trips
-from safety_rules import BrokenRuleError
+from safety_rules import BrokenRuleError, waits_for_hands
 from stepper import Happening, Node, Stepper, coarse_time
 
 from definitions.image import State
@@ -35,10 +35,10 @@ class Explored:
 
 
 class Explorer:
-    """Breadth-first search over one program; `left`: over the way back on a bench that was left wound up."""
+    """Breadth-first search over one program; options as those of `Stepper`."""
 
-    def __init__(self, *, by_speed: bool = False, loading_input: bool = True, left: bool = False) -> None:
-        self.stepper = Stepper(by_speed=by_speed, loading_input=loading_input, left=left)
+    def __init__(self, **options: bool) -> None:
+        self.stepper = Stepper(**options)
         self.probes = Probes(self.stepper)
         self.graph = Graph()
         self.found = Explored()
@@ -52,7 +52,7 @@ class Explorer:
         nominal = self.stepper.nominal()
         for number, node in enumerate(nominal):
             self._take_in(node, (number - 1, "nominal"))
-        for node in () if self.stepper.left else nominal[::3]:
+        for node in () if self.stepper.left or self.stepper.jog else nominal[::3]:
             self.probes.ways_back(node)
         while self._queue and len(self.graph) < most_states:
             self._expand(*self._queue.popleft())
@@ -86,7 +86,7 @@ class Explorer:
             return number
         orders, bench = node.bench.orders, node.bench
         state = orders.state
-        number = self.graph.add(key, came_from, running=state not in ENDS)
+        number = self.graph.add(key, came_from, running=state not in ENDS and not waits_for_hands(orders))
         self.found.visited.add(state)
         self._queue.append((number, node))
         place = (state, orders.phase, orders.segment, orders.drive_command, bench.drive, bench.brake_on)
@@ -98,13 +98,15 @@ class Explorer:
 
 
 NEIGHBOURHOODS: tuple[tuple[dict[str, bool], int], ...] = (({}, 600), ({"by_speed": True}, 300))
+NEAR_A_JOG: tuple[tuple[dict[str, bool], int], ...] = (({"jog": True}, 1500),)
 NEAR_THE_WAY_BACK: tuple[tuple[dict[str, bool], int], ...] = (({"left": True}, 3000),)
 """Walks that look for mutants, and how many states of each."""
 
 
 def check_mutant(mutant: Mutant) -> bool:
     """Return whether the check notices a mutant, by the undisturbed runs and what branches off near them."""
-    for walk, states in NEAR_THE_WAY_BACK if mutant.on_the_way_back else NEIGHBOURHOODS:
+    walks = NEAR_THE_WAY_BACK if mutant.on_the_way_back else NEAR_A_JOG if mutant.of_a_jog else NEIGHBOURHOODS
+    for walk, states in walks:
         try:
             with coarse_time(), mutant.applied():
                 Explorer(**walk).explore(states)

@@ -13,16 +13,18 @@ import small_bench
 from safety_rules import AGREEMENT_STATES, CONDITIONS
 from small_bench import LOCK_A
 
-from controller import aftermath, conditions, interlocks, preparation, states
+from controller import aftermath, conditions, interlocks, jog, preparation, states
 from controller.aftermath import FaultReaction, Release
 from controller.context import Context, Outcome
 from controller.held_lock import HeldLock
 from controller.interlocks import INTERLOCKS
+from controller.jog import Jog
 from controller.preparation import CloseLock, Home
 from controller.ramp import TorqueRamp
 from controller.states import TRANSITIONS
 from definitions.faults import FAULT_BY_ID
 from definitions.image import DriveMode, DriveState, Reaction, State
+from definitions.jog import DIRECTIONS, JogPhase
 from definitions.program import Program
 
 
@@ -34,6 +36,7 @@ class Mutant(NamedTuple):
     attribute: str
     value: Any
     on_the_way_back: bool = False
+    of_a_jog: bool = False
 
     @contextmanager
     def applied(self) -> Iterator[None]:
@@ -123,7 +126,8 @@ def live_states() -> list[Mutant]:
                 continue
             blind = row._replace(live_in=row.live_in - {state})
             rows = tuple(blind if r == row else r for r in INTERLOCKS)
-            found.append(Mutant(f"{row.fault} blind in {state.name}", interlocks, "INTERLOCKS", rows))
+            name = f"{row.fault} blind in {state.name}"
+            found.append(Mutant(name, interlocks, "INTERLOCKS", rows, of_a_jog=state == State.JOG))
     return found
 
 
@@ -229,11 +233,51 @@ def way_back() -> list[Mutant]:
     return [Mutant(*change, on_the_way_back=True) for change in changes]
 
 
+def _press_at_any_time(self: Jog, image: Any, _jog: Any) -> Outcome:
+    return self._next(JogPhase.ENABLING) if self._held and image.enabling_device else Outcome()
+
+
+def _at_once(self: Jog, speed_rad_s: float, _acceleration_rad_s2: float) -> None:
+    self._context.drive_velocity_rad_s = speed_rad_s
+
+
+def _with_jog(**changes: int) -> Callable[..., Program]:
+    return _program_with(lambda p: replace(p, jog=None if p.jog is None else replace(p.jog, **changes)))
+
+
+def _with_device_pressed(original: Callable[..., Outcome], self: Jog, image: Any, elapsed: int) -> Outcome:
+    return original(self, image._replace(enabling_device=1), elapsed)
+
+
+def _deaf_to_a_stop(original: Callable[..., None], self: Jog, *told: Any) -> None:
+    self._context.stopping = False
+    original(self, *told)
+
+
+def jogs() -> list[Mutant]:
+    """Each guard of a jog missing."""
+    both_ways = dict.fromkeys(DIRECTIONS, 1)
+    changes: list[tuple[str, Any, str, Any]] = [
+        ("token that never ages", small_bench, "small_program", _with_jog(token_scans=10**9)),
+        ("token that lives a scan longer", small_bench, "small_program", _with_jog(token_scans=3)),
+        ("enabling device taken for pressed", Jog, "scan", partial(_method, _with_device_pressed)(Jog.scan)),
+        ("enabling device pressed before the key", Jog, "_wait", _press_at_any_time),
+        ("key of the other direction", jog, "DIRECTIONS", both_ways),
+        ("shaft stopped without a ramp", Jog, "_approach", _at_once),
+        ("stuck contact borne for ever", small_bench, "small_program", _with_jog(longest_press_scans=10**9)),
+        ("shaft that turns on borne for ever", small_bench, "small_program", _with_jog(stop_scans=10**9)),
+        ("stop that is not heard", Jog, "_take_token", partial(_method, _deaf_to_a_stop)(Jog._take_token)),
+        ("lock taken for open", conditions, "BRAKE_STAYS_CLOSED", 0),
+    ]
+    return [Mutant(*change, of_a_jog=True) for change in changes]
+
+
 ALL: dict[str, Callable[[], list[Mutant]]] = {
     "trip rows": trip_rows,
     "interlock rows": interlock_rows,
     "debounce": debounce_rows,
     "guards": guards,
     "way back": way_back,
+    "jog": jogs,
     "live states": live_states,
 }

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bench_model import READY
-from safety_rules import AGREEMENT_STATES, CONDITIONS, ESTABLISHED, RULES, BrokenRuleError, require
-from small_bench import Choice, Shown
+from safety_rules import AGREEMENT_STATES, CONDITIONS, ESTABLISHED, RULES, BrokenRuleError, require, waits_for_hands
+from small_bench import PRESSED, Choice, Shown
 from stepper import LONGEST_RUN, Node, Stepper
 
 from controller.aftermath import FaultReaction
@@ -15,7 +15,7 @@ from controller.debounce import debounce_scans
 from controller.interlocks import Watch
 from controller.states import Sequence
 from definitions.faults import FAULT_BY_ID
-from definitions.image import Reaction, State
+from definitions.image import Command, Reaction, State
 from definitions.program import Program
 
 S = State
@@ -31,6 +31,7 @@ WAYS_BACK: tuple[tuple[str, ...], ...] = (
     ("4.ACKNOWLEDGE", "4.RESET"),
     ("1.ACKNOWLEDGE", "4.NONE", "0.RESET"),
 )
+HELD = {1: Command.JOG_POSITIVE, -1: Command.JOG_NEGATIVE}
 STUBBORN = (
     "0.NONE",
     "1.NONE",
@@ -41,6 +42,12 @@ STUBBORN = (
     "no homing",
     "samples late",
     "left: samples late",
+    "device.NONE",
+    "device.JOG_POSITIVE",
+    "held, drive lags",
+    "held, mode lags",
+    "held, shaft turns on",
+    "shaft turns on",
 )
 
 
@@ -78,7 +85,8 @@ class Probes:
                 key = self._stepper.key(at)
                 state = at.bench.orders.state
                 settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a way back waits for a person
-                if state in (S.IDLE, S.COMPLETE, S.STOPPED) or (state == S.FAULT and settled):
+                over = state in (S.IDLE, S.COMPLETE, S.STOPPED) or waits_for_hands(at.bench.orders)
+                if over or (state == S.FAULT and settled):
                     break
                 require(11, f"{choice.name} for ever, in {State(state).name}", holds=key not in seen)
                 seen.add(key)
@@ -97,6 +105,9 @@ class Probes:
 
     def _probe_one(self, node: Node, name: str) -> None:
         condition, nominal = CONDITIONS[name], Choice(name, shown=self._shown[name])
+        if node.bench.orders.state == S.JOG and not waits_for_hands(node.bench.orders):
+            held = HELD[node.monitor.token_way]
+            nominal = Choice(name, command=held, shown=(*PRESSED, *nominal.shown))
         began = State(node.bench.orders.state)
         strongest, asked_for = Reaction.NONE, (*condition.states, *condition.established_in)
         for _ in range(condition.within_scans):

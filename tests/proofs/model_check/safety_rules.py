@@ -11,10 +11,11 @@ from typing import NamedTuple, NoReturn
 
 from controller.loading import Loading
 from controller.preparation import Home
-from definitions.image import AGE_NEVER, Command, DriveState, Link, NmtState, Reaction, State
+from definitions.image import AGE_NEVER, Command, DriveState, Link, NmtState, Orders, Reaction, State
+from definitions.jog import JogPhase
 
 S, R = State, Reaction
-RUNNING = (S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE)
+RUNNING = (S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD, S.RELEASE, S.JOG)
 ALWAYS = (*RUNNING, S.FAULT)
 LOCKED = (S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD)
 LOADED = (S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG)
@@ -37,6 +38,7 @@ ESTABLISHED: dict[State, tuple[int, ...]] = {
     S.HOME: (Home.HOMING, Home.TORQUE_MODE),
     S.LOCK: (Loading.RUN,),
     S.UNLOAD: (Loading.RUN,),
+    S.JOG: (JogPhase.TURNING,),
 }
 """Phases of a state in which the drive has been enabled, and the lock, if the state wants one, closed."""
 
@@ -59,10 +61,12 @@ CONDITIONS: dict[str, Condition] = {
     "drive_fault": Condition({"drive_state": DriveState.FAULT}, ALWAYS, 1, R.POWER_OFF),
     "drive_emergency": Condition({"drive_emcy_code": 0x8130}, ALWAYS, 1, R.QUICK_STOP),
     "drive_dropped_out": Condition(
-        {"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF, (S.HOME, S.UNLOAD)
+        {"drive_state": DriveState.SWITCH_ON_DISABLED}, (S.LOCK, *LOADED), 1, R.POWER_OFF, (S.HOME, S.UNLOAD, S.JOG)
     ),
-    "drive_mode_refused": Condition({"drive_mode": -1}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,)),
-    "drive_internal_limit": Condition({"drive_internal_limit": 1}, (S.LOCK, *LOADED), 2, R.UNLOAD, (S.HOME, S.UNLOAD)),
+    "drive_mode_refused": Condition({"drive_mode": -1}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD, S.JOG)),
+    "drive_internal_limit": Condition(
+        {"drive_internal_limit": 1}, (S.LOCK, *LOADED), 2, R.UNLOAD, (S.HOME, S.UNLOAD, S.JOG)
+    ),
     "torque_out_trip": Condition({"torque_out_nm": -4.5}, ALWAYS, 1, R.QUICK_STOP),
     "torque_in_trip": Condition({"torque_in_nm": 4.5}, ALWAYS, 1, R.QUICK_STOP),
     "torque_out_alarm": Condition({"torque_out_nm": -3.5}, LOADED, 3, R.HOLD),
@@ -77,11 +81,11 @@ CONDITIONS: dict[str, Condition] = {
     "sensor_not_a_number (in)": Condition({"torque_in_nm": math.inf}, ALWAYS, 1, R.QUICK_STOP),
     "sensor_saturated": Condition({"sample_status": 2}, ALWAYS, 3, R.QUICK_STOP),
     "sample_not_ready": Condition({"sample_status": 4}, ALWAYS, 3, R.QUICK_STOP),
-    "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 3, R.QUICK_STOP, (S.UNLOAD,)),
+    "drive_not_following": Condition({"drive_follows_command": 0}, LOADED, 3, R.QUICK_STOP, (S.UNLOAD, S.JOG)),
     "angle_channels_disagree": Condition(
         {"drive_angle_rad": 0.4}, (S.LOCK, *LOADED), 3, R.QUICK_STOP, (S.UNLOAD,), on_the_way_back=False
     ),
-    "brake_stays_closed": Condition({"brake_on": 1, "brake_current_a": 6.0}, (S.HOME,), 1, R.POWER_OFF),
+    "brake_stays_closed": Condition({"brake_on": 1, "brake_current_a": 6.0}, (S.HOME, S.JOG), 1, R.POWER_OFF),
 }
 """Brake and drive conditions are asked for where what they contradict has been established."""
 
@@ -89,7 +93,7 @@ AGREEMENT_STATES = (*LOCKED, S.RELEASE, S.FAULT)
 """Where two torque channels that contradict each other must be seen; a small ramp is too short for it."""
 
 ALLOWED: dict[State, tuple[State, ...]] = {
-    S.IDLE: (S.HOME, S.STOPPED, S.FAULT),
+    S.IDLE: (S.HOME, S.JOG, S.STOPPED, S.FAULT),
     S.HOME: (S.LOCK, S.RELEASE, S.FAULT),
     S.LOCK: (S.CALIBRATE, S.RAMP_POS, S.UNLOAD, S.FAULT),
     S.CALIBRATE: (S.RAMP_POS, S.UNLOAD, S.FAULT),
@@ -101,6 +105,7 @@ ALLOWED: dict[State, tuple[State, ...]] = {
     S.COMPLETE: (S.IDLE,),
     S.STOPPED: (S.IDLE,),
     S.FAULT: (S.UNLOAD,),
+    S.JOG: (S.STOPPED, S.FAULT),
 }
 """States that may follow a state."""
 
@@ -118,7 +123,16 @@ RULES: tuple[str, ...] = (
     "every condition is seen in time and has its reaction",
     "every state reaches its end, whatever the devices do",
     "a trip leads to fault from every state",
+    "in a jog nothing turns without a key held and an enabling device pressed after it, nor with the lock closed",
 )
+
+
+WAITING_FOR_HANDS = (JogPhase.RELEASE_DEVICE, JogPhase.HOLD_KEY, JogPhase.PRESS_DEVICE)
+
+
+def waits_for_hands(orders: Orders) -> bool:
+    """Whether a jog waits for a person, with the drive off: that may last for ever."""
+    return orders.state == S.JOG and orders.phase in WAITING_FOR_HANDS
 
 
 class BrokenRuleError(AssertionError):

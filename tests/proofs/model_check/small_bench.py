@@ -14,7 +14,8 @@ from bench_model import READY
 from programs import limits
 
 from definitions.image import Command, DriveCommand, DriveMode, DriveState, Image, Orders, State
-from definitions.program import Lock, Program, Segment, Sweep, Tare, TorqueControl
+from definitions.jog import DIRECTIONS
+from definitions.program import Jog, Lock, Program, Segment, Sweep, Tare, TorqueControl
 
 S, D, C = State, DriveState, DriveCommand
 PROOF_NM, PEAK_NM, TORQUE_LIMIT_NM, SLEW_NM, RELEASE_NM, WILD_NM = 1.0, 2.0, 2.0, 1.0, 1.0, 50.0
@@ -57,8 +58,15 @@ LIMITS = limits(
 """The two torque channels never disagree in the walks: each scan of their debounce would copy the space."""
 
 
-def small_program(*, by_speed: bool = False, loading_input: bool = True) -> Program:
-    """A whole run in about fifty scans; `by_speed` makes the cycle's ramps run at constant speed."""
+JOG = Jog(
+    speed_rad_s=1.0, acceleration_rad_s2=0.5, deceleration_rad_s2=0.5, token_scans=2, longest_press_scans=9,
+    stop_scans=3,
+)  # fmt: skip
+"""Two scans to its speed and two back, so that there is a ramp."""
+
+
+def small_program(*, by_speed: bool = False, loading_input: bool = True, jog: bool = False) -> Program:
+    """A whole run in about fifty scans; `by_speed` makes the cycle's ramps run at constant speed. `jog`: no run."""
     segments = []
     for index, (state, role, direction, start, target, dwell) in enumerate(ROWS):
         speed = by_speed and role in ("virgin", "measure")
@@ -81,6 +89,7 @@ def small_program(*, by_speed: bool = False, loading_input: bool = True) -> Prog
         ),
         release_torque_nm=RELEASE_NM, ready_scans=2, enable_scans=5, homing_scans=1, mode_scans=1,
         release_scans=8, unload_limit_scans=8, settle_scans=1,
+        jog=JOG if jog else None,
     )  # fmt: skip
 
 
@@ -134,6 +143,7 @@ class Devices(NamedTuple):
     brake_on: int
     motor_nm: float
     homing_attained: int
+    speed_rad_s: float
 
 
 def advance(bench: BenchState, choice: Choice) -> Devices:
@@ -163,7 +173,9 @@ def advance(bench: BenchState, choice: Choice) -> Devices:
     if mode == DriveMode.CYCLIC_SYNC_VELOCITY:
         motor_nm = torque_nm
     homing = int(choice.homing and enabled and orders.drive_command == C.START_HOMING)
-    return Devices(drive, mode, torque_nm, brake_on, motor_nm, homing)
+    turns = enabled and mode == DriveMode.CYCLIC_SYNC_VELOCITY and not brake_on
+    speed_rad_s = orders.drive_target_velocity_rad_s if turns else 0.0
+    return Devices(drive, mode, torque_nm, brake_on, motor_nm, homing, speed_rad_s)
 
 
 @cache
@@ -172,6 +184,7 @@ def look(devices: Devices, command: int, counter: int, shown: Shown) -> Image:
     values: dict[str, Any] = {
         "command": command, "drive_state": devices.drive, "drive_mode": devices.mode,
         "drive_torque_nm": devices.motor_nm, "drive_homing_attained": devices.homing_attained,
+        "drive_velocity_rad_s": devices.speed_rad_s,
         "torque_in_nm": devices.motor_nm, "torque_out_nm": devices.torque_out_nm + ZERO_NM, "sample_counter": counter,
         "brake_on": devices.brake_on, "brake_current_a": LOCK_A * devices.brake_on,
     }  # fmt: skip
@@ -191,6 +204,8 @@ STRONG: dict[str, dict[str, float]] = {
 }
 """One condition per reaction; the other interlocks are probed from every place that is reached."""
 
+PRESSED: Shown = (("enabling_device", 1),)
+
 SILENT = {"drive": "lags", "mode_lags": True, "torque_stays": True, "brake_lags": True, "homing": False}
 
 
@@ -207,6 +222,7 @@ def choices() -> tuple[Choice, ...]:
         Choice(f"{index}.{command.name}", command=command, **world)
         for index, world in enumerate(worlds)
         for command in Command
+        if command not in DIRECTIONS
     ]
     wild = (("drive_torque_nm", WILD_NM),)
     single: dict[str, dict[str, Any]] = {
@@ -217,6 +233,7 @@ def choices() -> tuple[Choice, ...]:
         "mode lags": {"mode_lags": True},
         "brake lags": {"brake_lags": True},
         "no homing": {"homing": False},
+        "a jog's key and enabling device": {"command": Command.JOG_POSITIVE, "shown": PRESSED},
         "guard opens": {"shown": tuple(STRONG["guard_open"].items())},
         "samples late": {"shown": (("sample_age_scans", 6),)},
         "drive reports a wild torque": {"shown": wild},
@@ -230,3 +247,25 @@ LEFT_CHOICES = (
     Choice("left: lock without its current", torque_stays=True, shown=(("brake_current_a", 1.0),)),
 )
 """What else may happen to a unit that stays wound up, and must keep its lock from being taken for proven."""
+
+
+def jog_choices() -> tuple[Choice, ...]:
+    """What else may happen in a jog: keys and enabling device in any order, and devices that fail under both."""
+    held: dict[str, Any] = {"command": Command.JOG_POSITIVE, "shown": PRESSED}
+    failing: dict[str, dict[str, Any]] = {
+        "drive lags": {"drive": "lags"},
+        "drive drops": {"drive": "drops"},
+        "drive faults": {"drive": "faults"},
+        "mode lags": {"mode_lags": True},
+        "lock closes": {"shown": (*PRESSED, ("brake_current_a", LOCK_A))},
+        "shaft turns on": {"shown": (*PRESSED, ("drive_velocity_rad_s", 1.0))},
+        "guard opens": {"shown": (*PRESSED, *STRONG["guard_open"].items())},
+        "periods missed": {"shown": (*PRESSED, ("missed_periods", 2))},
+    }
+    return (
+        *(Choice(f"0.{Command(token).name}", command=token) for token in DIRECTIONS),
+        *(Choice(f"device.{command.name}", command=command, shown=PRESSED) for command in Command),
+        *(Choice(f"held, {name}", **{**held, **world}) for name, world in failing.items()),
+        Choice("shaft turns on", shown=(("drive_velocity_rad_s", 1.0),)),
+        Choice("device, drive lags", drive="lags", shown=PRESSED),
+    )

@@ -43,7 +43,7 @@ NEVER_ACTS: dict[str, str] = {
     "_context.measured.locked_motion_rad": "computed anew in every scan",
     "_context.measured.speed_rad_s": "computed anew in every scan",
     "_context.measured.drive_apart_rad": "computed anew in every scan",
-    "_context.measured.fastest_rad_s": "the walks turn no shaft",
+    "_context.measured.fastest_rad_s": "no angle of the walks moves",
     "_context._fastest_now_rad_s": "same",
     "_context._fastest_before_rad_s": "same",
     "_context._fast_for_scans": "same",
@@ -71,6 +71,7 @@ ACTS_IN: tuple[tuple[str, frozenset[State]], ...] = (
     ("_release.", frozenset({S.RELEASE})),
     ("_rest.", frozenset({S.COMPLETE})),
     ("_fault.", frozenset({S.FAULT})),
+    ("_jog.", frozenset({S.JOG})),
     ("_loading._unloading.", frozenset({S.UNLOAD})),
     ("_loading.", LOADING),
     ("_context.segment", LOADING),
@@ -83,7 +84,7 @@ UNLOADING_ONLY = ("_fault._torque.", "_fault._unloading.")
 """Begun anew with each controlled unload."""
 
 PLAIN = (int, float, str, tuple, type(None))
-CAPS: dict[str, int] = {"_waited": CAP, "_at_bound": Unloading.STUCK_SCANS + 1}
+CAPS: dict[str, int] = {"_waited": CAP, "_token_age": CAP, "_pressed": CAP, "_at_bound": Unloading.STUCK_SCANS + 1}
 """Counters that stop in a key, by their last name."""
 
 Snapshot = tuple[Any, ...]

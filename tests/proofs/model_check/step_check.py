@@ -8,7 +8,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from safety_rules import ALLOWED, LOADED, LOCKED, broken, require
-from small_bench import LOCK_A, LOCK_TOLERANCE_A, PROOF_NM, RELEASE_NM, SLEW_NM, TORQUE_LIMIT_NM, ZERO_NM, BenchState
+from small_bench import (
+    JOG,
+    LOCK_A,
+    LOCK_TOLERANCE_A,
+    PROOF_NM,
+    RELEASE_NM,
+    SLEW_NM,
+    TORQUE_LIMIT_NM,
+    ZERO_NM,
+    BenchState,
+)
 
 from controller.aftermath import FaultReaction
 from controller.interlocks import INTERLOCKS
@@ -48,6 +58,9 @@ class Monitor(NamedTuple):
     held_scans: int = 0
     lock_proven: bool = False
     way_back: bool = False  # since the reset of a fault
+    token_age: int = 9  # of a jog's token, in scans, and the direction that it asks for
+    token_way: int = 0
+    contact_open: bool = False  # of the enabling device: seen so while the key was held, with the drive off
 
 
 def _cause_present(image: Image) -> bool:
@@ -80,6 +93,8 @@ def check_step(before: BenchState, monitor: Monitor, image: Image, orders: Order
         broken(7, f"drive command {orders.drive_command} in UNLOAD before the lock is proven")
     monitor = _remember_lock(_remember(monitor, last, now, image, orders), last, now, image, orders)
     _check_lock(monitor, now, orders, closed=image.brake_on or was.brake_on)
+    if S.JOG in (now, last):
+        monitor = _check_jog(monitor, was, image, orders)
     low_scans = low_scans if now == S.RELEASE else 0
     return monitor if monitor.low_scans == low_scans else monitor._replace(low_scans=low_scans)
 
@@ -129,13 +144,47 @@ def _check_lock(monitor: Monitor, now: State, orders: Orders, *, closed: int) ->
     moving = orders.drive_target_torque_nm or orders.drive_target_velocity_rad_s
     if not moving:
         return
-    if orders.drive_command in ENABLING and not orders.brake_on:
+    if orders.drive_command in ENABLING and not orders.brake_on and now != S.JOG:
         broken(7, f"{orders.drive_target_torque_nm} N·m in {now.name}, brake order {orders.brake_on}")
     if now == S.LOCK:
         if not closed:
             broken(7, "the lock has not been seen closed")
         if not abs(orders.drive_target_torque_nm) <= TORQUE_LIMIT_NM:
             broken(7, f"{orders.drive_target_torque_nm} N·m before the proof")
+
+
+LONG_AGO = JOG.token_scans + 2
+WAYS = {Command.JOG_POSITIVE: 1, Command.JOG_NEGATIVE: -1}
+
+
+def _check_jog(monitor: Monitor, was: Orders, image: Image, orders: Orders) -> Monitor:
+    """Hold one scan of a jog against its rule, and return what is to be remembered of key and enabling device."""
+    if was.state != S.JOG:
+        require(8, "a jog without a start", holds=monitor.started)
+        return monitor._replace(token_age=LONG_AGO, token_way=0, contact_open=False)
+    age = min(monitor.token_age + 1 + image.missed_periods, LONG_AGO)
+    way = WAYS.get(image.command, 0)
+    held = age <= JOG.token_scans and way in (0, monitor.token_way) and monitor.started
+    age, way = (0, way) if way else (age, monitor.token_way)
+    both = held and bool(image.enabling_device)
+    before, speed = was.drive_target_velocity_rad_s, orders.drive_target_velocity_rad_s
+    slower = abs(speed) <= max(abs(before) - JOG.deceleration_rad_s2, 0.0) + EPSILON and speed * before >= 0.0
+    if not slower and not (both and speed * way > 0.0):
+        broken(13, f"speed {before} -> {speed} rad/s, key held: {held}, enabling device: {image.enabling_device}")
+    if orders.drive_command in ENABLING and abs(speed - before) > JOG.acceleration_rad_s2 + EPSILON:
+        broken(6, f"speed of a jog steps by {speed - before} rad/s")
+    began = orders.drive_command in (*TOWARDS_TORQUE, DriveCommand.SHUTDOWN)
+    if began and was.drive_command == DriveCommand.DISABLE_VOLTAGE and was.phase != orders.phase:
+        require(13, "drive switched on without a new press", holds=both and monitor.contact_open)
+    if began and (image.brake_on or image.brake_current_a > LOCK_TOLERANCE_A):
+        broken(13, "drive on with the lock closed")
+    if orders.drive_target_torque_nm or (orders.brake_on and not (was.brake_on or image.brake_on)):
+        broken(13, f"torque {orders.drive_target_torque_nm} N·m, brake order {orders.brake_on}")
+    drive_off = was.drive_command == DriveCommand.DISABLE_VOLTAGE
+    contact_open = held and drive_off and (monitor.contact_open or not image.enabling_device)
+    if began:
+        contact_open = False
+    return monitor._replace(token_age=age, token_way=way, contact_open=contact_open)
 
 
 def _remember(monitor: Monitor, last: State, now: State, image: Image, orders: Orders) -> Monitor:

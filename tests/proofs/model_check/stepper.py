@@ -20,6 +20,7 @@ from small_bench import (
     Shown,
     advance,
     choices,
+    jog_choices,
     look,
 )
 from snapshots import Freezer, Snapshot
@@ -91,13 +92,18 @@ def _bench(devices: Devices, orders: Orders) -> BenchState:
 
 
 class Stepper:
-    """The controller with one small program; `left`: with the way back on a bench that was left wound up."""
+    """The controller with one small program; `left`: with the way back on a bench that was left wound up.
 
-    def __init__(self, *, by_speed: bool = False, loading_input: bool = True, left: bool = False) -> None:
+    jog: with a jog in place of a run.
+    """
+
+    def __init__(
+        self, *, by_speed: bool = False, loading_input: bool = True, left: bool = False, jog: bool = False
+    ) -> None:
         taken_up = Left(FAULT_BY_ID["operator_quick_stop"].number, 0.0, ZERO_NM) if left else None
-        self.left = left
-        self.program = small_bench.small_program(by_speed=by_speed, loading_input=loading_input)
-        self.choices = (*choices(), *LEFT_CHOICES) if left else choices()
+        self.left, self.jog = left, jog
+        self.program = small_bench.small_program(by_speed=by_speed, loading_input=loading_input, jog=jog)
+        self.choices = (*choices(), *(LEFT_CHOICES if left else jog_choices() if jog else ()))
         self.by_name = {choice.name: choice for choice in self.choices}
         self.compared = self._found_again = 0
         self._controller = Controller(self.program, left=taken_up)
@@ -220,7 +226,12 @@ class Stepper:
         return Node(after, self._number(bench), bench, Monitor(left=self.left))
 
     def nominal(self) -> list[Node]:
-        """The nodes of an undisturbed run, from idle to complete; with `left`, of the way back until it is stopped."""
+        """The nodes of an undisturbed run, from idle to complete; with `left`, of the way back until it is stopped.
+
+        With `jog`, of one movement in each direction, until it is stopped.
+        """
+        if self.jog:
+            return self._nominal_jog()
         node, nodes, orders = self.first(), [], None
         for _ in range(LONGEST_RUN):
             nodes.append(node)
@@ -233,3 +244,21 @@ class Stepper:
             if orders.state == (S.STOPPED if self.left else S.COMPLETE):
                 return [*nodes, node]
         raise BrokenRuleError(RULES[11], "the undisturbed run does not end")
+
+    def _nominal_jog(self) -> list[Node]:
+        node, nodes = self.first(), []
+        for name in NOMINAL_JOG:
+            nodes.append(node)
+            node, _, orders = self.step(node, self.by_name[name])
+        turned = {one.bench.orders.drive_target_velocity_rad_s for one in nodes}
+        require(11, f"the undisturbed jog does not turn: {turned}", holds=turned >= {1.0, -1.0})
+        require(11, "the undisturbed jog does not end", holds=orders.state == S.STOPPED)
+        return [*nodes, node]
+
+
+def _movement(key: str) -> list[str]:
+    """Key, then the enabling device, and both let go once the shaft turns."""
+    return [*[f"0.{key}"] * 4, *[f"device.{key}"] * 7, *["0.NONE"] * 6]
+
+
+NOMINAL_JOG = ("0.START", "0.NONE", *_movement("JOG_POSITIVE"), *_movement("JOG_NEGATIVE"), *["0.STOP"] * 3)

@@ -13,6 +13,7 @@ from mutants import (
     debounce_rows,
     guards,
     interlock_rows,
+    jogs,
     live_states,
     trip_rows,
     way_back,
@@ -23,7 +24,7 @@ from controller.interlocks import INTERLOCKS
 from controller.states import TRANSITIONS
 from definitions.image import State
 
-MUTANTS = {m.name: m for make in (trip_rows, interlock_rows, debounce_rows, guards, way_back) for m in make()}
+MUTANTS = {m.name: m for make in (trip_rows, interlock_rows, debounce_rows, guards, way_back, jogs) for m in make()}
 BLIND = live_states()
 
 
@@ -31,16 +32,24 @@ BLIND = live_states()
 def test_no_rule_is_broken_near_any_run(by_speed):
     with coarse_time():
         found = Explorer(by_speed=by_speed).explore(2000)
-    assert found.visited == set(State)
+    assert found.visited == set(State) - {State.JOG}
     assert found.longest_scans < 200
     for name, condition in CONDITIONS.items():
-        assert found.probed[name] == {*condition.states, *condition.established_in}, name
+        assert found.probed[name] == {*condition.states, *condition.established_in} - {State.JOG}, name
 
 
 def test_no_rule_is_broken_on_the_way_back_from_a_bench_that_was_left_wound_up():
     with coarse_time():
         found = Explorer(left=True).explore(1500)
     assert found.visited == {State.IDLE, State.FAULT, State.UNLOAD, State.RELEASE, State.STOPPED}
+
+
+def test_no_rule_is_broken_near_a_jog():
+    with coarse_time():
+        found = Explorer(jog=True).explore(1500)
+    assert found.visited <= {State.IDLE, State.JOG, State.FAULT, State.UNLOAD, State.RELEASE, State.STOPPED}
+    asked = {name for name, one in CONDITIONS.items() if State.JOG in (*one.states, *one.established_in)}
+    assert asked == {name for name, states in found.probed.items() if State.JOG in states}
 
 
 def test_the_rules_know_every_interlock_and_every_transition():

@@ -77,5 +77,5 @@ def served(data: Path, *words: str) -> Iterator[Served]:
     finally:
         if process.poll() is None:
             process.terminate()
-            process.wait(timeout=30)
+            process.wait(timeout=LONGEST_S)
         process.stdout.close()

@@ -188,7 +188,7 @@ def not_as_in_table(run: FaultRun, place: int) -> list[str]:
         usual = " or ".join(command.name.lower() for command in row.orders)
         wrong.append(f"ordered {order.name.lower()} {at(run, place)}, the reaction orders {usual}")
     if row.state is not None and state != row.state:
-        wrong.append(f"the state was {state.name.lower()} {at(run, place)}, the reaction's is {row.state.name.lower()}")
+        wrong.append(f"state {state.name.lower()} {at(run, place)}; this reaction leads to {row.state.name.lower()}")
     if place and run.orders[place - 1].brake_on != given.brake_on:
         wrong.append(f"the lock's contact changed {at(run, place)}, and the reaction must not change it")
     following = next(

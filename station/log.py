@@ -34,7 +34,11 @@ class _Lines:
             self._file.close()
 
 
-def _stamp(_logger: Any, _method: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
+Event = MutableMapping[str, Any]
+"""What is logged, by names that each caller chooses: the logging library hands it from one processor to the next."""
+
+
+def _stamp(_logger: Any, _method: str, event: Event) -> Event:
     event["timestamp"] = WALL_CLOCK.now().isoformat().replace("+00:00", "Z")
     return event
 

@@ -136,7 +136,7 @@ def control_chart(
         chosen, spreads = "range", np.ptp(whole, axis=1)
     mean_spread = float(spreads[: used - 1 if subgroup == 1 else used].mean())
     if not mean_spread > 0.0:
-        raise AnalysisError("control chart: the values do not differ within subgroups; are they rounded too far?")
+        raise AnalysisError("control chart: values within subgroups are identical; check whether they were rounded")
     sd, of_means, of_spreads = limits_of(float(means[:used].mean()), mean_spread, chosen, subgroup)
     standing = (means - of_means.centre) / (sd / math.sqrt(subgroup))
     beyond = (spreads > of_spreads.high) | (spreads < of_spreads.low)

@@ -89,7 +89,7 @@ def master_part_trend(
     centre = float(row[:baseline].mean())
     sd = float(np.abs(np.diff(row[:baseline])).mean()) / MOVING_RANGE
     if not sd > 0.0:
-        raise AnalysisError("master part: the baseline never changes; are the values rounded too far?")
+        raise AnalysisError("master part: all values of the baseline are identical; check whether they were rounded")
     slope, u_slope = _line(when, row)
     p = 2.0 * float(special.stdtr(row.size - 2, -abs(slope) / u_slope)) if u_slope > 0.0 else float(slope == 0.0)
     reach = sd * math.sqrt(1.0 + 1.0 / baseline) * float(special.stdtrit(0.62 * (baseline - 1), INSIDE_ONE_SIDE))

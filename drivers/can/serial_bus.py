@@ -103,7 +103,7 @@ class ScanSlcanBus(slcanBus):
                 start = at + 1
         self._part = text[start:]
         if len(self._part) > LONGEST_LINE:
-            raise CanOperationError(f"no slcan adapter answers: found {self._part[:16]!r} without an end")
+            raise CanOperationError(f"no slcan adapter answers: the answer {self._part[:16]!r}… does not end")
 
     def shutdown(self) -> None:
         """Close the channel and the port, also of an adapter that is gone."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from controller.controller import Controller
-from definitions.image import State
+from definitions.faults import FAULT_BY_ID, Limit
+from definitions.image import Image, State
 from faultlab.exits.judge import Measured, judge_exit
 from faultlab.exits.rows import Exit
 from faultlab.exits.shown import Shown
@@ -54,11 +55,31 @@ def worst_in(row: Exit, state: str) -> Measured | None:
 
 
 def measure_fault(row: Exit) -> Measured | None:
-    """Provoke a fault in a ramp, or else in the first state from which a row of the matrix raises it."""
+    """Provoke a fault in a ramp, or else in the first state from which a row of the matrix raises it.
+
+    One that no row raises is provoked by its channel, where it has one.
+    """
     for state in ("ramp_pos", *(state for state in STATES if state != "ramp_pos")):
         if (found := worst_in(row, state)) is not None:
             return found
-    return None
+    return beyond_limit(row)
+
+
+def limit_in_image(fault: str) -> Limit | None:
+    """Return the limit of an interlock whose channel can be shown to the controller beyond it; None for any other."""
+    limit = FAULT_BY_ID[fault].limit
+    return limit if limit is not None and limit.channel in Image._fields else None
+
+
+def beyond_limit(row: Exit) -> Measured | None:
+    """Show the channel of an interlock beyond its limit, in the ramp, or else in the first state that looks at it."""
+    limit = limit_in_image(row.id)
+    if limit is None:
+        return None
+    live = [state for state in ("ramp_pos", *STATES) if State[state.upper()] in FAULT_BY_ID[row.id].live_in]
+    limits = undisturbed()[live[0]].controller.program.limits
+    shown = {limit.channel: 2 * getattr(limits, limit.in_program) + 1}
+    return _shown_in(row, live[0], f"{limit.channel} shown beyond its limit", shown)
 
 
 def _shown_in(row: Exit, state: str, by: str, shown: dict[str, float]) -> Measured | None:

@@ -140,10 +140,10 @@ class ModbusDevice(Section):
     @model_validator(mode="after")
     def _addressed(self) -> ModbusDevice:
         if self.transport == "tcp" and not self.host:
-            raise refusal("tcp without a host", "the option 'host' for tcp", "Add 'host: 192.168.0.10'.")
+            raise refusal("tcp and no host", "tcp with the option 'host'", "Add 'host: 192.168.0.10'.")
         if self.transport == "rtu" and not self.serial_port:
             hint = "Add 'serial_port: /dev/ttyUSB0'."
-            raise refusal("rtu without a serial port", "the option 'serial_port' for rtu", hint)
+            raise refusal("rtu and no serial port", "rtu with the option 'serial_port'", hint)
         return self
 
 

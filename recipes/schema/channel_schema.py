@@ -45,9 +45,11 @@ class ChannelSource(Section):
             raise refusal(f"alive: {self.alive} without alive_field", allowed, hint, at="alive")
         if self.alive == "arrival" and named:
             raise refusal("alive: arrival with alive_field", "one of the two", "Delete one of them.", at="alive_field")
-        if (self.alive == "noise") != (self.still_s is not None):
+        if self.alive == "noise" and self.still_s is None:
             hint = "'still' is the longest time for which a healthy sensor shows the same number, such as '50 ms'."
-            raise refusal(f"alive: {self.alive}", "'still' with alive: noise only", hint, at="alive")
+            raise refusal("alive: noise without still", "alive: noise with still", hint, at="alive")
+        if self.alive != "noise" and self.still_s is not None:
+            raise refusal(f"alive: {self.alive} with still", "still with alive: noise only", "Delete it.", at="still")
         return self
 
     @property

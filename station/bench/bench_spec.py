@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 from station.bench.virtual_unit import VirtualUnit
+from station.documents.entries import Plain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,5 +54,5 @@ class Ports:
             raise ValueError(f"not the ready line of a bench: {line[:100]!r}") from error
 
 
-def _address(part: Mapping[str, Any]) -> Address:
+def _address(part: Plain) -> Address:
     return Address(part["host"], part["port"], part.get("channel", ""))

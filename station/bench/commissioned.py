@@ -80,14 +80,14 @@ def parts_of(bench: Bench, profiles: Mapping[str, File]) -> dict[str, str]:
         recipes.RecipeError: a profile has problems.
 
     """
-    data: dict[str, Any] = bench.model_dump(mode="json")
-    data["drive" + PROFILE] = asdict(drive_profile(profiles[bench.drive.profile]))
+    parts = dict(_leaves("", bench.model_dump(mode="json")))
+    parts |= _leaves("drive" + PROFILE, asdict(drive_profile(profiles[bench.drive.profile])))
     for name, device in bench.modbus_devices.items():
         part = name + PROFILE if name in PARTS else f"devices{PROFILE}.{name}"
-        data[part] = asdict(modbus_profile(profiles[device.profile]))
+        parts |= _leaves(part, asdict(modbus_profile(profiles[device.profile])))
     for one in bench.can_devices:  # a profile or a DBC file: told apart as a whole
-        data[f"can_devices{PROFILE}.{one.name}"] = hashlib.sha256(profiles[one.profile].content).hexdigest()
-    return dict(_leaves("", data))
+        parts[f"can_devices{PROFILE}.{one.name}"] = hashlib.sha256(profiles[one.profile].content).hexdigest()
+    return parts
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, str]]:

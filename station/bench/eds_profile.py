@@ -204,7 +204,7 @@ class _Drafting:
         self.draft.open_places.append(
             f"The {what} (0x1018:{subindex}): the set-up refuses the drive and names what it read"
         )
-        return f"0x00000000  # open: the {what}, 0x1018:{subindex}"
+        return f"0x00000000  # fill in: the {what}, 0x1018:{subindex}"
 
     def _scaling(self) -> list[str]:
         lines = [
@@ -219,7 +219,7 @@ class _Drafting:
             self.draft.open_places.append(
                 "The counts of 0x6064 per turn of the motor: in the drive's manual, or 0x608F"
             )
-            lines.append("  # open: position_counts_per_motor_rev, the counts of 0x6064 per turn of the motor")
+            lines.append("  # fill in: position_counts_per_motor_rev, the counts of 0x6064 per turn of the motor")
         if self._default(0x60A9) == RPM:
             lines.append(f"  velocity_counts_per_rad_s: {RPM_PER_RAD_S:.9f}  # rpm, by 0x60A9 as delivered")
         else:
@@ -227,7 +227,7 @@ class _Drafting:
                 "The counts of 0x606C per rad/s of the motor: in the drive's manual, or 0x60A9"
             )
             lines.append(
-                "  # open: velocity_counts_per_rad_s, the counts of 0x606C per rad/s; 9.549296586 where they are rpm"
+                "  # fill in: velocity_counts_per_rad_s, the counts of 0x606C per rad/s; 9.549296586 where they are rpm"
             )
         return lines
 
@@ -307,7 +307,7 @@ class _Drafting:
         if number > 4:
             base = 0x200 if way == "receive" else 0x180
             self.draft.open_places.append(f"A COB-ID for PDO {number} that no other device uses, with its node id")
-            lines.append(f"    cob_id: 0x{base + 0x20 + number:03X}  # open: one that no other device uses")
+            lines.append(f"    cob_id: 0x{base + 0x20 + number:03X}  # fill in: one that no other device uses")
         lines.append("    objects:")
         size = 0
         for index, subindex, name in objects:

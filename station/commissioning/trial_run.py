@@ -121,7 +121,11 @@ def trial_job(bench: OnWires, recipe: str, plan: Plan) -> Job:
     return replace(job, bench=tried, bench_source=Source(bench.path, content))
 
 
-def _changed(content: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
+Sections = dict[str, Any]
+"""Sections of a recipe or bench file as YAML has them: few are replaced, the others pass as they were written."""
+
+
+def _changed(content: bytes, change: Callable[[Sections], None]) -> bytes:
     document = YAML(typ="safe").load(content)
     change(document)
     text = io.BytesIO()
@@ -129,15 +133,15 @@ def _changed(content: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
     return text.getvalue()
 
 
-def _with_gain(document: dict[str, Any], gain_per_s: float | None) -> None:
+def _with_gain(document: Sections, gain_per_s: float | None) -> None:
     document["torque_control"] = {**(document.get("torque_control") or {}), "gain": gain_per_s}
 
 
-def _planned(document: dict[str, Any], plan: Plan) -> None:
+def _planned(document: Sections, plan: Plan) -> None:
     """Put the sequence of a plan into a recipe, with its own home, lock, unloading and release."""
     document["recipe"] = {**document["recipe"], "name": f"bench-{plan.step}"}
     document["measurement"] = {"output_torque": "reaction", "reference_torque": _percent(plan.peak)}
-    steps: Sequence[Mapping[str, Any]] = document["sequence"]
+    steps: Sequence[Mapping[str, Sections]] = document["sequence"]
     own = {name: options for step in steps for name, options in step.items()}
     lock = {**own["lock"], "proof_torque": _percent(plan.proof)}
     cycle = {

@@ -14,12 +14,13 @@ from typing import Annotated, Any
 from definitions.number_formats import LARGEST_COUNT
 
 LEFT_OUT = "left out"
+ALONGSIDE = "alongside"
 
 Number = int | float
 """A figure as it stands in JSON: a whole number stays one."""
 
 Plain = dict[str, Any]
-"""An object of JSON, as the reader's library hands it on."""
+"""An object of JSON: what its entries are is known where it is read into a class, and not before."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,22 @@ def left_out(*, when: Any = None) -> Any:
     return field(default=when, metadata={LEFT_OUT: True})
 
 
+def alongside() -> Any:
+    """Return the field of a part that is no entry itself: its own entries, if it is there, stand among the others."""
+    return field(metadata={ALONGSIDE: True})
+
+
 def plain(document: object) -> Any:
     """Return a document, or what stands in one, as the plain data that JSON is made of."""
     if is_dataclass(document) and not isinstance(document, type):
-        found = ((name, getattr(document, name), optional) for name, optional in _written(type(document)))
-        return {name: plain(value) for name, value, optional in found if not (optional and value is None)}
+        written: Plain = {}
+        for name, optional, among in _written(type(document)):
+            value = getattr(document, name)
+            if among:
+                written |= plain(value) or {}
+            elif not (optional and value is None):
+                written[name] = plain(value)
+        return written
     if hasattr(document, "_asdict"):
         return plain(document._asdict())
     if isinstance(document, Mapping):
@@ -74,5 +86,5 @@ def plain(document: object) -> Any:
 
 
 @cache
-def _written(kind: Any) -> tuple[tuple[str, bool], ...]:
-    return tuple((one.name, LEFT_OUT in one.metadata) for one in fields(kind))
+def _written(kind: Any) -> tuple[tuple[str, bool, bool], ...]:
+    return tuple((one.name, LEFT_OUT in one.metadata, ALONGSIDE in one.metadata) for one in fields(kind))

@@ -119,8 +119,8 @@ def tolerance_of(production: Production, series: PartSeries) -> tuple[float, str
         return what.limit_max - what.limit_min, f"the limits in run {run.id}"
     one = "one limit" if what.limited else "no limit"
     raise StationError(
-        f"{what.name} has {one} in run {run.id}, which makes no tolerance. State it in the recipe, as "
-        f"'- {{id: {what.metric}, tolerance: …}}', or with --tolerance"
+        f"{what.name}: run {run.id} has {one}. A tolerance needs a lower and an upper limit. Write it into the recipe, "
+        f"'- {{id: {what.metric}, tolerance: …}}', or give it with --tolerance"
     )
 
 

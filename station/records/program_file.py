@@ -17,7 +17,7 @@ from pydantic import Field
 
 from definitions.plain_data import plain
 from definitions.program import Program
-from station.documents.entries import Number
+from station.documents.entries import Number, Plain
 from station.errors import RecordError
 from station.records.run_record import RunRecord
 
@@ -25,7 +25,7 @@ PROGRAM = "program.json"
 
 Entry = TypeVar("Entry")
 
-MEANT: Mapping[str, Any] = MappingProxyType({"loading_input": True})
+MEANT: Mapping[str, bool] = MappingProxyType({"loading_input": True})
 """Field of a program, by its path without indices, and what a program meant that was written before there was one.
 
 loading_input: the first benches had the servo at the input shaft.
@@ -49,7 +49,7 @@ class ProgramEntries:
     period_s: Annotated[Number, Field(gt=0.0, allow_inf_nan=False, description="a period above 0 s")] | None = None
     has_torque_out: bool | None = None
     release_torque_nm: Annotated[Number, Field(allow_inf_nan=False, description="a torque in N·m")] | None = None
-    loading_input: bool = bool(MEANT["loading_input"])
+    loading_input: bool = MEANT["loading_input"]
     segments: tuple[SegmentRow, ...] | None = None
 
 
@@ -97,9 +97,9 @@ class StoredProgram:
         return self._known("segments", self._entries.segments)
 
 
-def plain_program(program: Program) -> dict[str, object]:
+def plain_program(program: Program) -> Plain:
     """Return a program as plain data; infinities are None: JSON has no other way to say that there is no limit."""
-    entries: dict[str, object] = plain(program)
+    entries: Plain = plain(program)
     return entries
 
 
@@ -118,7 +118,7 @@ def _walk(path: str, before: Any, now: Any) -> list[str]:
     return [] if before == now else [f"{path}: recorded {_short(before)}, now {_short(now)}"]
 
 
-def _entry(path: str, key: str, before: Mapping[str, object], now: Mapping[str, object]) -> list[str]:
+def _entry(path: str, key: str, before: Plain, now: Plain) -> list[str]:
     """Return where one entry of both differs; one that only this version knows differs by what it meant before."""
     field = re.sub(r"\[\d+\]", "", path).removeprefix("program.")
     if key not in now:

@@ -19,14 +19,13 @@ A folder stands alone and is never overwritten.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from contextlib import suppress
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 from station.atomic_file import as_json, open_file, refused, write_atomic
-from station.documents.entries import plain
+from station.documents.entries import Plain, plain
 from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
 from station.documents.reading import Document, read_document
 from station.errors import RecordError
@@ -107,7 +106,7 @@ class RunRecord:
         """Change entries of run.json durably; what only a later version knows of stays in it."""
         self.write_json(MANIFEST, self.changed_manifest(changes))
 
-    def changed_manifest(self, changes: Mapping[str, object]) -> dict[str, object]:
+    def changed_manifest(self, changes: Plain) -> Plain:
         """Return run.json with other entries, as it is to be written; RecordError as `manifest`."""
         self.manifest()
         return {**self.read_json(MANIFEST), **{name: plain(value) for name, value in changes.items()}}

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
-from typing import Any
 
 from analysis.evaluation.pipeline import Result
+from analysis.torque_ratio.line_fit import RatioFit
 from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes import Bench, Calibration
+from recipes.schema.calibration_schema import QuadrantLine
 from station.documents.ratio import RatioRecord
 from station.errors import RecordError
 from station.records.run_record import CALIBRATION, RunRecord
@@ -30,16 +30,17 @@ def line_rows(analysis: Result | None, stored: Calibration | None) -> tuple[Row,
         return ()
     fits = {} if analysis.quadrants is None else analysis.quadrants.fits
     if stored is not None and not fits:
-        return tuple(_row(name, getattr(stored, name).model_dump(), "–", "–") for name in QUADRANTS)
-    return tuple(_row(name, vars(fit), str(fit.points), str(fit.flagged.size)) for name, fit in fits.items())
+        return tuple(_row(name, getattr(stored, name), "–", "–") for name in QUADRANTS)
+    return tuple(_row(name, fit, str(fit.points), str(fit.flagged.size)) for name, fit in fits.items())
 
 
-def _row(name: str, line: Mapping[str, Any], points: str, flagged: str) -> Row:
+def _row(name: str, line: QuadrantLine | RatioFit, points: str, flagged: str) -> Row:
     formats = {
         "offset_nm": ".6f", "slope": ".6f", "u_offset_nm": ".2g", "u_slope": ".2g", "correlation": ".4f",
         "residual_sd_nm": ".3g",
     }  # fmt: skip
-    figures = ("–" if line[key] is None else minus(f"{line[key]:{how}}") for key, how in formats.items())
+    values = ((getattr(line, key), how) for key, how in formats.items())
+    figures = ("–" if value is None else minus(f"{value:{how}}") for value, how in values)
     return (name.replace("_", " "), *figures, points, flagged)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +29,15 @@ from station.records.program_file import SegmentRow
 from station.records.samples.table import Table
 from station.records.samples.zeroes import ZEROES, from_zero
 
-ALIGNMENTS = {"declared": "correct", "two_speeds": "two_speeds", "report": "report"}
+ALIGNMENTS: Mapping[str, Literal["correct", "two_speeds", "report"]] = {
+    "declared": "correct",
+    "two_speeds": "two_speeds",
+    "report": "report",
+}
 """How a recipe says that channels are put on one clock, and how the method does."""
+
+Channels = dict[str, Any]
+"""Channels of a trace by name, each an array: keyword arguments of its class, whose other fields are no arrays."""
 
 AS_RECORDED = {
     "temperature_c": "housing_temp_c",
@@ -44,8 +52,8 @@ def method_of(recipe: Recipe, bench: Bench) -> Method:
     measurement = recipe.measurement
     stored = measurement.output_torque == "calibrated" and measurement.calibration == "stored"
     fixture, lock = fixture_of(bench, recipe.unit_under_test.ratio)
-    return Method(
-        **method_fields(recipe),
+    return replace(
+        method_of_recipe(recipe),
         quadrants=_stored_quadrants(newest_calibration(recipe, bench)) if stored else None,
         fixture_stiffness_nm_per_arcmin=fixture,
         locked_stiffness_nm_per_arcmin=lock,
@@ -63,23 +71,23 @@ def _fixture_curve(bench: Bench) -> FixtureCurve | None:
     return FixtureCurve(torque, tuple(point.deflection_arcmin for point in stored.points), stored.angles, stored.id)
 
 
-def method_fields(recipe: Recipe) -> dict[str, Any]:
+def method_of_recipe(recipe: Recipe) -> Method:
     """Return what a recipe alone says of the method; nothing of the bench."""
     unit, measurement = recipe.unit_under_test, recipe.measurement
-    return {
-        "ratio": unit.ratio,
-        "rated_torque_nm": unit.rated_torque_nm,
-        "reference_torque_nm": measurement.reference_torque_nm,
-        "loading": recipe.loading,
-        "output_torque": measurement.output_torque,
-        "alignment": ALIGNMENTS[measurement.alignment],
-        "break_torque_nm": measurement.break_torque_nm,
-        "stiffness_break_t1_nm": measurement.break_torque_t1_nm,
-        "stiffness_break_t2_nm": measurement.break_torque_t2_nm,
-        "catalogue_stiffness_nm_per_arcmin": unit.stiffness_nm_per_arcmin,
-        "catalogue_offset_nm": unit.loading_torque_ratio.offset_nm if recipe.loading == "input" else None,
-        "check_limits": recipe.validity.limits(),
-    }
+    return Method(
+        ratio=unit.ratio,
+        rated_torque_nm=unit.rated_torque_nm,
+        reference_torque_nm=measurement.reference_torque_nm,
+        loading=recipe.loading,
+        output_torque=measurement.output_torque,
+        alignment=ALIGNMENTS[measurement.alignment],
+        break_torque_nm=measurement.break_torque_nm,
+        stiffness_break_t1_nm=measurement.break_torque_t1_nm,
+        stiffness_break_t2_nm=measurement.break_torque_t2_nm,
+        catalogue_stiffness_nm_per_arcmin=unit.stiffness_nm_per_arcmin,
+        catalogue_offset_nm=unit.loading_torque_ratio.offset_nm if recipe.loading == "input" else None,
+        check_limits=recipe.validity.limits(),
+    )
 
 
 def planned_rates(recipe: Recipe, bench: Bench | None) -> tuple[float, float] | None:
@@ -169,10 +177,10 @@ def trace_of(
     kept = table[evaluated(table)]
     if not len(kept):
         raise StationError(f"{source}: the run ended before anything was measured")
-    channels: dict[str, Any] = dict(measured_channels(kept, bench))
+    measured: Channels = {**measured_channels(kept, bench)}
     return Trace(
         t_s=kept["scan"] * (period_ns * 1e-9),
-        **channels,
+        **measured,
         segment=kept["orders"]["segment"].astype(np.int64),
         segments=segment_table(segments),
         source=source,

@@ -190,7 +190,7 @@ def _names_as_text(column: Column) -> dict[str, str]:
     return {kind: json.dumps(names) for kind, names in column.names().items()}
 
 
-def _vectors(names: Names) -> dict[str, Any]:
+def _vectors(names: Names) -> dict[str, npt.NDArray[np.generic]]:
     return {"number": np.array(list(names), dtype=float), "name": np.array(list(names.values()), dtype=object)}
 
 
@@ -213,7 +213,7 @@ def write_tdms(path: Path, columns: list[Column], run: ExportedRun) -> None:
     properties = {key: value for key, value in plain(run).items() if isinstance(value, str | int | float)}
     root = RootObject(properties={**properties, RUN_KEY: run_json(run)})
     step_s = time_step_s(columns)
-    waveform: dict[str, Any] = {}
+    waveform: dict[str, float] = {}
     if step_s is not None:
         start_s = float(columns[0].values[0])
         waveform = {"wf_increment": step_s, "wf_start_offset": start_s, "wf_samples": len(columns[0].values)}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
@@ -22,6 +22,7 @@ from analysis.trace.trace import CHANNELS, ROLES, Trace
 from analysis.validity.evidence import RunFacts
 from recipes import Recipe, RecipeError, load_bench
 from recipes.schema.recipe_schema import Sampling
+from station.documents.entries import Plain
 from station.documents.exported import Counts, ExportedRun
 from station.documents.manifest import Unit
 from station.documents.reading import NEXT_STEP, of_plain
@@ -193,7 +194,7 @@ def origin_of(file: Path, trace: Trace) -> Origin | None:
     return Origin(file, run, run.recorded, changed=run.trace != fingerprint_of(trace))
 
 
-def _in_parquet(file: Path) -> Mapping[str, object] | None:
+def _in_parquet(file: Path) -> Plain | None:
     import pyarrow as pa  # noqa: PLC0415 - as in `export`, each format loads its own library
     import pyarrow.parquet as pq  # noqa: PLC0415
 
@@ -206,7 +207,7 @@ def _in_parquet(file: Path) -> Mapping[str, object] | None:
     return _object(lambda: json.loads(metadata[RUN_KEY.encode()]))
 
 
-def _in_tdms(file: Path) -> Mapping[str, object] | None:
+def _in_tdms(file: Path) -> Plain | None:
     from nptdms import TdmsFile  # noqa: PLC0415
 
     if not _begins_with(file, b"TDSm"):
@@ -214,7 +215,7 @@ def _in_tdms(file: Path) -> Mapping[str, object] | None:
     return _object(lambda: json.loads(TdmsFile.read_metadata(file).properties[RUN_KEY]))
 
 
-def _beside_csv(file: Path) -> Mapping[str, object] | None:
+def _beside_csv(file: Path) -> Plain | None:
     beside = sidecar(file)
     return _object(lambda: json.loads(beside.read_bytes())["run"]) if beside.is_file() else None
 
@@ -224,7 +225,7 @@ def _begins_with(file: Path, magic: bytes) -> bool:
         return stream.read(len(magic)) == magic
 
 
-def _object(read: Callable[[], Any]) -> Mapping[str, object] | None:
+def _object(read: Callable[[], Any]) -> Plain | None:
     """Return what was read; None where it is no object with the id of a run: the file is not one of ours."""
     try:
         found = read()

@@ -11,10 +11,10 @@ import gc
 import mmap
 import os
 import resource
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from station.documents.scan_report import Realtime
 
@@ -145,8 +145,17 @@ def spin_tail(wanted_ns: int, grants: tuple[Grant, ...]) -> tuple[int, Grant]:
 
 def answers(grants: tuple[Grant, ...]) -> Realtime:
     """Return for the timing proof what was granted, and the details of each answer."""
-    granted: Mapping[str, Any] = {grant.name: grant.granted for grant in grants}
-    return Realtime(**granted, details={grant.name: grant.detail for grant in grants})
+    granted = {grant.name: grant.granted for grant in grants}
+    return Realtime(
+        affinity=granted.get("affinity"),
+        timer_slack=granted.get("timer_slack"),
+        prefault=granted.get("prefault"),
+        mlock=granted.get("mlock"),
+        gc_off=granted.get("gc_off"),
+        fifo=granted.get("fifo"),
+        spin_tail=granted.get("spin_tail"),
+        details={grant.name: grant.detail for grant in grants},
+    )
 
 
 @contextmanager

@@ -123,14 +123,13 @@ def upgrade(connection: Connection, place: StorePlace, version: str | None) -> N
 
 
 def _engine(url: str) -> Engine:
-    settings: dict[str, Any]
+    place = make_url(url)
     if url == IN_MEMORY:
-        settings = {"poolclass": StaticPool, "connect_args": {"check_same_thread": False}}
+        engine = create_engine(place, poolclass=StaticPool, connect_args={"check_same_thread": False})
     elif url.startswith("sqlite"):
-        settings = {"connect_args": {"timeout": BUSY_S}}
+        engine = create_engine(place, connect_args={"timeout": BUSY_S})
     else:
-        settings = {"connect_args": {"connect_timeout": int(BUSY_S)}}
-    engine = create_engine(make_url(url), **settings)
+        engine = create_engine(place, connect_args={"connect_timeout": int(BUSY_S)})
     if url.startswith("sqlite"):
         event.listen(engine, "connect", _set_up_sqlite)
         event.listen(engine, "begin", _begin_sqlite)

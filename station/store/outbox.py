@@ -11,7 +11,6 @@ import hashlib
 import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
-from typing import Any
 
 from sqlalchemy import Connection, insert, select, update
 
@@ -187,7 +186,7 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
     return read.sealed_behind(found.place.offset)
 
 
-def _entries_there(connection: Connection, chain: Chain) -> dict[str, Any]:
+def _entries_there(connection: Connection, chain: Chain) -> dict[str, str | None]:
     rows = connection.execute(select(RUNS.c.run, RUNS.c.entry_sha256).where(RUNS.c.chain == chain.id))
     return dict(rows.tuples().all())
 

@@ -28,6 +28,8 @@ MOST_AT_ONCE = 500
 """Runs that one statement names: databases have limits."""
 
 Row = dict[str, object]
+"""A row for the database, by the names of its columns, whose types stand in `tables`."""
+
 Rows = dict[Table, list[Row]]
 
 COMPLETE = "complete"

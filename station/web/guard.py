@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection
-from typing import Any
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -58,6 +57,6 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, words: str) -> Non
         await send({"type": "websocket.close", "code": 1008})
         return
     body = json.dumps({"refused": [{"id": "origin", "text": words}]}).encode()
-    start: dict[str, Any] = {"type": "http.response.start", "status": 403}
+    start: Message = {"type": "http.response.start", "status": 403}
     await send({**start, "headers": [(b"content-type", b"application/json"), *ALWAYS.items()]})
     await send({"type": "http.response.body", "body": body})

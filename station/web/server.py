@@ -15,7 +15,6 @@ from nicegui import ui
 from starlette.types import ASGIApp
 
 from station.errors import StationError
-from station.web.actions import Station
 from station.web.guard import Guard
 from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
@@ -30,9 +29,10 @@ from station.web.pages.run import add_run_page
 from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
-from station.web.rest import rest_of
+from station.web.rest.app import rest_of
 from station.web.running import Running
 from station.web.settings import load_settings
+from station.web.station import Station
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sqlalchemy import Connection, select
 
@@ -17,7 +17,7 @@ from station.errors import StationError
 from station.records.run_record import RESULT, RunRecord
 from station.store.run_table import RunTableRow
 from station.store.stored_runs import StoredRun
-from station.web.people import audit
+from station.web.people.audit import DONE, REFUSED, Head, head_of
 from station.web.people.database import AUDIT
 
 PASS = "PASS"  # noqa: S105 - a verdict
@@ -36,6 +36,13 @@ class Yield(NamedTuple):
         return f"{self.passed} of {self.units}{share}"
 
 
+class EndedOtherwise(NamedTuple):
+    """A run that was stopped, interrupted or ended with a fault."""
+
+    run: str
+    state: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
     """A shift: verdicts of its production runs, yields, master parts, runs that ended otherwise, and the audit trail.
@@ -51,11 +58,11 @@ class Shift:
     first_pass: Yield
     final: Yield
     master_parts: dict[str, int]
-    ended_otherwise: tuple[tuple[str, str], ...]
-    bypasses: tuple[str, ...]
+    ended_otherwise: tuple[EndedOtherwise, ...]
     alarms: dict[str, int]
+    bypasses: tuple[str, ...]
     refused: dict[str, int]
-    head: audit.Head
+    audit: Head
 
     def as_text(self) -> str:
         """Return the report for people."""
@@ -66,19 +73,8 @@ class Shift:
         lines += [f"Alarms   {_counts(self.alarms)}"]
         lines += [f"Bypass   {one}" for one in self.bypasses]
         lines += [f"Refused starts  {_counts(self.refused)}"]
-        lines += [f"Audit trail  {self.head.lines} lines, head {self.head.sha256}"]
+        lines += [f"Audit trail  {self.audit.lines} lines, head {self.audit.head_sha256}"]
         return "\n".join(lines) + "\n"
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the report for programs."""
-        return {
-            "begin": self.begin, "end": self.end, "verdicts": self.verdicts,
-            "first_pass": self.first_pass._asdict(), "final": self.final._asdict(),
-            "master_parts": self.master_parts,
-            "ended_otherwise": [{"run": run, "state": state} for run, state in self.ended_otherwise],
-            "alarms": self.alarms, "bypasses": list(self.bypasses), "refused": self.refused,
-            "audit": {"lines": self.head.lines, "head_sha256": self.head.sha256},
-        }  # fmt: skip
 
 
 def shift_of(
@@ -101,22 +97,22 @@ def shift_of(
         first_pass=_yield(first),
         final=_yield(list(final.values())),
         master_parts=_by_verdict([run for run in runs if run.master]),
-        ended_otherwise=tuple((run.run, run.state) for run in runs if run.state != "complete"),
+        ended_otherwise=tuple(EndedOtherwise(run.run, run.state) for run in runs if run.state != "complete"),
         bypasses=tuple(
             f"{row.at} {row.name}: {told['condition']}, {told['hours']:g} h: {told['reason']}"
             for row, told in detail
-            if (row.action, row.outcome) == ("add_bypass", audit.DONE) and _reaches(row.at, told["hours"], begin)
+            if (row.action, row.outcome) == ("add_bypass", DONE) and _reaches(row.at, told["hours"], begin)
         ),
         alarms=alarms,
         refused=dict(
             Counter(
                 reason
                 for row, told in detail
-                if (row.action, row.outcome) == ("start_run", audit.REFUSED) and row.at >= begin
+                if (row.action, row.outcome) == ("start_run", REFUSED) and row.at >= begin
                 for reason in told["reasons"]
             )
         ),
-        head=audit.head_of(connection),
+        audit=head_of(connection),
     )
 
 

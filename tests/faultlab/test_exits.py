@@ -10,7 +10,7 @@ import pytest
 
 from definitions.faults import FAULTS
 from definitions.image import Reaction
-from faultlab.exits.elsewhere import provokers
+from faultlab.exits.elsewhere import beyond_limit, limit_in_image, provokers
 from faultlab.exits.page import COLUMNS, page
 from faultlab.exits.rows import EXITS, LOAD_NM, RATED_NM
 from faultlab.exits.run import PROVOKE, measure_exit
@@ -34,7 +34,9 @@ def test_every_exit_is_in_the_table_and_can_be_provoked():
     people_and_processes = {"finish", "operator_stop", "abort", "lost_supervisor", "lost_scan", "power_failure"}
     assert {row.id for row in EXITS} == faults | people_and_processes
     assert len(EXITS) == len({row.id for row in EXITS})
-    assert {name for name in faults if name not in PROVOKE and not any(provokers(name, at) for at in STATES)} == set()
+    by_matrix = {name for name in faults if any(provokers(name, at) for at in STATES)}
+    by_channel = {name for name in faults if limit_in_image(name) is not None}
+    assert faults <= {*PROVOKE, *by_matrix, *by_channel}
 
 
 def test_the_page_has_every_exit_measured_and_within_its_bound():
@@ -60,6 +62,13 @@ def test_the_torque_comes_to_zero_as_the_page_says(name):
     assert found.wrong == ()
     measured = page({row.id: found if row.id == name else None for row in EXITS})
     assert rows(measured)[name] == rows(PAGE)[name], "run 'lostmotion faults exits --page docs/exits.md'"
+
+
+def test_an_interlock_with_a_channel_is_provoked_by_it():
+    row = next(one for one in EXITS if one.id == "housing_temperature")
+    found = beyond_limit(row)
+    assert (found.wrong, found.begin_state) == ((), "ramp_pos")
+    assert beyond_limit(row._replace(id="overspeed")) is None, "its channel is computed"
 
 
 def test_an_exit_that_is_too_slow_is_said():

@@ -80,7 +80,7 @@ def test_what_follows_is_ordered_when_the_torque_is_gone(reaction):
     ("wrong_row", "words"),
     [
         ({"orders": (DriveCommand.SWITCH_ON,)}, "the reaction orders switch_on"),
-        ({"state": State.STOPPED}, "the reaction's is stopped"),
+        ({"state": State.STOPPED}, "leads to stopped"),
     ],
 )
 def test_a_wrong_row_of_the_table_is_noticed(monkeypatch, reaction, wrong_row, words):

@@ -15,7 +15,7 @@ CURVE = """  curve:
 """
 
 BENCH_CASES = {
-    "rtu without a port": ("transport: tcp", "transport: rtu", "rtu without a serial port"),
+    "rtu without a port": ("transport: tcp", "transport: rtu", "rtu and no serial port"),
     "one node for two": ("node_id: 126 ", "node_id: 5 ", "5 for both"),
     "time-out below heartbeat": ("timeout: 100 ms ", "timeout: 30 ms ", "at least twice controller_heartbeat, 40 ms"),
     "bits": ("20 bit", "20.5 bit", "Write a whole number of it."),

@@ -15,7 +15,7 @@ AMPLIFIER = "amplifier: {transport: tcp, host: a, unit_id: 1, profile: one, poll
 CASES = {
     "no such device": ("angle_in: {device: angles", "angle_in: {device: angels", "found 'angels'; allowed: torques or"),
     "counter that is not named": (", alive: counter, alive_field: cycle", ", alive: counter", "without alive_field"),
-    "noise without a time": ("alive: time_stamp", "alive: noise", "'still' with alive: noise"),
+    "noise without a time": ("alive: time_stamp", "alive: noise", "alive: noise with still"),
     "a time without noise": ("input_stamp}", "input_stamp, still: 5 ms}", "with alive: noise only"),
     "a proof that is not asked for": ("alive: time_stamp", "alive: arrival", "alive: arrival with alive_field"),
     "nothing of the sensor": ("scale: -1, offset: 0.001", "scale: 0", "any other number; a negative one reverses"),

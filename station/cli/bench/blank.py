@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Any
 
 from analysis.loop.fixture_curve import FixtureCurve
 from analysis.loop.measured import measure
@@ -16,12 +15,47 @@ from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
 from station.bench.request import trace_file
 from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, scalar
 from station.cli.runs.evaluate_anew import method_without_run
+from station.documents.entries import plain
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.program_file import StoredProgram
 from station.records.run_record import RunRecord
 from station.records.samples.samples import read_samples
 from station.results.evaluation import trace_of
+
+
+@dataclass(frozen=True)
+class BlankPoint:
+    """A torque with its unit, and how far the fixture deflects under it."""
+
+    torque: str
+    deflection: str
+
+
+@dataclass(frozen=True)
+class BlankCurve:
+    """The curve of a bench file: deflection over torque, which angles it holds for, when it was made and is due."""
+
+    id: str
+    made: str
+    due: str
+    angles: str
+    points: tuple[BlankPoint, ...]
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """The block `fixture` of a bench file; its stiffness is the chord of the curve."""
+
+    stiffness: str
+    curve: BlankCurve
+
+
+@dataclass(frozen=True)
+class BlankTest:
+    """What is printed: the block under its name."""
+
+    fixture: Fixture
 
 
 def blank(
@@ -47,7 +81,8 @@ def blank(
     bare = replace(method, fixture_stiffness_nm_per_arcmin=None, fixture_curve=None)
     found = measure(source, bare)
     curve = blank_curve(found.loops, found.angles, name or label)
-    print_block({"fixture": _fixture_block(curve, made, due_day(due, made))}, _fixture_yaml, as_json=as_json)
+    fixture = _fixture(curve, made, due_day(due, made))
+    print_block(BlankTest(fixture), _fixture_yaml(fixture), as_json=as_json)
     return 0
 
 
@@ -78,29 +113,24 @@ def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trac
     return trace, made, own, where, f"blank-{made.isoformat()}"
 
 
-def _fixture_block(curve: FixtureCurve, made: date, due: date) -> dict[str, Any]:
+def _fixture(curve: FixtureCurve, made: date, due: date) -> Fixture:
     ends = (curve.torque_nm[0], curve.torque_nm[-1])
     turned = curve.deflection_arcmin[-1] - curve.deflection_arcmin[0]
     if not turned > 0:
         raise StationError("the fixture does not deflect at all: check the angle that the trace holds")
-    return {
-        "stiffness": f"{(ends[1] - ends[0]) / turned:.{DIGITS}g} N·m/arcmin",
-        "curve": {
-            "id": curve.id,
-            "made": made.isoformat(),
-            "due": due.isoformat(),
-            "angles": curve.angles,
-            "points": [
-                {"torque": f"{torque:.{DIGITS}g} N·m", "deflection": f"{angle:.{DIGITS}g} arcmin"}
-                for torque, angle in zip(curve.torque_nm, curve.deflection_arcmin, strict=True)
-            ],
-        },
-    }
+    points = tuple(
+        BlankPoint(f"{torque:.{DIGITS}g} N·m", f"{angle:.{DIGITS}g} arcmin")
+        for torque, angle in zip(curve.torque_nm, curve.deflection_arcmin, strict=True)
+    )
+    return Fixture(
+        stiffness=f"{(ends[1] - ends[0]) / turned:.{DIGITS}g} N·m/arcmin",
+        curve=BlankCurve(curve.id, made.isoformat(), due.isoformat(), curve.angles, points),
+    )
 
 
-def _fixture_yaml(block: dict[str, Any]) -> str:
-    fixture, curve = block["fixture"], block["fixture"]["curve"]
-    lines = ["fixture:", f"  stiffness: {fixture['stiffness']}      # chord of the curve", "  curve:"]
-    lines += [f"    {key}: {scalar(curve[key])}" for key in ("id", "made", "due", "angles")]
-    lines += ["    points:"] + [f"      - {flow(point)}" for point in curve["points"]]
+def _fixture_yaml(fixture: Fixture) -> str:
+    curve = fixture.curve
+    lines = ["fixture:", f"  stiffness: {fixture.stiffness}      # chord of the curve", "  curve:"]
+    lines += [f"    {key}: {scalar(getattr(curve, key))}" for key in ("id", "made", "due", "angles")]
+    lines += ["    points:"] + [f"      - {flow(plain(point))}" for point in curve.points]
     return "\n".join(lines) + "\n"

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
 from datetime import date, datetime, timedelta
-from typing import Any
 
 from recipes import RecipeError
 from recipes.text.yaml_source import parse_source
+from station.documents.entries import Plain, plain
 from station.errors import StationError
 
 YEAR = timedelta(days=365)
 DIGITS = 6
 
 
-def flow(values: dict[str, Any]) -> str:
+def flow(values: Plain) -> str:
     """Return a mapping as one line of YAML."""
     return "{" + ", ".join(f"{key}: {value}" for key, value in values.items()) + "}"
 
@@ -32,9 +31,9 @@ def scalar(value: object) -> str:
     return value if read == {"text": value} else json.dumps(value, ensure_ascii=False)
 
 
-def print_block(block: dict[str, Any], to_yaml: Callable[[dict[str, Any]], str], *, as_json: bool) -> None:
-    """Print a block of a bench file, as YAML to be pasted or as JSON."""
-    sys.stdout.write(json.dumps(block, ensure_ascii=False) + "\n" if as_json else to_yaml(block))
+def print_block(block: object, yaml: str, *, as_json: bool) -> None:
+    """Print a block of a bench file, a class, as YAML to be pasted or as JSON."""
+    sys.stdout.write(json.dumps(plain(block), ensure_ascii=False) + "\n" if as_json else yaml)
 
 
 def rounded(value: float) -> float:

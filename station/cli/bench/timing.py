@@ -98,7 +98,7 @@ def explain(report: TimingReport) -> list[str]:
         share = report.missed / report.periods
         told.append(
             f"{report.missed} of {report.periods} periods were missed ({share:.3%}; recipes allow about 0.1 %). "
-            f"Before {causes.count(most)} of {len(causes)} gaps, {CAUSES[most]}.",
+            f"Most frequent cause, {causes.count(most)} of {len(causes)} gaps: {CAUSES[most]}.",
         )
     every_ms = _rhythm_ms(report)
     if every_ms:

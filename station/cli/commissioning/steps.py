@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 from definitions.commissioning import STEP_BY_ID, STEPS
 from drivers.can.bus import open_can
@@ -18,8 +19,11 @@ from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
 from station.commissioning.probe import Live
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
 from station.documents.commissioning import StepDone
-from station.documents.entries import plain
+from station.documents.entries import alongside, plain
 from station.errors import StationError
+
+if TYPE_CHECKING:
+    from station.commissioning.watchdogs import Reaction
 
 NOT_PASSED = 1
 Block = str | Grid
@@ -54,10 +58,18 @@ class SaidOfRegisters(NamedTuple):
     moved: Collection[str]
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrialSaid:
+    """What the drive did in a trial; its state stands there by its name."""
+
+    reaction: Reaction = alongside()
+    state: str
+
+
 class SaidOfWatchdogs(NamedTuple):
     """What `watchdogs` tells a program: the reaction to each trial, with the drive's state by its name."""
 
-    trials: list[Mapping[str, object]]
+    trials: list[TrialSaid]
 
 
 def status(bench_name: str, *, as_json: bool) -> int:
@@ -225,7 +237,7 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
     ]
     heads = ("trial", "drive reacts", "after", "without torque after", "time-out", "EMCY")
     done = write_down(bench, "watchdogs", by, trials.judged(reactions), trials.figures(reactions))
-    said = SaidOfWatchdogs([{**one._asdict(), "state": one.state.name.lower()} for one in reactions])
+    said = SaidOfWatchdogs([TrialSaid(reaction=one, state=one.state.name.lower()) for one in reactions])
     return end(bench, done, [Grid(heads, rows)], said, as_json=as_json)
 
 

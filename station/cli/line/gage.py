@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from analysis.line.gage_study import (
     AverageRange,
     GageDesign,
     GageStudy,
     Interval,
-    Source,
     analyse_average_range,
     analyse_gage_study,
     gage_design,
@@ -20,8 +19,9 @@ from analysis.line.gage_study import (
 from station.cli.csv_columns import read_csv_columns
 from station.cli.line.line_statistics import Side, Values, figure, worse_side
 from station.cli.line.stored_metric import Ask, StoredValue
-from station.cli.line.stored_values import StoredValues, values_of_sides
+from station.cli.line.stored_values import FromRuns, StoredValues, values_of_sides
 from station.cli.say import Grid, say
+from station.documents.entries import alongside
 from station.errors import StationError
 
 BY = ("day", "bench", "operator")
@@ -41,6 +41,21 @@ SPREADS = {
 GOOD_PCT, FAIR_PCT = 10.0, 30.0
 LEAST_NDC = 5
 """AIAG: below 10 % good, up to 30 % for some uses, five categories or more."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrintedGage:
+    """What `gage --json` prints: where the values come from, the design, and both ways of evaluation."""
+
+    file: str | None
+    source: FromRuns | None = alongside()
+    parts: tuple[str, ...]
+    operators: tuple[str, ...]
+    trials: int
+    tolerance: float | None
+    level: float
+    anova: GageStudy
+    average_range: AverageRange
 
 
 def gage(
@@ -72,15 +87,17 @@ def gage(
     sides = [_studied(design, stored, given, level) for design, stored in found]
     values, (design, tolerance, anova, ranges), of_sides = worse_side(sides)
     stored, unit = values.stored, values.unit
-    head: dict[str, Any] = {"file": None if file is None else str(file), **({} if stored is None else stored.head())}
-    head |= {"parts": list(design.parts), "operators": list(design.operators), "trials": design.values.shape[2]}
-    document = {
-        **head,
-        "tolerance": tolerance,
-        "level": level,
-        "anova": _plain(anova),
-        "average_range": _plain(ranges),
-    }
+    document = PrintedGage(
+        file=None if file is None else str(file),
+        source=None if stored is None else stored.head(),
+        parts=design.parts,
+        operators=design.operators,
+        trials=design.values.shape[2],
+        tolerance=tolerance,
+        level=level,
+        anova=anova,
+        average_range=ranges,
+    )
     blocks = _blocks(design, anova, ranges, unit, level)
     return say(document, [*blocks, *of_sides, *values.notes()], as_json=as_json)
 
@@ -156,12 +173,6 @@ def _tolerance(given: float | None, stored: StoredValues | None) -> float | None
         return given
     low, high = stored.limits.min, stored.limits.max
     return None if low is None or high is None else high - low
-
-
-def _plain(study: GageStudy | AverageRange) -> dict[str, Any]:
-    return {
-        key: value._asdict() if isinstance(value, (Interval, Source)) else value for key, value in vars(study).items()
-    }
 
 
 def _interval(one: Interval, unit: str, digits: int = 4) -> tuple[str, str]:

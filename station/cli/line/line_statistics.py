@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from analysis.line.capability import Capability, capability
-from analysis.line.master_part import master_part_trend
+from analysis.line.master_part import MasterPart, master_part_trend
 from analysis.line.spread import UnitToUnit, unit_to_unit
 from station.cli.csv_columns import CsvColumns, read_csv_columns
 from station.cli.line.stored_metric import Ask
-from station.cli.line.stored_values import StoredValues, values_of_sides
+from station.cli.line.stored_values import FromRuns, StoredValues, values_of_sides
 from station.cli.say import Grid, say
+from station.documents.entries import alongside
 from station.documents.result import Limits
 from station.errors import StationError
 from station.reports.result_text import limits_text, minus, unit_text
@@ -41,6 +41,44 @@ class Asked:
 
 
 @dataclass(frozen=True)
+class FromFile:
+    """Where the values of a study come from, for JSON: the column of a CSV file."""
+
+    file: str | None
+    column: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class CapabilityStudy:
+    """What `capability --json` prints."""
+
+    source: FromRuns | FromFile = alongside()
+    level: float
+    subgroup: int
+    found: Capability = alongside()
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitsStudy:
+    """What `units --json` prints."""
+
+    source: FromRuns | FromFile = alongside()
+    level: float
+    found: UnitToUnit = alongside()
+
+
+@dataclass(frozen=True, kw_only=True)
+class MasterPartStudy:
+    """What `master-part --json` prints."""
+
+    source: FromRuns | FromFile = alongside()
+    level: float
+    measurements: int
+    found: MasterPart = alongside()
+    in_control: bool
+
+
+@dataclass(frozen=True)
 class Values:
     """Values with what they are called, and the table or runs that they came from."""
 
@@ -50,11 +88,11 @@ class Values:
     table: CsvColumns | None
     stored: StoredValues | None
 
-    def head(self) -> dict[str, Any]:
-        """Return where the values come from, for JSON."""
+    def head(self) -> FromRuns | FromFile:
+        """Return where the values come from."""
         if self.stored is not None:
             return self.stored.head()
-        return {"file": None if self.table is None else str(self.table.file), "column": self.name}
+        return FromFile(None if self.table is None else str(self.table.file), self.name)
 
     def notes(self) -> list[str]:
         """Return what a reader must know of the source."""
@@ -132,7 +170,7 @@ def capability_of(
     ]
     if not both:
         blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk are of the side that has the limit")
-    document = {**found.head(), "level": level, "subgroup": subgroup, **dataclasses.asdict(one)}
+    document = CapabilityStudy(source=found.head(), level=level, subgroup=subgroup, found=one)
     return say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
 
 
@@ -189,7 +227,7 @@ def units_of(asked: Asked, level: float, *, as_json: bool) -> int:
         Grid(("", "", ""), rows, right=(1,)),
         f"{unusual} (modified z score beyond 3.5)",
     ]
-    document = {**found.head(), "level": level, **dataclasses.asdict(one)}
+    document = UnitsStudy(source=found.head(), level=level, found=one)
     return say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
 
 
@@ -267,7 +305,8 @@ def master_part_of(
         Grid(("", "", ""), rows, right=(1,)),
     ]
     blocks += [f"OUT OF CONTROL at measurement {s.measurement}: {s.text}" for s in one.signals] or ["in control"]
-    document = {**found.head(), "level": level, "measurements": len(days), **dataclasses.asdict(one)}
-    document |= {"signals": [signal._asdict() for signal in one.signals], "in_control": one.in_control}
+    document = MasterPartStudy(
+        source=found.head(), level=level, measurements=len(days), found=one, in_control=one.in_control
+    )
     say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
     return 0 if one.in_control else OUT_OF_CONTROL

@@ -29,6 +29,21 @@ ELSEWHERE = frozenset({"not_in_chain", "copied", "renamed"})
 
 
 @dataclass(frozen=True)
+class FromRuns:
+    """Where the values of a study come from, for JSON: a metric of stored runs, and what was left out by its reason."""
+
+    metric: str
+    definition: str
+    unit: str
+    side: str | None
+    recipe: str | None
+    runs: list[str]
+    left_out: Mapping[str, int]
+    virtual_runs: int
+    runs_with_faults: int
+
+
+@dataclass(frozen=True)
 class StoredValues:
     """Values of one metric in order of time, its limits in the newest run, and what was left out (reason, count)."""
 
@@ -57,19 +72,19 @@ class StoredValues:
             notes += [f"MIXED: {_listing(counts, what)}"] if len(counts) > 1 else []
         return notes + [f"left out: {count} {reason}" for reason, count in self.left_out.items()]
 
-    def head(self) -> dict[str, Any]:
-        """Return what was taken, for JSON."""
-        return {
-            "metric": self.ask.metric,
-            "definition": self.definition,
-            "unit": self.unit,
-            "side": self.ask.side,
-            "recipe": self.ask.recipe,
-            "runs": [one.run_id for one in self.values],
-            "left_out": dict(self.left_out),
-            "virtual_runs": sum(one.metric.virtual for one in self.values),
-            "runs_with_faults": sum(bool(one.metric.scenario) for one in self.values),
-        }
+    def head(self) -> FromRuns:
+        """Return what was taken."""
+        return FromRuns(
+            metric=self.ask.metric,
+            definition=self.definition,
+            unit=self.unit,
+            side=self.ask.side,
+            recipe=self.ask.recipe,
+            runs=[one.run_id for one in self.values],
+            left_out=self.left_out,
+            virtual_runs=sum(one.metric.virtual for one in self.values),
+            runs_with_faults=sum(bool(one.metric.scenario) for one in self.values),
+        )
 
 
 def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> StoredValues:

@@ -32,18 +32,20 @@ BenchFilter = Annotated[
     str | None, typer.Option("--bench", metavar="NAME", help="Only runs on the bench of this name.")
 ]
 SinceOption = Annotated[
-    str | None, typer.Option("--since", metavar="DATE", help="Only runs from then on, as 2026-01-31 or with a time.")
+    str | None,
+    typer.Option("--since", metavar="DATE", help="Only runs from then on: 2026-01-31 or 2026-01-31T08:00."),
 ]
-UntilOption = Annotated[str | None, typer.Option("--until", metavar="DATE", help="Only runs before then.")]
+UntilOption = Annotated[str | None, typer.Option("--until", metavar="DATE", help="Only runs before then, as --since.")]
 VirtualOption = Annotated[
     bool, typer.Option("--virtual", help="Units of the virtual bench. Default: real units, never both together.")
 ]
 NewestOption = Annotated[
-    int, typer.Option("--newest", metavar="N", min=3, help="Values of so many newest first attempts.")
+    int, typer.Option("--newest", metavar="N", min=3, help="Number of newest first attempts to use.")
 ]
 WantedMetric = Annotated[str, typer.Option("--metric", metavar="ID", help="Metric of the runs, as 'metrics' lists it.")]
 SubgroupOption = Annotated[
-    int, typer.Option("--subgroup", metavar="N", min=1, help="Values made together; 1: single values, moving range.")
+    int,
+    typer.Option("--subgroup", metavar="N", min=1, help="Subgroup size. 1: moving range."),
 ]
 ByOption = Annotated[
     str | None,
@@ -143,10 +145,21 @@ def chart(
     subgroup: SubgroupOption = 5,
     baseline: Annotated[
         int | None,
-        typer.Option("--baseline", metavar="N", min=2, help="First subgroups that make the limits. Default: all."),
+        typer.Option(
+            "--baseline",
+            metavar="N",
+            min=2,
+            help="Number of first subgroups for the control limits. All by default.",
+        ),
     ] = None,
     units_per_hour: Annotated[
-        float, typer.Option("--units-per-hour", metavar="X", min=0.01, help="For the false alarms that are told.")
+        float,
+        typer.Option(
+            "--units-per-hour",
+            metavar="X",
+            min=0.01,
+            help="Units measured in an hour, for the false-alarm rate.",
+        ),
     ] = 60.0,
     side: SideOption = None,
     branch: BranchOption = None,
@@ -243,13 +256,13 @@ def trial(
     draft: Annotated[
         str | None,
         typer.Option(
-            "--save-draft", metavar="PERSON", help="Save the recipe with what was tried as a draft of PERSON."
+            "--save-draft", metavar="PERSON", help="Save the recipe with these limits as a draft written by PERSON."
         ),
     ] = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Limits on trial: which verdicts of a lot would be others, and the risks of wrong decisions before and after."""
+    """Try other limits: which verdicts of a lot would change, and the risk of wrong decisions before and after."""
     from station.cli.quality import trial as command_trial
     from station.quality.limits_trial import Tried
 

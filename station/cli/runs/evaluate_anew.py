@@ -33,7 +33,7 @@ from station.errors import StationError
 from station.records.run_record import RESULT, TIMING, RunRecord
 from station.records.seal import alterations
 from station.reports.stored_result import stored_result
-from station.results.evaluation import decision_of, figures_for, method_fields, method_of, planned_rates, wanted_of
+from station.results.evaluation import decision_of, figures_for, method_of, method_of_recipe, planned_rates, wanted_of
 from station.results.export_origin import Origin, origin_of
 from station.results.judged import judged_in
 from station.results.run_analysis import evaluate_run
@@ -56,7 +56,7 @@ def method_without_run(recipe: Recipe, bench: Bench | None) -> Method:
     """Return the method for a trace measured elsewhere: without a bench nothing is known of its fixture."""
     if bench is not None:
         return method_of(recipe, bench)
-    return Method(**method_fields(recipe), planned_nm_s=planned_rates(recipe, None))
+    return replace(method_of_recipe(recipe), planned_nm_s=planned_rates(recipe, None))
 
 
 def elsewhere(

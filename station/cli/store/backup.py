@@ -44,7 +44,7 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
             "data": str(data),
             "runs": found.runs,
             "chain_entries": found.walk.entries,
-            "audit": plain(head),
+            "audit": None if head is None else {"lines": head.lines, "sha256": head.head_sha256},
             "passed": not found.problems,
         }
         sys.stdout.write(json.dumps(document, ensure_ascii=False) + "\n")
@@ -52,7 +52,7 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
         lines = [
             f"{file}: {kept.files} files, {kept.bytes / 1e6:.1f} MB, made {kept.made}",
             f"{data}: {found.runs} runs, {found.walk.entries} entries of the chain",
-            *([] if head is None else [f"audit trail: {head.lines} lines, head {head.sha256}"]),
+            *([] if head is None else [f"audit trail: {head.lines} lines, head {head.head_sha256}"]),
             "every file has its recorded hash; 'verify' " + ("passed" if not found.problems else "finds problems:"),
             *(f"  {problem.text}" for problem in found.problems[:20]),
         ]

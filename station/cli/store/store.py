@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+from station.documents.entries import plain
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.store.outbox import rebuild
@@ -13,6 +16,15 @@ from station.store.table_counts import behind, counts
 from station.store.view import look_at, opened, warn
 
 SAID_EVERY = 2000
+
+
+@dataclass(frozen=True)
+class StoreState:
+    """Where a store is, its rows by table, and how many entries of the chain it is behind."""
+
+    store: str
+    rows: Mapping[str, int]
+    behind: int
 
 
 def rebuild_store(data: Path, *, as_json: bool) -> int:
@@ -31,7 +43,7 @@ def rebuild_store(data: Path, *, as_json: bool) -> int:
         found = counts(database, Chain(data))
     finally:
         database.close()
-    return _say({"store": database.place.shown, "rows": found, "behind": 0}, as_json=as_json)
+    return _say(StoreState(database.place.shown, found, 0), as_json=as_json)
 
 
 def store_state(data: Path, *, as_json: bool) -> int:
@@ -44,7 +56,7 @@ def store_state(data: Path, *, as_json: bool) -> int:
     _refuse_no_folder(data)
     database, chain = opened(data), Chain(data)
     try:
-        found = {"store": database.place.shown, "rows": counts(database, chain), "behind": behind(database, chain)}
+        found = StoreState(database.place.shown, counts(database, chain), behind(database, chain))
     finally:
         database.close()
     return _say(found, as_json=as_json)
@@ -60,15 +72,13 @@ def _tell(done: int, there: int) -> None:
         warn(f"{done} of {there} runs are in the store")
 
 
-def _say(found: dict[str, object], *, as_json: bool) -> int:
+def _say(found: StoreState, *, as_json: bool) -> int:
     if as_json:
-        sys.stdout.write(json.dumps(found) + "\n")
+        sys.stdout.write(json.dumps(plain(found)) + "\n")
         return 0
-    rows = found["rows"]
-    assert isinstance(rows, dict)  # noqa: S101 - for the type checker
-    sys.stdout.write(f"{found['store']}\n")
-    sys.stdout.writelines(f"  {name:14} {count:8}\n" for name, count in rows.items())
-    left = found["behind"]
+    sys.stdout.write(f"{found.store}\n")
+    sys.stdout.writelines(f"  {name:14} {count:8}\n" for name, count in found.rows.items())
+    left = found.behind
     sys.stdout.write(
         "up to date with the chain\n" if not left else f"behind by {left} entries. The next 'list' brings it up\n"
     )

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from analysis.models.identify import MOST_CORRELATION, Identified, identify
+from analysis.models.identify import MOST_CORRELATION, Identified, Refusal, identify
 from analysis.models.maxwell_slip import EQUATIONS, identify_maxwell_slip, parameter_units
 from analysis.models.reducer_model import model_to_json
 from analysis.models.samples import LoopSamples
@@ -17,6 +16,7 @@ from analysis.trace.errors import AnalysisError
 from station.cli.out_file import refuse_records, writing
 from station.cli.say import Grid, say
 from station.cli.studies.loop_source import Source, loop_of, loop_source
+from station.documents.entries import alongside, left_out
 from station.errors import StationError
 from station.reports.result_text import minus
 
@@ -65,12 +65,12 @@ def model(asked: Asked, *, as_json: bool) -> int:
     if kind == ALL:
         return _compare(source, loop, as_json=as_json)
     found = _identified(kind, loop, fixed)
-    document = {"source": source.name, "serial": source.serial, "virtual": source.virtual, **described(found)}
+    document = OneModel(loop=_from_loop(source), found=described(found))
     blocks = _blocks(source, kind, found)
     if asked.out is not None:
         with writing(asked.out):
             asked.out.write_text(model_to_json(found, source.serial), encoding="utf-8")
-        document |= {"exported": str(asked.out)}
+        document = replace(document, exported=str(asked.out))
         blocks.append(f"model   {asked.out}   (play it: lostmotion play-model {asked.out} ANGLES.csv)")
     return say(document, blocks, as_json=as_json)
 
@@ -96,33 +96,92 @@ def _identified(kind: str, loop: LoopSamples, fixed: Mapping[str, float]) -> Ide
     return identify_maxwell_slip(loop) if kind == "maxwell-slip" else identify(loop, KINDS[kind], fixed)
 
 
-def described(found: Identified) -> dict[str, Any]:
-    """Return a fit as plain data: every parameter with unit, meaning and uncertainty, and what is not determined."""
+@dataclass(frozen=True)
+class ParameterFound:
+    """A parameter of a model: what was found, how sure it is, and what it means."""
+
+    name: str
+    value: float
+    unit: str
+    standard_uncertainty: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlation of the parameters that were free, in their order."""
+
+    of: Sequence[str]
+    matrix: list[list[float]]
+
+
+@dataclass(frozen=True)
+class ModelFound:
+    """A fit: every parameter with unit, meaning and uncertainty, and what the loop does not determine."""
+
+    model: str
+    equations: str
+    parameters: tuple[ParameterFound, ...]
+    residual_pct_of_peak: float
+    worst_residual_pct_of_peak: float
+    peak_nm: float
+    samples: int
+    correlation: Correlation
+    refused: Sequence[Refusal]
+    at_bound: Sequence[str]
+    friction_at_turns: Sequence[float]
+    exportable: bool
+
+
+@dataclass(frozen=True)
+class FromLoop:
+    """Which loop a model was fitted to."""
+
+    source: str
+    serial: str
+    virtual: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneModel:
+    """What `model --json` prints of one model."""
+
+    loop: FromLoop = alongside()
+    found: ModelFound = alongside()
+    exported: str | None = left_out()
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllModels:
+    """What `model --kind all --json` prints: every fit that ended, and why others did not."""
+
+    loop: FromLoop = alongside()
+    models: tuple[ModelFound, ...]
+    failed: Mapping[str, str]
+
+
+def described(found: Identified) -> ModelFound:
+    """Return what is told of a fit."""
     row = MODELS.get(found.model)
     units = parameter_units(found.values) if row is None else {name: one.unit for name, one in row.parameters.items()}
-    return {
-        "model": found.model,
-        "equations": EQUATIONS if row is None else row.equations,
-        "parameters": [
-            {
-                "name": name,
-                "value": value,
-                "unit": units[name],
-                "standard_uncertainty": found.u[name],
-                "text": "" if row is None else row.parameters[name].text,
-            }
+    texts = {} if row is None else {name: one.text for name, one in row.parameters.items()}
+    return ModelFound(
+        model=found.model,
+        equations=EQUATIONS if row is None else row.equations,
+        parameters=tuple(
+            ParameterFound(name, value, units[name], found.u[name], texts.get(name, ""))
             for name, value in found.values.items()
-        ],
-        "residual_pct_of_peak": found.residual_pct,
-        "worst_residual_pct_of_peak": found.worst_pct,
-        "peak_nm": found.peak_nm,
-        "samples": found.samples,
-        "correlation": {"of": list(found.free), "matrix": found.correlation.tolist()},
-        "refused": [refusal._asdict() for refusal in found.refused],
-        "at_bound": list(found.at_bound),
-        "friction_at_turns": list(found.friction_at_turns),
-        "exportable": row is None or not found.refused,
-    }
+        ),
+        residual_pct_of_peak=found.residual_pct,
+        worst_residual_pct_of_peak=found.worst_pct,
+        peak_nm=found.peak_nm,
+        samples=found.samples,
+        correlation=Correlation(found.free, found.correlation.tolist()),
+        refused=found.refused,
+        at_bound=found.at_bound,
+        friction_at_turns=found.friction_at_turns,
+        exportable=row is None or not found.refused,
+    )
 
 
 def _compare(source: Source, loop: LoopSamples, *, as_json: bool) -> int:
@@ -140,9 +199,13 @@ def _compare(source: Source, loop: LoopSamples, *, as_json: bool) -> int:
     rows += [(kind, "–", "–", "", f"no: {reason}") for kind, reason in failed.items()]
     grid = Grid(("model", "residual rms", "largest", "parameters", "can be exported"), rows, right=(1, 2, 3))
     last = "Residuals are of the peak torque. The parameters of one model: --kind NAME"
-    document = {"source": source.name, "serial": source.serial, "virtual": source.virtual}
-    document |= {"models": [described(one) for one in found.values()], "failed": failed}
+    models = tuple(described(one) for one in found.values())
+    document = AllModels(loop=_from_loop(source), models=models, failed=failed)
     return say(document, [_head(source, loop.peak_nm), grid, last], as_json=as_json)
+
+
+def _from_loop(source: Source) -> FromLoop:
+    return FromLoop(source.name, source.serial, source.virtual)
 
 
 def _exportable(found: Identified) -> str:
@@ -161,16 +224,16 @@ def _blocks(source: Source, kind: str, found: Identified) -> list[str | Grid]:
     refused = {refusal.parameter for refusal in found.refused}
     rows = [
         (
-            one["name"],
-            _rounded(one["value"], one["standard_uncertainty"]),
-            _spread_text(found, one["name"], refused),
-            one["unit"] if one["unit"] != "1" else "",
-            one["text"],
+            one.name,
+            _rounded(one.value, one.standard_uncertainty),
+            _spread_text(found, one.name, refused),
+            one.unit if one.unit != "1" else "",
+            one.text,
         )
-        for one in document["parameters"]
+        for one in document.parameters
     ]
     blocks: list[str | Grid] = [
-        f"{_head(source, found.peak_nm)}, model {kind}: {document['equations']}",
+        f"{_head(source, found.peak_nm)}, model {kind}: {document.equations}",
         Grid(("parameter", "value", "standard u", "unit", ""), rows, right=(1,)),
         f"residual {found.residual_pct:.3f} % of the peak torque (rms), {found.worst_pct:.2f} % at most",
     ]

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-from analysis.studies.eccentricity import PUBLISHED, EccentricityRow, eccentricity_trend
-from analysis.studies.lock_angle import lock_angle_study
-from analysis.studies.temperature import temperature_trend
+from analysis.studies.eccentricity import PUBLISHED, EccentricityRow, EccentricityTrend, eccentricity_trend
+from analysis.studies.lock_angle import Correlation, Spread, lock_angle_study
+from analysis.studies.temperature import TemperatureTrend, temperature_trend
 from station.cli.csv_columns import read_csv_columns
 from station.cli.line.line_statistics import Asked, Side, Values, figure, values_of, worse_side
+from station.cli.line.line_statistics import FromFile as FromColumn
 from station.cli.line.stored_metric import Ask
-from station.cli.line.stored_values import StoredValues, values_of_sides
+from station.cli.line.stored_values import FromRuns, StoredValues, values_of_sides
 from station.cli.say import Grid, say
+from station.documents.entries import alongside
 from station.errors import StationError
 from station.records.run_conditions import housing_temperature_c, lock_position_deg
 
@@ -26,6 +28,69 @@ SQUARE = 2.0
 ECCENTRICITY_COLUMNS = EccentricityRow._fields
 
 
+@dataclass(frozen=True)
+class FromFile:
+    """Where the values of a study come from, for JSON: a CSV file, None for the published table."""
+
+    file: str | None
+
+
+@dataclass(frozen=True)
+class FromPositions:
+    """Where the values of a study come from, for JSON: runs of a unit, and where its shaft was locked."""
+
+    runs: list[str]
+    serial: str | None
+    lock_position_deg: list[float]
+
+
+class Positions(NamedTuple):
+    """Values per metric, one for each position, their units, where they come from, and what is to be known of them."""
+
+    values: Mapping[str, list[float]]
+    units: Mapping[str, str]
+    source: FromFile | FromPositions
+    notes: Sequence[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LockAngleStudied:
+    """What `study lock-angle --json` prints."""
+
+    source: FromFile | FromPositions = alongside()
+    positions: int
+    level: float
+    spreads: Mapping[str, Spread]
+    correlations: Sequence[Correlation]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TemperatureStudied:
+    """What `study temperature --json` prints."""
+
+    source: FromRuns | FromColumn = alongside()
+    level: float
+    temperature_c: Sequence[float]
+    found: TemperatureTrend = alongside()
+
+
+class StiffnessAt(NamedTuple):
+    """What the law gives for an eccentricity."""
+
+    eccentricity_mm: float
+    stiffness_nm_per_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class EccentricityStudied:
+    """What `study eccentricity --json` prints."""
+
+    source: FromFile = alongside()
+    found: EccentricityTrend = alongside()
+    rows: Sequence[EccentricityRow]
+    at: Sequence[StiffnessAt]
+
+
 def lock_angle(file: Path | None, asks: Sequence[Ask], data: Path, level: float, *, as_json: bool) -> int:
     """Print the spread of metrics over lock positions and their correlation; return 0.
 
@@ -33,7 +98,7 @@ def lock_angle(file: Path | None, asks: Sequence[Ask], data: Path, level: float,
         StationError, AnalysisError: bad input, or fewer than four positions.
 
     """
-    metrics, units, head, notes = _columns(file, asks) if file is not None else _runs(asks, data)
+    metrics, units, source, notes = _columns(file, asks) if file is not None else _runs(asks, data)
     study = lock_angle_study(metrics, level)
     spreads = [
         (name, *(figure(value, units.get(name, "")) for value in (one.mean, one.sd, one.least, one.most)))
@@ -55,25 +120,25 @@ def lock_angle(file: Path | None, asks: Sequence[Ask], data: Path, level: float,
     ]
     if pairs:
         blocks.append(Grid(("pair", "correlation", f"{level:.0%} interval", "p of none"), pairs, right=(1, 3)))
-    document = {**head, "positions": study.positions, "level": level}
-    document |= {"spreads": {name: one._asdict() for name, one in study.spreads.items()}}
-    document |= {"correlations": [one._asdict() for one in study.correlations]}
+    document = LockAngleStudied(
+        source=source,
+        positions=study.positions,
+        level=level,
+        spreads=study.spreads,
+        correlations=study.correlations,
+    )
     return say(document, [*blocks, *notes], as_json=as_json)
 
 
-Source = tuple[dict[str, list[float]], dict[str, str], dict[str, Any], list[str]]
-"""Values per metric, units, what goes into the JSON, and notes."""
-
-
-def _columns(file: Path, asks: Sequence[Ask]) -> Source:
+def _columns(file: Path, asks: Sequence[Ask]) -> Positions:
     table = read_csv_columns(file)
     names = [ask.metric for ask in asks] or [name for name in table.numeric() if name not in LABELS]
     if not names:
         raise StationError(f"{file}: found columns {', '.join(table.columns)}; expected a column of numbers per metric")
-    return {name: table.numbers(name) for name in names}, {}, {"file": str(file)}, []
+    return Positions({name: table.numbers(name) for name in names}, {}, FromFile(str(file)), [])
 
 
-def _runs(asks: Sequence[Ask], data: Path) -> Source:
+def _runs(asks: Sequence[Ask], data: Path) -> Positions:
     if not asks or asks[0].serial is None:
         raise StationError("give a CSV FILE with a column per metric, or --serial SN and --metric ID for stored runs")
     found: list[StoredValues] = [side for ask in asks for side in values_of_sides(data, ask)]
@@ -84,11 +149,11 @@ def _runs(asks: Sequence[Ask], data: Path) -> Source:
                 f"{other.ask.metric} and {asks[0].metric} come from different runs. Choose one recipe with --recipe"
             )
     positions = [lock_position_deg(run) for run in found[0].runs()]
-    head = {"runs": ids, "serial": asks[0].serial, "lock_position_deg": positions}
+    source = FromPositions(ids, asks[0].serial, positions)
     places = ", ".join(figure(place, "", 4) for place in positions)
     notes = [f"locked shaft at {places}° (by its encoder)", *found[0].notes()]
     values = {one.name: [row.value for row in one.values] for one in found}
-    return values, {one.name: one.unit for one in found}, head, notes
+    return Positions(values, {one.name: one.unit for one in found}, source, notes)
 
 
 def temperature(
@@ -129,7 +194,7 @@ def temperature(
         Grid(("", "", ""), rows, right=(1,)),
         f"The metric {means} on temperature (p of no slope: {one.p_none:.2g})",
     ]
-    document = {**found.head(), "level": level, "temperature_c": celsius, **dataclasses.asdict(one)}
+    document = TemperatureStudied(source=found.head(), level=level, temperature_c=celsius, found=one)
     return say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
 
 
@@ -181,7 +246,6 @@ def eccentricity(
         f"ln K scatters by {trend.residual:.2g} about the law",
         *(f"at {place:g} mm: {stiffness:.5g} N·m/rad" for place, stiffness in asked),
     ]
-    document = {"file": None if file is None else str(file), **dataclasses.asdict(trend)}
-    document |= {"rows": [row._asdict() for row in rows]}
-    document |= {"at": [{"eccentricity_mm": place, "stiffness_nm_per_rad": k} for place, k in asked]}
+    at = [StiffnessAt(place, stiffness) for place, stiffness in asked]
+    document = EccentricityStudied(source=FromFile(None if file is None else str(file)), found=trend, rows=rows, at=at)
     return say(document, blocks, as_json=as_json)

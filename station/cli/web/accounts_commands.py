@@ -86,7 +86,7 @@ def users_first(data: DataOption = DEFAULT_DATA) -> None:
     database.close()
     if password is None:
         raise StationError(f"{data}: has accounts already. An admin adds others with 'lostmotion users add'")
-    sys.stdout.write(f"{FIRST_ACCOUNT}, password {password} (good for choosing your own: lostmotion users password)\n")
+    sys.stdout.write(f"{FIRST_ACCOUNT}, password {password} (replace it first: lostmotion users password)\n")
 
 
 @users_app.command("add")
@@ -96,7 +96,7 @@ def users_add(
     who: WhoOption,
     data: DataOption = DEFAULT_DATA,
 ) -> None:
-    """Add an account; its first password is asked for, and good for choosing another."""
+    """Add an account. Asks for a first password, which its owner replaces at the first log-in."""
     _done(data, who, "add_person", {"name": name, "role": role}, password=f"first password of {name}")
 
 
@@ -147,12 +147,14 @@ def _done(data: Path, who: str, action: str, values: dict[str, JsonValue], **sec
         StationError: wrong name or password, or why the action was refused.
 
     """
-    from station.web.actions import OK, Station, perform
+    from station.web.actions.perform import perform
+    from station.web.actions.row import OK
     from station.web.models import load_models
     from station.web.people import audit
     from station.web.people.accounts import EntryRefusedError, enter, is_name
     from station.web.people.database import FILE, StationDatabase
     from station.web.running import Running
+    from station.web.station import Station
 
     if not (data / FILE).is_file():
         raise StationError(

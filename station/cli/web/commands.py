@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
+from station.documents.entries import plain
 
 if TYPE_CHECKING:
     from station.web.people.database import StationDatabase
@@ -71,10 +72,10 @@ def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
         head, problems = audit.head_of(connection), audit.problems_of(connection)
     database.close()
     if as_json:
-        found = {"lines": head.lines, "head_sha256": head.sha256, "problems": problems}
+        found = {**head._asdict(), "problems": problems}
         sys.stdout.write(json.dumps(found) + "\n")
     else:
-        lines = [*problems, f"{head.lines} lines, head {head.sha256}: {'CHANGED' if problems else 'unchanged'}"]
+        lines = [*problems, f"{head.lines} lines, head {head.head_sha256}: {'CHANGED' if problems else 'unchanged'}"]
         sys.stdout.write("\n".join(lines) + "\n")
     raise typer.Exit(1 if problems else 0)
 
@@ -106,7 +107,7 @@ def audit_shift(
     with database.reading() as connection:
         found = shift_of(rows, alarms_of(data, rows, end), connection, begin, end)
     database.close()
-    sys.stdout.write(json.dumps(found.as_json(), ensure_ascii=False) + "\n" if as_json else found.as_text())
+    sys.stdout.write(json.dumps(plain(found), ensure_ascii=False) + "\n" if as_json else found.as_text())
 
 
 def _database_of(data: Path) -> StationDatabase:

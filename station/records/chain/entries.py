@@ -65,6 +65,9 @@ _NUMBERS = ("counter", "attempt", "first", "last", "revision")
 _BEFORE: dict[str, type] = {"bytes": int, "sha256": str, "unconcluded": list}
 _REPLACES: dict[str, type] = {"chain": str, "counter": int, "sha256": str}
 
+Fields = dict[str, Any]
+"""An entry's fields as they stand in its line: what a later version wrote is signed and hashed as it was."""
+
 SIGNATURE = b',"signature":"'
 
 
@@ -73,7 +76,7 @@ class Entry:
     """One line of a chain, as it stands in the file, and what it says."""
 
     line: bytes
-    fields: dict[str, Any]
+    fields: Fields
 
     @property
     def kind(self) -> str:
@@ -125,7 +128,7 @@ def entry_of(line: bytes) -> Entry | None:
     return Entry(line, fields) if all(name in fields for name in needed) and _sound(fields) else None
 
 
-def _sound(fields: dict[str, Any]) -> bool:
+def _sound(fields: Fields) -> bool:
     """Whether what stands in an entry is of its kind, so that nobody stumbles over it."""
     return (
         all(isinstance(fields[name], str) for name in _TEXTS if name in fields)

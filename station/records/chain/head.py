@@ -13,9 +13,9 @@ import json
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from station.atomic_file import write_atomic
+from station.documents.entries import Plain
 from station.errors import StationError
 from station.own_place import own_folder, own_place
 from station.records.chain.keys import BenchKey, signed_by
@@ -82,7 +82,7 @@ def keep_head(head: Head, data: Path, key: BenchKey) -> None:
             write_atomic(own_folder(FOLDERS) / f"{_path_name(data)}.json", _content(place))
 
 
-def _content(row: dict[str, Any]) -> bytes:
+def _content(row: Plain) -> bytes:
     return json.dumps(row, ensure_ascii=False, sort_keys=True).encode()
 
 
@@ -94,7 +94,7 @@ def _path_name(data: Path) -> str:
     return hashlib.sha256(str(data.resolve()).encode()).hexdigest()[:32]
 
 
-def _read(path: Path) -> dict[str, Any] | None:
+def _read(path: Path) -> Plain | None:
     try:
         found = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):

@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from station.documents.entries import Plain
 from station.errors import RecordError
 from station.records.samples.scan_record import CHECK_FIELD, FIELDS_IN_ORDER, HEADER_FIELDS
 from station.records.samples.value_names import CODED, Coded
@@ -59,7 +60,7 @@ class Channel(NamedTuple):
         """Type of the value for numpy."""
         return NUMPY_TYPES[self.format]
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Plain:
         """Return the row as it is stored; numbers that have no names have no entry for them."""
         plain = {key: value for key, value in self._asdict().items() if key != "coded"}
         return plain | self.coded.as_json()
@@ -105,7 +106,7 @@ class Layout:
             at = one.end
         return struct.Struct("".join(parts))
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Plain:
         """Return the description as it is stored."""
         rows = [one.as_json() for one in self.channels]
         return {"format": FORMAT, "record_bytes": self.record_bytes, "byte_order": "little", "fields": rows}

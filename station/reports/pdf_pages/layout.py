@@ -56,7 +56,7 @@ BODY, BOLD, MONO = "LM", "LM-Bold", "LM-Mono"
 
 
 @functools.cache
-def styles() -> dict[str, Any]:
+def styles() -> dict[str, ParagraphStyle]:
     """Register the fonts once and return the paragraph styles by name."""
     folder = Path(mpl.get_data_path()) / "fonts" / "ttf"
     for name, file in ((BODY, "DejaVuSans"), (BOLD, "DejaVuSans-Bold"), (MONO, "DejaVuSansMono")):

@@ -12,9 +12,11 @@ import hashlib
 import hmac
 import json
 import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import httpx
 from sqlalchemy import Connection, func, insert, select, update
@@ -23,7 +25,7 @@ from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.chain_file import CHAIN
-from station.records.chain.entries import SEALED
+from station.records.chain.entries import SEALED, Fields
 from station.records.run_record import RESULT, RunRecord
 from station.records.seal import alterations
 from station.wall_clock import WALL_CLOCK, now_text
@@ -43,6 +45,26 @@ ALIVE_SHARE = 3
 """How often within `away_after_s` a MES that has nothing to be told is asked whether it is there."""
 
 LONGEST_REASON = 200
+
+
+@dataclass(frozen=True)
+class SealedRun:
+    """What the MES is told of a run: the chain's own words, its result where that is as it was sealed, and the trail.
+
+    altered: why no result is told; none where it is. audit: lines and hash of the audit trail as the run was collected.
+    """
+
+    run: str
+    serial: str
+    attempt: int
+    state: str
+    verdict: str | None
+    sha256: str
+    sealed_at: str
+    result: Result | None
+    altered: tuple[str, ...]
+    audit: audit.Head
+    kind: str = RESULT_SEALED
 
 
 class Waiting(NamedTuple):
@@ -86,20 +108,22 @@ def collect(database: StationDatabase, data: Path) -> int:
     end = content.rfind(b"\n") + 1
     if not end:
         return 0
-    sealed = [entry for entry in map(json.loads, content[:end].splitlines()) if entry.get("kind") == SEALED]
-    messages = [(entry, _message(data, entry)) for entry in sealed]
+    entries: Iterator[Fields] = map(json.loads, content[:end].splitlines())
+    sealed = [fields for fields in entries if fields.get("kind") == SEALED]
+    messages = [(fields, *_result_of(data, fields["run"])) for fields in sealed]
     with database.writing() as connection:
         taken = update(WEBHOOKS_READ).where(WEBHOOKS_READ.c.offset == offset).values(offset=offset + end)
         if not connection.execute(taken).rowcount:
             return 0
         head = audit.head_of(connection)
-        trail = {"lines": head.lines, "head_sha256": head.sha256}
-        for entry, message in messages:
-            key = f"{RESULT_SEALED}:{entry['run']}:{entry['sha256'][:16]}"
+        for fields, altered, result in messages:
+            told = {name: fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
+            message = SealedRun(**told, sealed_at=fields["time"], result=result, altered=tuple(altered), audit=head)
+            key = f"{RESULT_SEALED}:{message.run}:{message.sha256[:16]}"
             if connection.execute(select(WEBHOOKS.c.number).where(WEBHOOKS.c.key == key)).first() is None:
-                body = json.dumps({**message, "audit": trail}, ensure_ascii=False, sort_keys=True)
+                body = json.dumps(plain(message), ensure_ascii=False, sort_keys=True)
                 connection.execute(
-                    insert(WEBHOOKS).values(key=key, serial=entry["serial"], body=body, tries=0, next_s=0.0)
+                    insert(WEBHOOKS).values(key=key, serial=message.serial, body=body, tries=0, next_s=0.0)
                 )
     return len(sealed)
 
@@ -119,20 +143,15 @@ def _content(data: Path, offset: int) -> bytes:
         raise StationError(f"{data / CHAIN}: cannot be read: {error.strerror}") from error
 
 
-def _message(data: Path, entry: dict[str, Any]) -> dict[str, Any]:
-    """Return what the MES is told of a sealed run: the chain's own words, and the result where it is as it was sealed.
-
-    A result that was altered is not told; `altered` says why.
-    """
-    run = RunRecord(data / entry["run"])
+def _result_of(data: Path, name: str) -> tuple[Sequence[str], Result | None]:
+    """Return what was altered of a sealed run, and its result where nothing was."""
+    run = RunRecord(data / name)
     try:
         # twice: the first look may fall into the moment in which the sealed run.json gets its name
         altered = alterations(run, samples=False) and alterations(run, samples=False)
-        result = plain(run.read(Result, RESULT)) if run.has(RESULT) and not altered else None
+        return altered, run.read(Result, RESULT) if run.has(RESULT) and not altered else None
     except StationError as error:
-        altered, result = (str(error),), None
-    told = {name: entry[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
-    return {"kind": RESULT_SEALED, **told, "sealed_at": entry["time"], "result": result, "altered": list(altered)}
+        return (str(error),), None
 
 
 class Sender:
@@ -180,15 +199,14 @@ class Sender:
                 return
             error = self._send(http, key, body.encode())
             with self._database.writing() as connection:
-                values: dict[str, Any] = {"tries": tries + 1, "last_error": error}
+                tried = update(WEBHOOKS).where(WEBHOOKS.c.number == number).values(tries=tries + 1, last_error=error)
                 if error:
-                    values["next_s"] = WALL_CLOCK.now().timestamp() + min(
-                        LONGEST_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries, 16)
-                    )
+                    wait_s = min(LONGEST_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries, 16))
+                    tried = tried.values(next_s=WALL_CLOCK.now().timestamp() + wait_s)
                 else:
-                    values["delivered_at"] = now_text()
+                    tried = tried.values(delivered_at=now_text())
                     heard(connection)
-                connection.execute(update(WEBHOOKS).where(WEBHOOKS.c.number == number).values(values))
+                connection.execute(tried)
         if not due:
             self._ask(http, now_s)
 

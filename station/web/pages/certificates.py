@@ -12,10 +12,10 @@ from nicegui import ui
 
 from station.errors import StationError
 from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CheckedCode, check_code
-from station.web.actions import Station
 from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.words import CIRCLE, SQUARE, TRIANGLE, Shown, local
 from station.web.people.accounts import Session
+from station.web.station import Station
 
 STANDINGS: dict[str, Shown] = {
     GENUINE: Shown("PASS", CIRCLE, "GENUINE", "Compare the paper with what stands below."),

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Required, TypedDict
 
 from fastapi import Request
 from nicegui import ui
 from pydantic import JsonValue
 
-from station.web.actions import Station, perform
+from station.web.actions.perform import perform
 from station.web.languages import COOKIE as LANGUAGE_COOKIE
 from station.web.languages import ENGLISH, LANGUAGES, Words, words_of
 from station.web.people.accounts import COOKIE, Session, chosen_language, session_of
+from station.web.station import Station
 
 HERE = Path(__file__).parent
 
@@ -29,6 +32,22 @@ PAGES = {
 
 BUSY = "#2f4a5e"
 """The colour of what can be pressed, as `--busy` of the style sheet."""
+
+
+class Column(TypedDict, total=False):
+    """A column of a table as AG Grid takes it in the browser; `field` is the entry of a row that it shows."""
+
+    field: Required[str]
+    headerName: Required[str]
+    width: int
+    minWidth: int
+    flex: int
+    type: str
+    pinned: str
+    wrapText: bool
+    autoHeight: bool
+    cellClassRules: Mapping[str, str]
+
 
 LONGEST_BUILD_S = 15.0
 """Longest time in which a page reads what it shows, on a computer that does other things."""

@@ -31,6 +31,9 @@ AROUND = 2.5
 
 TEXT = {"size": 15, "color": INK}
 
+Figure = dict[str, Any]
+"""A part of a picture as Plotly takes it in the browser: its own tree of options, which nothing here reads back."""
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -54,9 +57,7 @@ class Marked:
     allowed_arcmin: float | None = None
 
 
-def loop_figure(
-    own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked], *, close: bool = False
-) -> dict[str, Any]:
+def loop_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked], *, close: bool = False) -> Figure:
     """Return the picture of the loop; close: no more of it than is marked, and a little around."""
     traces = [_trace(line, own.name, OWN, "solid", first=not place) for place, line in enumerate(own.curves.loop)]
     for one, (colour, dash) in zip(others, OTHERS, strict=False):
@@ -82,7 +83,7 @@ def loop_figure(
     return {"data": traces, "layout": layout, "config": CONFIG}
 
 
-def _allowed(curves: LoopCurves, marked: Marked, *, first: bool) -> dict[str, Any]:
+def _allowed(curves: LoopCurves, marked: Marked, *, first: bool) -> Figure:
     """Return how wide the loop may be, as a bar about its middle at each torque where its width is read."""
     rising, falling = (next(line for line in curves.loop if line.name.startswith(name)) for name in (RISING, FALLING))
     torques = [low for low, _ in marked.spans_nm]
@@ -97,7 +98,7 @@ def _allowed(curves: LoopCurves, marked: Marked, *, first: bool) -> dict[str, An
     }  # fmt: skip
 
 
-def stiffness_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked]) -> dict[str, Any]:
+def stiffness_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked]) -> Figure:
     """Return the picture of the local stiffness of the loading branches over torque; marked: stiffnesses alone."""
     traces = [_trace(line, own.name, OWN, "solid", first=not place) for place, line in enumerate(own.curves.stiffness)]
     for one, (colour, dash) in zip(others, OTHERS, strict=False):
@@ -126,7 +127,7 @@ def close_range(reference_nm: float, marked: Sequence[Marked]) -> Span | None:
     return middle - AROUND * half, middle + AROUND * half
 
 
-def _bands(marked: Sequence[Marked], reference_nm: float) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def _bands(marked: Sequence[Marked], reference_nm: float) -> tuple[list[Figure], list[Figure]]:
     """Return the bands and their names; metrics that are read at the same torques share a band."""
     together: dict[tuple[str, Span], list[str]] = {}
     for one in marked:
@@ -158,7 +159,7 @@ def _heights(drawn: Sequence[Drawn], ends: Span) -> list[float]:
     ]
 
 
-def _trace(line: Line, name: str, colour: str, dash: str, *, first: bool) -> dict[str, Any]:
+def _trace(line: Line, name: str, colour: str, dash: str, *, first: bool) -> Figure:
     name = plain_text(name)
     return {
         "type": "scatter", "mode": "lines", "name": name, "legendgroup": name, "showlegend": first,
@@ -172,7 +173,7 @@ def plain_text(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("{", "&#123;")
 
 
-def _layout(x_title: str, y_title: str) -> dict[str, Any]:
+def _layout(x_title: str, y_title: str) -> Figure:
     axis = {"gridcolor": GRID, "zerolinecolor": INK, "zerolinewidth": 1, "tickfont": TEXT, "automargin": True}
     return {
         "margin": {"l": 70, "r": 12, "t": 12, "b": 56}, "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "white",

@@ -17,7 +17,8 @@ from pydantic import JsonValue
 from station.errors import StationError
 from station.run.screen.progress import signed
 from station.wall_clock import WALL_CLOCK
-from station.web.actions import ACTIONS, Station, perform
+from station.web.actions.perform import perform
+from station.web.actions.table import ACTIONS
 from station.web.bench.changes import Since, since_it_worked
 from station.web.bench.due import due_on
 from station.web.bench.sight import Sight
@@ -32,6 +33,7 @@ from station.web.pages.frame import (
     still_open,
 )
 from station.web.people.accounts import Session
+from station.web.station import Station
 
 LOOK_EVERY_S = 0.2
 SLOW_EVERY_S = 10.0

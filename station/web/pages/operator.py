@@ -20,17 +20,21 @@ from station.reports.headline import remaining_reasons
 from station.reports.result_text import limits_text
 from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
-from station.web.action_values import refusal
-from station.web.actions import BAD_INPUT, OK, Answer, Station, perform, unconfirmed_run
+from station.web.actions.perform import perform
+from station.web.actions.row import BAD_INPUT, OK, Answer
+from station.web.actions.runs import unconfirmed_run
+from station.web.actions.values import refusal
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, bar, session_of_page, words_for
+from station.web.pages.quality_figures import Options
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED, Now
 from station.web.running import RUNNING as IS_RUNNING
 from station.web.running import STARTING as IS_STARTING
 from station.web.scanner_test import is_test_code
+from station.web.station import Station
 
 LOOK_EVERY_S = 0.1
 SESSION_EVERY_S = 2.0
@@ -261,7 +265,7 @@ def _row(metric: MetricValue, say: Words) -> str:
     return f"<tr><td>{escape(title)}</td>" + "".join(f'<td class="n">{escape(one)}</td>' for one in cells) + "</tr>"
 
 
-def _chart_options(say: Words) -> dict[str, Any]:
+def _chart_options(say: Words) -> Options:
     ink = "#23282b"
     axis = {
         "type": "value",

@@ -43,11 +43,11 @@ from station.quality.figures import (
 from station.records.data_folder import Store
 from station.store.quality.lot import Lot, production
 from station.wall_clock import WALL_CLOCK
-from station.web.actions import Station
 from station.web.models import Models
 from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.quality_figures import (
     LINE,
+    Options,
     capability_html,
     causes_html,
     chart_options,
@@ -62,7 +62,8 @@ from station.web.pages.quality_figures import (
     yield_options,
 )
 from station.web.people.accounts import Session
-from station.web.rest_runs import begin_of
+from station.web.rest.runs import begin_of
+from station.web.station import Station
 
 CATCH_UP_S = 0.1
 """Longest time for putting runs into the store that have come since, for each figure."""
@@ -412,7 +413,7 @@ def _card(head: str) -> ui.element:
     return card
 
 
-def _draw(chart: ui.echart, options: dict[str, object]) -> None:
+def _draw(chart: ui.echart, options: Options) -> None:
     chart.options.clear()
     chart.options.update(options)
     chart.update()

@@ -20,6 +20,7 @@ CAPABLE = 1.33
 MOST_BARS = 8
 
 Options = dict[str, Any]
+"""Options of a picture as ECharts takes them in the browser: its own tree, which nothing here reads back."""
 
 
 def plain_axis(**more: Any) -> Options:

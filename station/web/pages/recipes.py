@@ -6,7 +6,7 @@ import asyncio
 import secrets
 from functools import partial
 from html import escape
-from typing import Any
+from typing import TypedDict
 from urllib.parse import quote
 
 from fastapi import Request, Response
@@ -16,17 +16,19 @@ from nicegui import events, ui
 from recipes.text.yaml_source import LARGEST_FILE
 from station.errors import StationError
 from station.records.recipe_revisions import History, Revision, State
-from station.web.action_values import RecipeChanged
-from station.web.actions import ACTIONS, Station, perform
-from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
+from station.web.actions.perform import perform
+from station.web.actions.table import ACTIONS
+from station.web.actions.values import RecipeChanged
+from station.web.pages.frame import SESSION_EVERY_S, Column, bar, session_of_page, still_open
 from station.web.pages.recipes_editor import LINE_INK, add_editor, address_of
 from station.web.pages.words import local
 from station.web.people.accounts import Session
+from station.web.station import Station
 
 STATES = {State.DRAFT: "○ draft", State.ASKED: "◐ release asked", State.RELEASED: "● released"}
 """Each state with its shape."""
 
-COLUMNS: tuple[dict[str, Any], ...] = (
+COLUMNS: tuple[Column, ...] = (
     {"field": "name", "headerName": "Recipe", "width": 280},
     {"field": "revision", "headerName": "Revision", "width": 120, "type": "rightAligned"},
     {
@@ -114,7 +116,20 @@ class _Recipes:
             self._tell(" ".join(one.text for one in answer.refused))
 
 
-def row_of(history: History, one: Revision) -> dict[str, Any]:
+class RevisionRow(TypedDict):
+    """What the table shows of a revision: its columns by their fields."""
+
+    id: str
+    name: str
+    revision: int
+    state: str
+    current: str
+    authors: str
+    released: str
+    links: str
+
+
+def row_of(history: History, one: Revision) -> RevisionRow:
     """Return what the table shows of a revision; all but the links is text, and stays text whatever it holds."""
     address, what = address_of(one.name, one.revision), f"{escape(one.name)} revision {one.revision}"
     file = f"/api/recipes/{quote(one.name, safe='')}/{one.revision}.yaml"

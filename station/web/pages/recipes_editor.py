@@ -24,16 +24,20 @@ from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_
 from station.records.recipe_revisions import History, Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
-from station.web.action_values import RecipeChanged
-from station.web.actions import ACTIONS, Answer, Station, perform
+from station.web.actions.perform import perform
+from station.web.actions.row import Answer
+from station.web.actions.table import ACTIONS
+from station.web.actions.values import RecipeChanged
 from station.web.languages import ENGLISH, words_of
 from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.operator import metrics_table
+from station.web.pages.quality_figures import Options
 from station.web.pages.recipes_diff import diff_html
 from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
 from station.web.people.accounts import Session
 from station.web.recipe_text.check import LookedAt, look_at
 from station.web.recipe_text.dry_run import FAILED, IDLE, TRYING, DryRun
+from station.web.station import Station
 
 LOOK_EVERY_S = 0.15
 QUIET_S = 0.35
@@ -81,6 +85,7 @@ class _Editor:
         self._fields: dict[OptionPath, ui.input] = {}
         self._dry: tuple[str, str] = ("", "")
         self._asks_again = True
+        self._told: tuple[Revision | None, bool, bool] | None = None
 
     async def build(self, *, as_new: bool) -> None:
         """Lay the page out; as_new: the text becomes the draft of the next revision."""
@@ -159,6 +164,11 @@ class _Editor:
         """Show what the revision is, and what this person can do with it now."""
         found, saved = self._found, self._is_saved()
         in_order = self._looked is not None and self._looked.job is not None
+        goes_on = saved and in_order and found is not None and found.state is not State.RELEASED
+        told = (found, saved, goes_on)
+        if told == self._told:
+            return  # a button that is made anew under the finger loses the click
+        self._told = told
         self._head.clear()
         with self._head:
             with ui.element("h1").classes("lm-recipe-title"):
@@ -174,10 +184,10 @@ class _Editor:
                 ui.button("Save", on_click=self._save).props("no-caps").set_enabled(not saved)
             if found is not None and found.state is State.DRAFT and self._may("ask_release"):
                 button = ui.button("Ask for release", on_click=partial(self._release, "ask_release"))
-                button.props("no-caps").set_enabled(saved and in_order)
+                button.props("no-caps").set_enabled(goes_on)
             if found is not None and found.state is State.ASKED and self._may("release_recipe"):
                 button = ui.button("Release", on_click=partial(self._release, "release_recipe"))
-                button.props("no-caps").set_enabled(saved and in_order)
+                button.props("no-caps").set_enabled(goes_on)
 
     def _typed(self, event: Any) -> None:
         self._text = str(event.value or "")
@@ -354,7 +364,7 @@ def _history_html(history: History, name: str) -> str:
     return f'<table class="lm">{rows}</table>' if rows else "<p>Nobody has changed this recipe here.</p>"
 
 
-def _chart_options() -> dict[str, Any]:
+def _chart_options() -> Options:
     axis = {
         "type": "value",
         "nameLocation": "middle",

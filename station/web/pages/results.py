@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from datetime import date
 from html import escape
-from typing import Any
+from typing import TypedDict
 from urllib.parse import quote
 
 from fastapi import Request, Response
@@ -15,11 +15,11 @@ from nicegui import ui
 from station.errors import StationError
 from station.store.run_search import Page, search
 from station.store.stored_runs import StoredRun, Wanted
-from station.web.actions import Station
 from station.web.languages import Words
 from station.web.pages.frame import (
     LONGEST_BUILD_S,
     SESSION_EVERY_S,
+    Column,
     bar,
     session_of_page,
     still_open,
@@ -27,12 +27,13 @@ from station.web.pages.frame import (
 )
 from station.web.pages.words import SHAPES, local, verdict_text
 from station.web.people.accounts import Session
-from station.web.rest_runs import begin_of
+from station.web.rest.runs import begin_of
+from station.web.station import Station
 
 ROWS = 50
 """Runs on one page of the table."""
 
-COLUMNS: tuple[dict[str, Any], ...] = (
+COLUMNS: tuple[Column, ...] = (
     {
         "field": "verdict",
         "headerName": "Verdict",
@@ -171,7 +172,23 @@ class _Results:
             self._grid.run_grid_method("setGridOption", "rowData", rows)
 
 
-def row_of(one: StoredRun, say: Words) -> dict[str, Any]:
+class RunRow(TypedDict):
+    """What the table shows of a run: its columns by their fields; `judged`: the verdict in English, for its colour."""
+
+    run: str
+    judged: str
+    verdict: str
+    open: str
+    attempt: int | None
+    started: str
+    model: str
+    recipe: str
+    operator: str
+    notes: str
+    report: str
+
+
+def row_of(one: StoredRun, say: Words) -> RunRow:
     """Return what the table shows of a run; all but the links is text, and stays text whatever it holds."""
     name, what = quote(one.run, safe=""), f"of {escape(one.serial)}, attempt {one.attempt}"
     judged = verdict_text(one)

@@ -19,13 +19,13 @@ from station.records.data_folder import Store
 from station.reports.content import LOOP_CSV
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
-from station.web.actions import Station
 from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.loop_figure import OTHERS, Drawn, Marked, loop_figure, stiffness_figure
 from station.web.pages.run_text import RunText, metric_title, run_text
 from station.web.pages.words import local, verdict_text
 from station.web.people.accounts import Session
-from station.web.rest_runs import FILES
+from station.web.rest.runs import FILES
+from station.web.station import Station
 
 MOST_ATTEMPTS = 20
 MOST_FOUND = 8

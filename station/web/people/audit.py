@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sqlalchemy import Connection, insert, select
 
+from station.documents.entries import Plain
 from station.wall_clock import now_text
 from station.web.people.database import AUDIT
 
@@ -27,7 +27,7 @@ class Head(NamedTuple):
     """Newest line: how many lines there are, and its hash."""
 
     lines: int
-    sha256: str
+    head_sha256: str
 
 
 class Line(NamedTuple):
@@ -43,21 +43,22 @@ class Line(NamedTuple):
     sha256: str
 
 
-def write(connection: Connection, name: str, action: str, outcome: str, detail: Mapping[str, object]) -> Head:
+def write(connection: Connection, name: str, action: str, outcome: str, detail: Plain) -> Head:
     """Add a line; it is kept together with what it tells of, in one transaction."""
     head = head_of(connection)
-    row = {
-        "number": head.lines + 1,
-        "at": now_text(),
-        "name": name,
-        "action": action,
-        "outcome": outcome,
-        "detail": json.dumps(detail, ensure_ascii=False, sort_keys=True),
-        "before_sha256": head.sha256,
-    }
-    row["sha256"] = _hash(row)
-    connection.execute(insert(AUDIT).values(row))
-    return Head(head.lines + 1, str(row["sha256"]))
+    line = Line(
+        number=head.lines + 1,
+        at=now_text(),
+        name=name,
+        action=action,
+        outcome=outcome,
+        detail=json.dumps(detail, ensure_ascii=False, sort_keys=True),
+        before_sha256=head.head_sha256,
+        sha256="",
+    )
+    line = line._replace(sha256=_hash(line))
+    connection.execute(insert(AUDIT).values(line._asdict()))
+    return Head(line.number, line.sha256)
 
 
 def head_of(connection: Connection) -> Head:
@@ -77,19 +78,19 @@ def problems_of(connection: Connection) -> list[str]:
     """Return what is wrong with the chain, in the order of its lines; nothing when each follows the one before."""
     problems, before, number = [], FIRST, 0
     for row in connection.execute(select(AUDIT).order_by(AUDIT.c.number)):
-        line = dict(row._mapping)  # noqa: SLF001 - as above
+        line = Line(**row._mapping)  # noqa: SLF001 - as above
         number += 1
-        if line["number"] != number:
-            problems.append(f"line {number}: is missing; the next one is {line['number']}")
-            number = line["number"]
-        if line["before_sha256"] != before:
+        if line.number != number:
+            problems.append(f"line {number}: is missing; the next one is {line.number}")
+            number = line.number
+        if line.before_sha256 != before:
             problems.append(f"line {number}: does not follow the line before it")
-        if line["sha256"] != _hash(line):
+        if line.sha256 != _hash(line):
             problems.append(f"line {number}: was changed")
-        before = line["sha256"]
+        before = line.sha256
     return problems
 
 
-def _hash(row: Mapping[str, Any]) -> str:
-    content = json.dumps([row[name] for name in HASHED], ensure_ascii=False)
+def _hash(line: Line) -> str:
+    content = json.dumps([getattr(line, name) for name in HASHED], ensure_ascii=False)
     return hashlib.sha256(content.encode()).hexdigest()

@@ -75,7 +75,7 @@ def test_bias_against_the_certificate() -> None:
         (DAYS[::-1], steady(), 5, "do not rise"),
         (DAYS, steady(), 3, "expected 5 or more"),
         (DAYS, steady(), 31, "baseline of 31 in 30 values"),
-        (DAYS, np.ones(30), 10, "never changes"),
+        (DAYS, np.ones(30), 10, "identical"),
         (DAYS, np.full(30, np.inf), 10, "value 1 is inf"),
     ],
 )

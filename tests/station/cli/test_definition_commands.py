@@ -24,7 +24,7 @@ from station.cli.runs.evaluate_anew import elsewhere
 from station.cli.runs.metrics import metrics
 from station.errors import StationError
 from station.reports.figures.stiffness_plot import stiffness_figure
-from station.results.evaluation import method_fields, method_of, wanted_of
+from station.results.evaluation import method_of, method_of_recipe, wanted_of
 from station.results.judged import judged_in
 
 ROOT = Path(__file__).parents[3]
@@ -104,7 +104,7 @@ def test_choices_of_a_recipe_reach_the_analysis() -> None:
     assert [one.fit for one in wanted_of(recipe, Selection("inverse")) if one.id == "windup"] == ["three_region"]
     method = method_of(recipe, load_bench("virtual"))
     assert (method.break_nm, method.stiffness_breaks_nm) == (80.0, (60.0, 240.0))
-    assert Method(**method_fields(recipe)).stiffness_breaks_nm == (60.0, 240.0)
+    assert method_of_recipe(recipe).stiffness_breaks_nm == (60.0, 240.0)
 
 
 def test_a_preset_without_limits_decides_nothing(printed: Print) -> None:

@@ -138,7 +138,7 @@ def test_type_one_takes_the_runs_of_one_part_on_one_bench(tmp_path: Path) -> Non
         found = type_one_of(look, Part("MASTER", "lost_motion"), 0.502, 0.2, 0.2)
         assert found.study.measurements == 26
         assert found.study.capable
-        with pytest.raises(StationError, match=r"has one limit in run .* makes no tolerance"):
+        with pytest.raises(StationError, match="has one limit"):
             type_one_of(look, Part("MASTER", "lost_motion"), 0.502, None, 0.2)
         with pytest.raises(StationError, match="no valid run of a real unit NOBODY"):
             type_one_of(look, Part("NOBODY", "lost_motion"), 0.502, None, 0.2)

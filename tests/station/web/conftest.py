@@ -8,7 +8,7 @@ import pytest
 from served import Served
 from station_support import station_in
 
-from station.web.actions import Station
+from station.web.station import Station
 
 if TYPE_CHECKING:
     from browser import Enter

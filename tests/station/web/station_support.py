@@ -14,13 +14,13 @@ from sqlalchemy import insert
 from starlette.testclient import TestClient
 
 from station.records.recipe_revisions import History, Revision, ask_release, hash_of, release, save_draft
-from station.web.actions import Station
 from station.web.guard import Guard
 from station.web.models import load_models
 from station.web.people.accounts import COOKIE, ROLES, Person, open_session
 from station.web.people.database import PEOPLE, StationDatabase
-from station.web.rest import rest_of
+from station.web.rest.app import rest_of
 from station.web.running import Running
+from station.web.station import Station
 
 PASSWORD = "good enough 1"  # noqa: S105 - of accounts that live for a test
 FIRST = "the first one"

@@ -6,11 +6,11 @@ import pytest
 from sqlalchemy import select, update
 from station_support import PASSWORD, client_of
 
-from station.web.actions import Station
 from station.web.people import audit
 from station.web.people.accounts import WRONG_TRIES
 from station.web.people.database import BADGE_SALT, BADGES, PEOPLE
 from station.web.settings import Settings
+from station.web.station import Station
 
 BADGE, PIN = "B-100042", "8305"
 

@@ -9,10 +9,10 @@ from sqlalchemy import update
 from station_support import client_of
 
 from station.records.data_folder import Store, check_note
-from station.web.actions import Station
 from station.web.bypasses import ALLOWED, bypasses_now
 from station.web.people.database import BYPASSES
 from station.web.permission import CONDITIONS
+from station.web.station import Station
 
 
 def started(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:

@@ -12,7 +12,6 @@ from test_start_permission import cases
 
 from definitions.image import State
 from definitions.states import row_of
-from station.web.actions import Station
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
 from station.web.pages import frame, operator, results, words
@@ -23,6 +22,7 @@ from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
 from station.web.permission import Situation, Wanted, refusals, situation_of
 from station.web.scanner_test import CAPS_LOCK, LAYOUT, OTHER
+from station.web.station import Station
 
 OTHERS = [one for one in LANGUAGES if one != ENGLISH]
 

@@ -26,13 +26,13 @@ from recipes import RecipeError
 from station.errors import StationError
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import check_note
-from station.web.actions import Station
 from station.web.mes import outbox
 from station.web.mes.outbox import Sender, collect, signature
 from station.web.mes.previous_step import PreviousStep
 from station.web.mes.settings import FILE, MesSettings, load_mes, read_secret
 from station.web.people.database import MES_CONTACT, WEBHOOKS
 from station.web.permission import Wanted, refusals, situation_of, unverified_note
+from station.web.station import Station
 
 EXAMPLE = ROOT / "docs" / "example_mes.py"
 SECRET = b"a secret of a test"

@@ -15,7 +15,6 @@ from sqlalchemy import delete, select, update
 from station_support import FIRST, PASSWORD, client_of, station_in
 
 from station.errors import StationError
-from station.web.actions import Station
 from station.web.people import accounts, audit
 from station.web.people.accounts import (
     WRONG_TRIES,
@@ -26,6 +25,7 @@ from station.web.people.accounts import (
     session_of,
 )
 from station.web.people.database import ANSWERS, AUDIT, PEOPLE, SESSIONS, StationDatabase
+from station.web.station import Station
 
 
 @pytest.fixture
@@ -197,7 +197,7 @@ def test_the_trail_in_order_says_its_head(database: StationDatabase) -> None:
         head = audit.head_of(connection)
     ran = here("audit", "verify", "--data", str(database.path.parent))
     assert ran.exit_code == 0
-    assert head.sha256 in ran.out
+    assert head.head_sha256 in ran.out
     assert here("audit", "verify", "--data", str(database.path.parent / "none")).exit_code == 2
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from station_support import GOLDEN, Client, client_of
 
-from station.web.actions import Station
 from station.web.people import audit
+from station.web.station import Station
 
 BAD_OPTION = "peak_torqe"
 

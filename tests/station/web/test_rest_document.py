@@ -10,10 +10,11 @@ from schemathesis import openapi
 from schemathesis.generation import GenerationMode
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
-from station.web.actions import ACTIONS, Station
+from station.web.actions.table import ACTIONS
 from station.web.guard import Guard
 from station.web.people.accounts import COOKIE, Person, open_session
-from station.web.rest import rest_of
+from station.web.rest.app import rest_of
+from station.web.station import Station
 
 EXAMPLES = 6
 """Of each operation and mode. A scan may be any text, and yet no serial number: that is no broken promise."""

@@ -17,12 +17,12 @@ from benchmarks.many_runs import make_runs
 from station.records.chain.chain_file import Chain
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
-from station.web.actions import Station
 from station.web.languages import ENGLISH, words_of
 from station.web.pages.results import LINKS, row_of
 from station.web.pages.words import verdict_text
 from station.web.people.database import PEOPLE
-from station.web.rest_runs import FILES, begin_of
+from station.web.rest.runs import FILES, begin_of
+from station.web.station import Station
 
 COUNT = 60
 """Three of these units failed, and were measured twice."""

@@ -12,10 +12,10 @@ from sqlalchemy import update
 from station_support import client_of, station_in
 
 from recipes import RecipeError
-from station.web.actions import Station
 from station.web.people.database import SCANNER_TESTS
 from station.web.scanner_test import AS_GERMAN, CAPS_LOCK, GERMAN, LAYOUT, OTHER, US, is_test_code, misread
 from station.web.settings import ScannerTest, Settings, load_settings
+from station.web.station import Station
 
 TEST = ScannerTest()
 CODE = TEST.code

@@ -18,8 +18,8 @@ from station.store.run_table import RunTableRow, run_table
 from station.store.stored_runs import StoredRun, Wanted
 from station.store.view import look_at
 from station.wall_clock import WALL_CLOCK, now_text
-from station.web.actions import Station
 from station.web.shift_report import UNREADABLE, Yield, alarms_of, shift_of
+from station.web.station import Station
 
 BEGIN, END = "2026-01-05T06:00:00.000+00:00", "2026-01-05T14:00:00.000+00:00"
 

@@ -14,10 +14,11 @@ from station_support import FIRST, HOST, PASSWORD, client_of
 
 from recipes import RecipeError
 from station.errors import StationError
-from station.web.actions import ACTIONS, Station
+from station.web.actions.table import ACTIONS
 from station.web.people import audit
 from station.web.people.accounts import COOKIE, ROLES
 from station.web.server import Served, hosts_of, open_station
+from station.web.station import Station
 
 VALUES = {
     "start_run": {"scanned": "of no model at all"},

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import Depends, FastAPI, Header, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -18,18 +18,10 @@ from starlette.exceptions import HTTPException
 from station.documents.entries import plain
 from station.errors import StationError
 from station.version import version
-from station.web.action_values import Refused, refusal
-from station.web.actions import (
-    ACTIONS,
-    BAD_INPUT,
-    NOT_ALLOWED,
-    NOT_ENTERED,
-    NOT_NOW,
-    NOT_READY,
-    Action,
-    Station,
-    perform,
-)
+from station.web.actions.perform import perform
+from station.web.actions.row import BAD_INPUT, NOT_ALLOWED, NOT_ENTERED, NOT_READY, Action
+from station.web.actions.table import ACTIONS
+from station.web.actions.values import Refused, refusal
 from station.web.bypasses import bypasses_now
 from station.web.mes.outbox import waiting
 from station.web.people import audit
@@ -44,8 +36,10 @@ from station.web.people.accounts import (
     session_of,
 )
 from station.web.people.badges import PinNeededError, enter_by_badge
-from station.web.rest_recipes import add_recipes
-from station.web.rest_runs import CookieToken, add_certificates, add_runs, refused_with
+from station.web.rest.answers import CookieToken, answers, not_entered, refused_with
+from station.web.rest.recipes import add_recipes
+from station.web.rest.runs import add_certificates, add_runs
+from station.web.station import Station
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
 MOST_LINES = 500
@@ -83,12 +77,6 @@ class Me(BaseModel):
     csrf: str
 
 
-MEANING = {
-    200: "it was done", NOT_ENTERED: "log in first", NOT_ALLOWED: "not allowed for this role", 404: "there is none",
-    NOT_NOW: "not now", BAD_INPUT: "bad input", NOT_READY: "disk problem, or too many requests: try again",
-}  # fmt: skip
-
-
 def rest_of(station: Station, *, secure: bool) -> FastAPI:
     """Return the application with the REST interface; secure: it is reached by TLS."""
     app = FastAPI(
@@ -104,27 +92,27 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
     def refuse(token: str | None) -> Response | None:
         found = _session(station, token)
         if found is None:
-            return _not_entered()
+            return not_entered()
         if found.person.must_change:
             return refused_with(NOT_ALLOWED, "must_change", "Choose a password of your own first.")
         return None
 
-    add_runs(app, station, refuse, _answers)
-    add_certificates(app, station, refuse, _answers)
-    add_recipes(app, station, refuse, _answers)
+    add_runs(app, station, refuse)
+    add_certificates(app, station, refuse)
+    add_recipes(app, station, refuse)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)
         needed = any(one.is_required() for one in row.needs.model_fields.values())
         schema = {"required": needed, "content": {"application/json": {"schema": row.needs.model_json_schema()}}}
         app.post(
             f"/api/actions/{row.id}", summary=row.text, tags=["actions"], name=row.id,
-            openapi_extra={"requestBody": schema}, **_answers(200, 401, 403, 409, 422, 503, ok=row.gives),
+            openapi_extra={"requestBody": schema}, **answers(200, 401, 403, 409, 422, 503, ok=row.gives),
         )(doing)  # fmt: skip
     return app
 
 
 def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
-    @app.post("/api/enter", summary="open a session", tags=["session"], **_answers(200, 401, 422, 503, ok=Me))
+    @app.post("/api/enter", summary="open a session", tags=["session"], **answers(200, 401, 422, 503, ok=Me))
     def open_session(given: Entry) -> Response:
         found = enter(station.database, given.name, given.password)
         refused = isinstance(found, EntryRefusedError)
@@ -135,7 +123,7 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
 
     @app.post(
         "/api/enter_badge", summary="open a session with a badge", tags=["session"],
-        **_answers(200, 401, 422, 503, ok=Me),
+        **answers(200, 401, 422, 503, ok=Me),
     )  # fmt: skip
     def open_session_by_badge(given: BadgeEntry) -> Response:
         alone = station.settings.operator_by_badge_alone
@@ -156,18 +144,18 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
 
     @app.get(
         "/api/me", summary="who is logged in, and the token that changes need", tags=["session"],
-        **_answers(200, 401, 503, ok=Me),
+        **answers(200, 401, 503, ok=Me),
     )  # fmt: skip
     def me(token: CookieToken = None) -> Response:
         found = _session(station, token)
-        return _not_entered() if found is None else _me(found)
+        return not_entered() if found is None else _me(found)
 
 
 def _add_readings(app: FastAPI, station: Station) -> None:
-    @app.get("/api/now", summary="state of the bench", tags=["bench"], **_answers(200, 401, 503))
+    @app.get("/api/now", summary="state of the bench", tags=["bench"], **answers(200, 401, 503))
     def now(token: CookieToken = None) -> Response:
         if _session(station, token) is None:
-            return _not_entered()
+            return not_entered()
         found = station.running.now()
         with station.database.reading() as connection:
             bypasses = [str(one) for one in bypasses_now(connection)]
@@ -187,31 +175,29 @@ def _add_readings(app: FastAPI, station: Station) -> None:
 
     @app.get(
         "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the way back after a fault",
-        tags=["bench"], **_answers(200, 401, 503),
+        tags=["bench"], **answers(200, 401, 503),
     )  # fmt: skip
     def bench(token: CookieToken = None) -> Response:
         if _session(station, token) is None:
-            return _not_entered()
+            return not_entered()
         seen, standing = station.bench.look(), station.bench.standing()
         return JSONResponse({"seen": plain(seen), "way_back": plain(standing)})
 
     @app.get(
         "/api/audit", summary="the newest lines of the audit trail, and the hash of the last one", tags=["audit"],
-        **_answers(200, 401, 403, 422, 503),
+        **answers(200, 401, 403, 422, 503),
     )  # fmt: skip
     def audit_lines(token: CookieToken = None, newest: Annotated[int, Query(ge=1, le=MOST_LINES)] = 100) -> Response:
         found = _session(station, token)
         if found is None:
-            return _not_entered()
+            return not_entered()
         if found.person.role not in AUDIT_ROLES or found.person.must_change:
             text = f"allowed: {', '.join(sorted(AUDIT_ROLES))}, with a password of their own"
             return refused_with(NOT_ALLOWED, "role", text)
         with station.database.reading() as connection:
             head = audit.head_of(connection)
             lines = audit.lines_of(connection, newest)
-        return JSONResponse(
-            {"lines": head.lines, "head_sha256": head.sha256, "newest": [one._asdict() for one in lines]}
-        )
+        return JSONResponse({**head._asdict(), "newest": [one._asdict() for one in lines]})
 
 
 def _endpoint(station: Station, row: Action) -> Callable[..., Response]:
@@ -251,17 +237,6 @@ def _me(found: Session) -> Response:
     person = found.person
     told = Me(name=person.name, role=person.role, must_change=person.must_change, csrf=found.csrf)
     return JSONResponse(told.model_dump())
-
-
-def _not_entered() -> Response:
-    return refused_with(NOT_ENTERED, "not_entered", "Log in first.")
-
-
-def _answers(*statuses: int, ok: type[BaseModel] | None = None) -> dict[str, Any]:
-    """Return what the document says of the answers of an endpoint."""
-    told: dict[int, dict[str, Any]] = {one: {"model": Refused, "description": MEANING[one]} for one in statuses}
-    told[200] = {"description": MEANING[200], **({} if ok is None else {"model": ok})}
-    return {"responses": told}
 
 
 def _refuse_input(_request: Request, error: Exception) -> Response:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import FastAPI, Response
 from fastapi import Path as InPath
@@ -14,9 +14,10 @@ from recipes.text.section import Name
 from station.documents.entries import plain
 from station.errors import StationError
 from station.records.recipe_revisions import History, State
-from station.web.actions import NOT_NOW, Station
+from station.web.actions.row import NOT_NOW
 from station.web.recipe_text.check import look_at
-from station.web.rest_runs import CookieToken, refused_with
+from station.web.rest.answers import CookieToken, Refuse, answers, refused_with
+from station.web.station import Station
 
 Number = Annotated[int, InPath(ge=1, le=1_000_000)]
 
@@ -45,9 +46,7 @@ class Recipes(BaseModel):
     problems: tuple[str, ...]
 
 
-def add_recipes(
-    app: FastAPI, station: Station, refuse: Callable[[str | None], Response | None], answers: Callable[..., Any]
-) -> None:
+def add_recipes(app: FastAPI, station: Station, refuse: Refuse) -> None:
     """Add the endpoints; refuse: what is answered to whoever is not logged in, by the session's cookie."""
 
     @app.get(

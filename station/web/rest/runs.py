@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import UTC, date, datetime, timedelta
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 from urllib.parse import quote
 
-from fastapi import Cookie, FastAPI, Query, Response
+from fastapi import FastAPI, Query, Response
 from fastapi.responses import JSONResponse
 
 from station.errors import StationError
@@ -18,14 +18,12 @@ from station.reports.content import LOOP_CSV
 from station.reports.stored_result import refuse_doubtful
 from station.store.run_search import MOST_ROWS, search
 from station.store.stored_runs import Wanted
-from station.web.action_values import refusal
-from station.web.actions import BAD_INPUT, NOT_NOW, Station
+from station.web.actions.row import BAD_INPUT, NOT_NOW
 from station.web.evaluations import Evaluations
-from station.web.people.accounts import COOKIE
+from station.web.rest.answers import CookieToken, Refuse, answers, refused_with
+from station.web.station import Station
 
 LONGEST_TEXT = 100
-
-CookieToken = Annotated[str | None, Cookie(alias=COOKIE)]
 
 NOTHING_FROM_ELSEWHERE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; base-uri 'none'"
 """A report stands alone: what it shows is in it, and nothing in it is a script."""
@@ -73,11 +71,6 @@ Part = Annotated[str | None, Query(max_length=LONGEST_TEXT)]
 Day = Annotated[date | None, Query(description="a day, as in 2026-01-31, by the computer's time zone")]
 
 
-def refused_with(status: int, name: str, words: str) -> Response:
-    """Return the answer to a request that is refused for one reason."""
-    return JSONResponse(refusal(name, words).model_dump(), status)
-
-
 def begin_of(day: date | None, *, after: bool = False) -> str | None:
     """Return the moment at which a day begins, or at which it is over, as the runs have theirs: in UTC."""
     if day is None or (after and day == date.max):
@@ -89,9 +82,7 @@ def begin_of(day: date | None, *, after: bool = False) -> str | None:
         return begin.isoformat(timespec="milliseconds")
 
 
-def add_runs(
-    app: FastAPI, station: Station, refuse: Callable[[str | None], Response | None], answers: Callable[..., Any]
-) -> None:
+def add_runs(app: FastAPI, station: Station, refuse: Refuse) -> None:
     """Add the endpoints; refuse: what is answered to whoever is not logged in, by the session's cookie."""
 
     @app.get("/api/runs", summary="runs, newest first", tags=["runs"], **answers(200, 401, 403, 422, 503))
@@ -140,9 +131,7 @@ def add_runs(
         )
 
 
-def _file_endpoint(
-    station: Station, refuse: Callable[[str | None], Response | None], row: RunFile
-) -> Callable[..., Response]:
+def _file_endpoint(station: Station, refuse: Refuse, row: RunFile) -> Callable[..., Response]:
     def file(run: str, token: CookieToken = None) -> Response:
         refused = refuse(token)
         if refused is not None:
@@ -163,9 +152,7 @@ def _file_endpoint(
     return file
 
 
-def add_certificates(
-    app: FastAPI, station: Station, refuse: Callable[[str | None], Response | None], answers: Callable[..., Any]
-) -> None:
+def add_certificates(app: FastAPI, station: Station, refuse: Refuse) -> None:
     """Add the endpoint that checks certificates; as `add_runs`."""
 
     @app.get(

@@ -1,0 +1,165 @@
+"""An action is done or refused: each is a line of the audit trail, in the same transaction as what it did."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+from threading import Lock
+
+from pydantic import JsonValue, ValidationError
+from sqlalchemy import Connection, delete, insert, select
+
+from station.errors import StationError
+from station.records.recipe_revisions import RevisionError
+from station.wall_clock import WALL_CLOCK
+from station.web.actions.row import (
+    BAD_INPUT,
+    NOT_ALLOWED,
+    NOT_ENTERED,
+    NOT_NOW,
+    NOT_READY,
+    OK,
+    Action,
+    Answer,
+    Call,
+    NotNowError,
+)
+from station.web.actions.table import ACTIONS
+from station.web.actions.values import Outcome, Refused, Values, refusal
+from station.web.bypasses import BypassError
+from station.web.people import audit
+from station.web.people.accounts import AccountError, EntryRefusedError, Session, brings_token, count_wrong, session_of
+from station.web.people.database import ANSWERS
+from station.web.recipe_text.check import BadRecipeError
+from station.web.scanner import ScanError
+from station.web.station import Station
+
+LONGEST_KEY = 64
+KEPT_S = 24 * 3600.0
+"""How long an answer is kept for whoever asks the same again."""
+
+_ONE_AT_A_TIME = Lock()
+
+
+def perform(  # noqa: PLR0917 - one request, as it came
+    station: Station, action_id: str, token: str | None, csrf: str | None, key: str | None, values: JsonValue
+) -> Answer:
+    """Do an action, or refuse it and say why; a key that was answered before is given the same answer."""
+    try:
+        with _ONE_AT_A_TIME, station.database.writing() as connection:
+            session = session_of(connection, token)
+            if session is None:
+                return Answer(NOT_ENTERED, refusal("not_entered", "Log in first."))
+            return _performed(station, connection, session, ACTIONS[action_id], csrf, key, values)
+    except StationError as error:  # its own database cannot be written: nothing was done
+        return Answer(NOT_READY, refusal("station", str(error)))
+
+
+def _performed(  # noqa: PLR0917 - as above
+    station: Station,
+    connection: Connection,
+    session: Session,
+    row: Action,
+    csrf: str | None,
+    key: str | None,
+    values: JsonValue,
+) -> Answer:
+    if not brings_token(session, csrf):
+        return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Reload it.")])
+    if not _is_text(values):
+        return _refused(connection, session, row, BAD_INPUT, [("body", "It has characters that are no Unicode text.")])
+    if not key or len(key) > LONGEST_KEY or not key.isascii() or not key.isprintable():
+        words = f"The request needs the header Idempotency-Key: 1 to {LONGEST_KEY} printable ASCII characters."
+        return Answer(BAD_INPUT, refusal("idempotency_key", words))
+    asked = _asked(session, row, values)
+    if (before := _answered(connection, row, key, session.person.name, asked)) is not None:
+        return before
+    answer = _done(Call(station, connection, session), row, values)
+    now_s = WALL_CLOCK.now().timestamp()
+    connection.execute(delete(ANSWERS).where(ANSWERS.c.at_s < now_s - KEPT_S))
+    keep = {"key": key, "name": session.person.name, "asked_hmac": asked, "at_s": now_s}
+    connection.execute(insert(ANSWERS).values(**keep, status=answer.status, answer=answer.said.model_dump_json()))
+    return answer
+
+
+def _asked(session: Session, row: Action, values: JsonValue) -> str:
+    text = json.dumps([row.id, values], sort_keys=True)
+    return hmac.new(session.token.encode(), text.encode(), hashlib.sha256).hexdigest()
+
+
+def _is_text(values: JsonValue) -> bool:
+    """Say whether all of it can be written down: JSON may name half of a character."""
+    try:
+        json.dumps(values, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _answered(connection: Connection, row: Action, key: str, name: str, asked: str) -> Answer | None:
+    kept = connection.execute(select(ANSWERS).where(ANSWERS.c.key == key)).first()
+    if kept is None:
+        return None
+    if kept.name != name or kept.asked_hmac != asked:
+        return Answer(
+            NOT_NOW,
+            refusal("key_used", "This Idempotency-Key was used for another request. Take a new one."),
+        )
+    said_before: type[Outcome | Refused] = row.gives if kept.status == OK else Refused
+    return Answer(kept.status, said_before.model_validate_json(kept.answer))
+
+
+def _done(call: Call, row: Action, values: JsonValue) -> Answer:
+    connection, session, person = call.connection, call.session, call.person
+    if person.role not in row.roles:
+        words = f"{person.role} may not do this ({row.text}); allowed: {', '.join(sorted(row.roles))}."
+        return _refused(connection, session, row, NOT_ALLOWED, [("role", words)])
+    if person.must_change and not row.with_first_password:
+        words = "Change the first password, then log in again."
+        return _refused(connection, session, row, NOT_ALLOWED, [("must_change", words)])
+    given = None
+    try:
+        given = row.needs.model_validate({} if values is None else values)
+        with connection.begin_nested():
+            found = row.does(call, given)
+    except (ValidationError, StationError) as error:
+        if isinstance(error, EntryRefusedError):
+            count_wrong(connection, person.name)
+        return _refused(connection, session, row, *_why(error), given)
+    told = given.model_dump(include=set(row.audited)) | found.model_dump(include=set(row.tells))
+    audit.write(connection, person.name, row.id, audit.DONE, told)
+    return Answer(OK, found.model_copy(update={"done": row.id}))
+
+
+_REFUSALS: tuple[tuple[type[StationError], int, str], ...] = (
+    (EntryRefusedError, NOT_ALLOWED, "password"),
+    (AccountError, BAD_INPUT, "input"),
+    (ScanError, BAD_INPUT, "scan"),
+    (BypassError, BAD_INPUT, "input"),
+    (BadRecipeError, BAD_INPUT, "recipe"),
+    (RevisionError, NOT_NOW, "recipe"),
+)
+"""Status and id of a refusal, by what was raised; of anything else the station cannot do it now."""
+
+
+def _why(error: ValidationError | StationError) -> tuple[int, list[tuple[str, str]]]:
+    """Return the status of a refusal, and id and words of each reason."""
+    if isinstance(error, ValidationError):
+        return BAD_INPUT, [(".".join(map(str, one["loc"])) or "body", one["msg"]) for one in error.errors()]
+    if isinstance(error, NotNowError):
+        return NOT_NOW, error.reasons
+    found = ((one, name) for kind, one, name in _REFUSALS if isinstance(error, kind))
+    status, name = next(found, (NOT_NOW, "station"))
+    return status, [(name, str(error))]
+
+
+def _refused(  # noqa: PLR0917 - one line of the trail
+    connection: Connection, session: Session, row: Action, status: int, reasons: list[tuple[str, str]],
+    given: Values | None = None,
+) -> Answer:  # fmt: skip
+    told = {} if given is None else given.model_dump(include=set(row.audited))
+    audit.write(
+        connection, session.person.name, row.id, audit.REFUSED, {**told, "reasons": [name for name, _ in reasons]}
+    )
+    return Answer(status, Refused.because(reasons))

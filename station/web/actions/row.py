@@ -1,0 +1,67 @@
+"""What a row of the table of actions is, what it works on, and what becomes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection
+
+from station.errors import StationError
+from station.web.actions.values import Outcome, Reason, Refused, Values
+from station.web.people.accounts import Person, Session
+from station.web.station import Station
+
+OK, BAD_INPUT, NOT_ENTERED, NOT_ALLOWED, NOT_NOW, NOT_READY = 200, 422, 401, 403, 409, 503
+
+
+class Answer(NamedTuple):
+    """What became of an action: an HTTP status, and what it answers or why it was refused."""
+
+    status: int
+    said: Outcome | Refused
+
+    @property
+    def refused(self) -> tuple[Reason, ...]:
+        """Every reason of a refusal; none when it was done."""
+        return self.said.refused if isinstance(self.said, Refused) else ()
+
+
+class NotNowError(StationError):
+    """The action is allowed, and cannot be done now; `reasons`: id and words of each."""
+
+    def __init__(self, reasons: list[tuple[str, str]]) -> None:
+        super().__init__(" ".join(words for _, words in reasons))
+        self.reasons = reasons
+
+
+@dataclass(frozen=True)
+class Call:
+    """One action being done: by whom, in which transaction and session."""
+
+    station: Station
+    connection: Connection
+    session: Session
+
+    @property
+    def person(self) -> Person:
+        """Who does it."""
+        return self.session.person
+
+
+class Action(NamedTuple):
+    """One row: id, roles, what it needs, what it does, what that answers, and what stands in the audit trail.
+
+    audited: which of its values. tells: what of its answer.
+    """
+
+    id: str
+    text: str
+    roles: frozenset[str]
+    needs: type[Values]
+    does: Callable[[Call, Any], Outcome]
+    gives: type[Outcome]
+    audited: tuple[str, ...] = ()
+    with_first_password: bool = False
+    tells: tuple[str, ...] = ()

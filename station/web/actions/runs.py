@@ -1,0 +1,121 @@
+"""Actions about a run: may a unit be measured, measure it, stop, confirm that a bad one was put away."""
+
+from __future__ import annotations
+
+from sqlalchemy import Connection, insert, select
+
+from station.records.data_folder import Store
+from station.wall_clock import now_text
+from station.web.actions.row import Call, NotNowError
+from station.web.actions.values import (
+    Announced,
+    Confirm,
+    Nothing,
+    Outcome,
+    Permission,
+    Refused,
+    RunConfirmed,
+    RunStarted,
+    Scanned,
+    Start,
+    UnitAnnounced,
+)
+from station.web.bypasses import bypasses_now
+from station.web.mes.previous_step import announce, heard, previous_step
+from station.web.people.accounts import MES
+from station.web.people.database import CONFIRMED
+from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
+from station.web.scanner import serial_of
+from station.web.scanner_test import is_tested, keep_test, misread
+from station.web.station import Station
+
+
+def start_run(call: Call, given: Start) -> RunStarted:
+    """Start the run of the scanned unit; NotNowError: a start condition is not met."""
+    station = call.station
+    now = _situation(call, given)
+    serial = now.wanted.serial
+    bypasses = bypasses_now(call.connection)
+    if why := refusals(now, {one.condition for one in bypasses}):
+        raise NotNowError(why)
+    model = now.model
+    assert model is not None  # noqa: S101 - a condition of the start
+    options = [*now.run_options(), "--operator", call.person.name, "--no-report", *station.run_options]
+    used = {name for name, _ in refusals(now)}
+    for note in (str(one) for one in bypasses if one.condition in used):
+        options += ["--note", note]
+    if "previous_step_passed" not in used and (unverified := unverified_note(now)) is not None:
+        options += ["--note", unverified]
+    options += ["--retest-reason", given.retest_reason] if given.retest_reason.strip() else []
+    station.running.start(options, serial, now.likely)
+    return RunStarted(serial=serial, model=model.model, recipe=model.recipe)
+
+
+def _situation(call: Call, given: Start) -> Situation:
+    station, serial = call.station, serial_of(given.scanned)
+    step = None if station.mes is None else previous_step(call.connection, station.mes, serial)
+    return situation_of(
+        station.data, station.models, Wanted(serial, given.retest_reason), busy=station.running.busy(),
+        confirmed=_confirmed(call.connection), previous_step=step,
+        scanner_tested=is_tested(call.connection, station.settings.scanner_test),
+    )  # fmt: skip
+
+
+def ask_permission(call: Call, given: Start) -> Permission:
+    """Say whether a unit may be measured now, and every reason against it."""
+    _note_mes(call)
+    now = _situation(call, given)
+    why = refusals(now, {one.condition for one in bypasses_now(call.connection)})
+    return Permission(serial=now.wanted.serial, allowed=not why, reasons=Refused.because(why).refused)
+
+
+def announce_unit(call: Call, given: Announced) -> UnitAnnounced:
+    """Keep what became of a unit in its previous process step."""
+    _note_mes(call)
+    serial = serial_of(given.serial)
+    announce(call.connection, serial, given.previous_step, call.person.name)
+    return UnitAnnounced(serial=serial, previous_step=given.previous_step)
+
+
+def _note_mes(call: Call) -> None:
+    if call.person.role == MES:
+        heard(call.connection)
+
+
+def _confirmed(connection: Connection) -> frozenset[str]:
+    return frozenset(connection.execute(select(CONFIRMED.c.run)).scalars())
+
+
+def unconfirmed_run(station: Station) -> str:
+    """Return the run whose bad unit has to be put away before another is measured, '' where there is none."""
+    with station.database.reading() as connection:
+        return unconfirmed(station.data, _confirmed(connection))
+
+
+def stop_run(call: Call, _given: Nothing) -> Outcome:
+    """Stop the run that is on; NotNowError: none is."""
+    if not call.station.running.stop():
+        raise NotNowError([("no_run", "No run is in progress.")])
+    return Outcome()
+
+
+def confirm(call: Call, given: Confirm) -> RunConfirmed:
+    """Keep that a bad unit was put away; NotNowError: there is no such run."""
+    run = Store(call.station.data).by_id(given.run)
+    if run is None or not may_be_bad(run):
+        raise NotNowError([("run", f"There is no run {given.run[:80]!r} of a bad unit.")])
+    there = select(CONFIRMED.c.run).where(CONFIRMED.c.run == given.run)
+    if call.connection.execute(there).first() is None:
+        call.connection.execute(insert(CONFIRMED).values(run=given.run, name=call.person.name, at=now_text()))
+    return RunConfirmed(run=given.run)
+
+
+def test_scanner(call: Call, given: Scanned) -> Outcome:
+    """Keep that the scanner is read as the test code was printed; NotNowError: it is not."""
+    test = call.station.settings.scanner_test
+    if test is None:
+        raise NotNowError([("scanner_test", "This station has no test code. It is set in station.yaml.")])
+    if (why := misread(test.code, given.scanned)) is not None:
+        raise NotNowError([("scanner_test", why)])
+    keep_test(call.connection, call.person.name)
+    return Outcome()

@@ -1,0 +1,46 @@
+"""What pages, actions and REST of the station work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from station.web.bench.watch import BenchWatch
+from station.web.evaluations import Evaluations
+from station.web.mes.settings import MesSettings
+from station.web.models import Models
+from station.web.people.database import StationDatabase
+from station.web.recipe_text.dry_run import DryRuns
+from station.web.running import Running
+from station.web.settings import Settings
+
+
+@dataclass(frozen=True)
+class Station:
+    """What actions work on."""
+
+    data: Path
+    database: StationDatabase
+    models: Models
+    running: Running
+    run_options: tuple[str, ...] = ()
+    """Further options of `lostmotion run`, as the server was started with them."""
+    mes: MesSettings | None = None
+    """The MES of the plant; None: none is asked or told."""
+    settings: Settings = field(default_factory=Settings)
+    dry_runs: DryRuns = field(default_factory=DryRuns)
+    evaluations: Evaluations = field(default_factory=Evaluations)
+    """The process that makes reports and loops of stored runs."""
+    bench: BenchWatch = field(init=False)
+    """What the bench shows, and the way back from a fault."""
+
+    def __post_init__(self) -> None:
+        """Look at the bench of the same data folder."""
+        object.__setattr__(self, "bench", BenchWatch(self.data, self.running, self.evaluations))
+
+    def close(self) -> None:
+        """Close what is open of it; a run that is on goes on."""
+        self.running.close()
+        self.dry_runs.close()
+        self.evaluations.close()
+        self.database.close()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
+from functools import cache
 from typing import Annotated, Any, TypeVar
 
 from pydantic import (
@@ -82,7 +83,13 @@ def strict(model: type[T]) -> type[T]:
 
 
 def reader(model: type[T]) -> TypeAdapter[T]:
-    """Return what makes an object of this class from a document."""
+    """Return what makes an object of this class from a document; made once, for it takes longer than to read one."""
+    made: TypeAdapter[T] = _reader(model)
+    return made
+
+
+@cache
+def _reader(model: type[Any]) -> TypeAdapter[Any]:
     return TypeAdapter(strict(model))
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
-from functools import cache
 from typing import Annotated, Any, TypeVar
 
 from pydantic import (
@@ -82,15 +81,15 @@ def strict(model: type[T]) -> type[T]:
     return with_config(EXACT)(model) if is_dataclass(model) else model
 
 
+_READERS: dict[Any, TypeAdapter[Any]] = {}
+
+
 def reader(model: type[T]) -> TypeAdapter[T]:
     """Return what makes an object of this class from a document; made once, for it takes longer than to read one."""
-    made: TypeAdapter[T] = _reader(model)
+    made = _READERS.get(model)
+    if made is None:
+        made = _READERS[model] = TypeAdapter(strict(model))
     return made
-
-
-@cache
-def _reader(model: type[Any]) -> TypeAdapter[Any]:
-    return TypeAdapter(strict(model))
 
 
 def refusal(found: str, allowed: str, hint: str = "", at: str = "") -> PydanticCustomError:

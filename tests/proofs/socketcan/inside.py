@@ -29,8 +29,12 @@ FEW_SCANS = {
     "  drive_age: 40 ms": "  drive_age: 50 ms",
     "torque_rate: 300 N·m/s": "torque_rate: 75 N·m/s",
     "{id: torque_ratio_slope}": "{id: torque_ratio_slope, min: 80, max: 110}",
+    "validity:\n": "validity:\n  torque_bend: 3 %\n",
 }
-"""A system call costs the guest many times ours: the recipe of the golden runs in as few scans as its checks allow."""
+"""A system call costs the guest many times ours: the recipe of the golden runs in as few scans as its checks allow.
+
+At a fifth of the points and a third of the load friction bends the torque's line by up to 1.2 % (24 seeds: 0.95 %).
+"""
 
 ON_VCAN = {
     "embedded: true ": "embedded: false",

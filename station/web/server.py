@@ -29,7 +29,7 @@ from station.web.pages.run import add_run_page
 from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
-from station.web.rest.app import rest_of
+from station.web.rest.app import keeper_of, rest_of
 from station.web.running import Running
 from station.web.settings import load_settings
 from station.web.station import Station
@@ -99,7 +99,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))
     add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
-    return Guard(app, hosts_of(served, port))
+    return Guard(app, hosts_of(served, port), keeper_of(station))
 
 
 def hosts_of(served: Served, port: int) -> frozenset[str]:

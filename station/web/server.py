@@ -26,6 +26,7 @@ from station.web.pages.quality import add_quality_page
 from station.web.pages.recipes import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
+from station.web.people import audit
 from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
@@ -66,6 +67,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     database = StationDatabase(served.data, serving=True)
     try:
         with database.writing() as connection:
+            audit.tell_cut_off(connection)
             password = first_password(connection)
             # within the transaction: the password of an account that was just made would be lost
             _refuse_unready(served, changed=first_is_changed(connection))

@@ -25,7 +25,11 @@ VALUES: dict[Any, str] = {int: "N", float: "X"}
 def command_options() -> str:
     """The page of every command with its arguments and options, read off the command line itself."""
     commands: Any = get_command(app)
-    text = "# Every option of the command line\n\n" + NOTE + "\nWhat the commands are for: [the command line](command-line.md).\n"
+    text = (
+        "# Every option of the command line\n\n"
+        + NOTE
+        + "\nWhat the commands are for: [the command line](command-line.md).\n"
+    )
     for heading, names in COMMANDS.items():
         text += f"\n## {heading}\n"
         for name in names:
@@ -56,7 +60,9 @@ def _parameters(command: Any) -> Iterator[tuple[str, str, str]]:
             shown = (one.metavar or one.name.upper()) + ("..." if one.nargs == -1 else "")
             shown = shown if one.required or shown.startswith("[") else f"[{shown}]"
         else:
-            value = "" if one.is_flag else f" {one.metavar or VALUES.get(one.type_descriptor.annotation, one.name.upper())}"
+            value = (
+                "" if one.is_flag else f" {one.metavar or VALUES.get(one.type_descriptor.annotation, one.name.upper())}"
+            )
             shown = ", ".join([*one.opts, *one.secondary_opts]) + value
         yield f"`{shown}`", _paragraph(one.help), _default(one)
 
@@ -77,7 +83,9 @@ def rest() -> str:
     for method, path, row in paths:
         parts.setdefault(row["tags"][0], []).append((method, path, row))
     text = (
-        "# The REST interface\n\n" + NOTE + "\nHow a request proves who it is from, and what a refusal looks like: [the station](station.md#rest)."
+        "# The REST interface\n\n"
+        + NOTE
+        + "\nHow a request proves who it is from, and what a refusal looks like: [the station](station.md#rest)."
         " A running station serves the same as OpenAPI at `/api/openapi.json`. Entries in brackets may be left out.\n"
     )
     for part, rows in parts.items():
@@ -125,9 +133,7 @@ def _openapi() -> dict[str, Any]:
 def _asked_with(row: dict[str, Any], document: dict[str, Any]) -> str:
     """Return the entries of a request, those that may be left out in brackets."""
     asked = [
-        (one["name"], one.get("required", False))
-        for one in row.get("parameters", ())
-        if one["in"] in {"query", "path"}
+        (one["name"], one.get("required", False)) for one in row.get("parameters", ()) if one["in"] in {"query", "path"}
     ]
     body = row.get("requestBody", {}).get("content", {}).get(BODY, {}).get("schema", {})
     body = document["components"]["schemas"][body["$ref"].rsplit("/", 1)[1]] if "$ref" in body else body
@@ -138,15 +144,23 @@ def _asked_with(row: dict[str, Any], document: dict[str, Any]) -> str:
 def record_files() -> str:
     """The page of the files of a record that programs read, made from their JSON Schemas."""
     text = (
-        "# The files of a record, entry by entry\n\n" + NOTE + "\nWhat the files are: [Records](records.md). The schemas themselves, for a program:"
-        " " + ", ".join(f"[{file}](schema/{file})" for file in FILES) + ". *Always* says that the entry stands in every file, of whichever"
+        "# The files of a record, entry by entry\n\n"
+        + NOTE
+        + "\nWhat the files are: [Records](records.md). The schemas themselves, for a program:"
+        " "
+        + ", ".join(f"[{file}](schema/{file})" for file in FILES)
+        + ". *Always* says that the entry stands in every file, of whichever"
         " version.\n"
     )
     for file in FILES:
         schema = json.loads(schema_of(file))
         text += f"\n## {file}\n\n{_paragraph(schema.get('description'))}\n\n{_entries(schema)}"
         for name, one in schema.get("$defs", {}).items():
-            text += f"\n### {name} in {file}\n\n{_paragraph(one.get('description'))}\n\n{_entries(one)}" if "properties" in one else ""
+            text += (
+                f"\n### {name} in {file}\n\n{_paragraph(one.get('description'))}\n\n{_entries(one)}"
+                if "properties" in one
+                else ""
+            )
     return text
 
 

@@ -1,4 +1,4 @@
-"""The site builds without a warning, the tutorial happens as it is written, and every command on a page is one that there is."""
+"""The site builds without a warning, the tutorial happens as it is written, and every command on a page exists."""
 
 from __future__ import annotations
 

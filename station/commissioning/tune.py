@@ -104,7 +104,7 @@ def judged(gain_per_s: float, tuned: Tuned) -> tuple[Finding, ...]:
     )
     if tuned.proposed_per_s is None:
         return (Finding(what=what, cure="Look for play and loose couplings: no gain that was tried is quiet."),)
-    cure = f"Write 'torque_control: {{gain: {tuned.proposed_per_s:.2g}}}' into the bench file, then do this step again."
+    cure = f"Write 'torque_control: {{gain: {tuned.proposed_per_s:.2g}}}' into the bench file."
     return (Finding(what=what, cure=cure),)
 
 

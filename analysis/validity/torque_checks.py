@@ -23,7 +23,7 @@ from analysis.loop.measured import Measured
 from analysis.torque_ratio.quadrant_fit import fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
-from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured
+from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured, once
 from analysis.validity.settled_lines import (
     SIDES,
     SettledLines,
@@ -65,6 +65,7 @@ class Lines(NamedTuple):
         return [self.by_quadrant[f"load_{side}"].slope for side in SIDES]
 
 
+@once
 def lines_of(found: Measured) -> Lines | str:
     """Return the torque lines of a trace, or why it has none.
 
@@ -140,6 +141,7 @@ def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Readin
     return Reading(share, words)
 
 
+@once
 def shown_lines(found: Measured) -> tuple[SettledLines, str] | str:
     """Return what both torques show, and where; or why they do not.
 

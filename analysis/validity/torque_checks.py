@@ -24,7 +24,7 @@ from analysis.torque_ratio.quadrant_fit import fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.scatter import alike
-from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured
+from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured, once
 from analysis.validity.settled_lines import (
     SIDES,
     SettledLines,
@@ -66,6 +66,7 @@ class Lines(NamedTuple):
         return [self.by_quadrant[f"load_{side}"].slope for side in SIDES]
 
 
+@once
 def lines_of(found: Measured) -> Lines | str:
     """Return the torque lines of a trace, or why it has none.
 
@@ -141,6 +142,7 @@ def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Readin
     return Reading(share, words)
 
 
+@once
 def shown_lines(found: Measured) -> tuple[SettledLines, str] | str:
     """Return what both torques show, and where; or why they do not.
 

@@ -152,8 +152,7 @@ def serve(served: Served) -> None:
             )  # fmt: skip
             if sender is not None:
                 sender.start()
-            # When it starts, NiceGUI asks every object that the collector knows for its class, which one of canopen
-            # refuses. What is loaded by now stays for good.
+            # What is loaded by now stays for good: no later collection has to look through it.
             gc.freeze()
             uvicorn.Server(config).run(sockets=[listener])
     finally:

@@ -80,7 +80,7 @@ class BenchUnderTest:
     ) -> None:
         job = load_job(recipe, bench)
         chosen = choose_unit(unit, job.recipe, seed)
-        self._bench = Bench(job, virtual_config(job.bench, job.profile_paths, chosen), None)
+        self._bench = Bench(job.program, virtual_config(job.bench, job.profile_paths, chosen), None)
         self._ended = False
 
     @property

@@ -68,7 +68,7 @@ class DriveScaling:
 
 @dataclass(frozen=True)
 class DriveProtections:
-    """In which way the drive has each protection of `definitions.protections`; `none` for one that it lacks.
+    """In which way the drive has each protection (docs/safety.md); `none` for one that it lacks.
 
     Every result says what is lacking. The time-out of set-points is that of the receive PDO that carries the torque.
     """

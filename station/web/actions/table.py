@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from station.web.actions import bench, people, recipes, runs, seen
+from station.web.actions import bench, jog, people, recipes, runs, seen
 from station.web.actions.row import Action
 from station.web.actions.values import (
     AccountAdded,
@@ -12,12 +12,17 @@ from station.web.actions.values import (
     BypassEnded,
     ChosenLanguage,
     Confirm,
+    DevicePressed,
     DryRunStarted,
     EndedBypass,
     FreshPassword,
+    JogBegun,
+    KeyHeld,
+    KeyReleased,
     Named,
     NewBadge,
     NewBypass,
+    NewJog,
     NewPassword,
     NewPerson,
     NewPin,
@@ -66,6 +71,16 @@ ACTIONS: dict[str, Action] = {
                Recovery, bench.acknowledge_fault, RecoveryTold, seen.recovery, ("recovery",), reaches_out=True),
         Action("leave_recovery", "end the way back and leave the bench as it is", IN_CHARGE, Recovery,
                bench.leave_recovery, RecoveryTold, seen.recovery, ("recovery",), reaches_out=True),
+        Action("begin_jog", "begin a jog: open the bench, drive off", IN_CHARGE, NewJog, jog.begin_jog, JogBegun,
+               seen.jog, ("model", "speed"), tells=("bench",), reaches_out=True),
+        Action("hold_jog", "hold the key of a direction: with the enabling device pressed the shaft turns", IN_CHARGE,
+               KeyHeld, jog.hold_jog, Outcome, seen.jog, ("direction",)),
+        Action("release_jog", "let go of the key of a jog: the shaft stops", IN_CHARGE, KeyReleased, jog.release_jog,
+               Outcome, seen.jog, ("why",)),
+        Action("press_device", "press the enabling device of the virtual bench, or let go", IN_CHARGE, DevicePressed,
+               jog.press_device, Outcome, seen.jog, ("down",), reaches_out=True),
+        Action("end_jog", "end the jog: stop, drive off", EVERYBODY, Nothing, jog.end_jog, Outcome, seen.jog,
+               reaches_out=True),
         Action("add_bypass", "set a start condition aside for some hours", IN_CHARGE, NewBypass, bench.add_bypass,
                BypassAdded, seen.bypass, ("condition", "reason", "hours")),
         Action("end_bypass", "let a start condition count again", IN_CHARGE, EndedBypass, bench.end_bypass,

@@ -113,7 +113,7 @@ def torque_agreement(found: Measured) -> Reading | str:
         ratios.append(torque_out[loading] / (method.ratio * torque_in[loading]))
     under_load = np.concatenate(ratios)
     if not under_load.size:
-        return "the peak torque is below half the reference torque"
+        return "needs a peak torque of at least half the reference torque"
     ratio = float(np.median(under_load))
     return Reading(100.0 * abs(ratio - 1.0), f"T_out / (ratio · T_in) is {ratio:.3g} under load")
 
@@ -132,7 +132,7 @@ def efficiency_high(found: Measured) -> Reading | str:
 
 def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Reading | str:
     if found.method.loading == "output":
-        return "the input is locked: the efficiency cannot be measured"
+        return "needs a locked output; this run locks the input"
     lines = lines_of(found)
     if isinstance(lines, str):
         return lines

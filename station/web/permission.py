@@ -259,7 +259,7 @@ def _bench_recovered(one: Situation) -> str | None:
         state, name = one.newest.state(), one.newest.id
         way_back = newest_recovery(one.data, one.newest)
         if way_back is not None and is_under_way(way_back):
-            return "The way back from a fault is under way. Wait until the unit is unloaded and the lock is open."
+            return "The recovery after a fault is in progress. Wait until the unit is unloaded and the lock is open."
         if state not in ("fault", INTERRUPTED, NOT_CONCLUDED) or was_recovered(one.data, one.newest):
             return None
     except StationError as error:

@@ -253,7 +253,7 @@ def _safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
     def look() -> str:
         by_hand.step()
         if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - begun > STALE_MS):
-            return f"{wires.remote_io.where} is silent: emergency stop and guard are not known"
+            return f"{wires.remote_io.where} does not answer: emergency stop and guard are not known"
         if not device.replies:
             return ""
         opened = [name for name in names if not device.values[device.place(name)]]
@@ -290,6 +290,6 @@ def end(bench: OnWires, done: StepDone, blocks: list[Block], said: tuple[object,
     if following is not None:
         blocks += [f"Next: lostmotion bench {following.id} --bench {bench.path}", f"  {following.needs}."]
     elif not done.passed:
-        blocks.append(f"Mend it, then: lostmotion bench status --bench {bench.path}")
+        blocks.append(f"Correct this, then run: lostmotion bench status --bench {bench.path}")
     say(document, blocks, as_json=as_json)
     return 0 if done.passed else NOT_PASSED

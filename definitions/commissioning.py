@@ -86,10 +86,10 @@ STEPS: tuple[Step, ...] = (
 STEP_BY_ID = {step.id: step for step in STEPS}
 
 NOT_COMMISSIONED = {
-    "bench": "name and revision say nothing of the hardware; the loaded shaft is named where it counts",
-    "pace": "only virtual benches have it",
-    "calibrations": "measured by runs, each with its due date",
-    "master_parts": "units, not hardware of the bench",
+    "bench": "name and revision do not describe the hardware; steps that depend on the loaded shaft name it themselves",
+    "pace": "only a virtual bench has this section",
+    "calibrations": "runs measure them; each has its own due date",
+    "master_parts": "master parts are units, not hardware of the bench",
 }
 """Sections of a bench file that no step depends on as a whole, and why."""
 

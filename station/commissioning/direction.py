@@ -135,7 +135,7 @@ def judged(tried: Tried, seen: Sequence[Seen], scale_of: ScaleOf) -> tuple[Findi
     findings = [*_signs(bench, recipe, seen, scale_of)]
     findings += _amounts(seen, scale_of)
     if not findings and not tried.complete:
-        findings.append(Finding(what=f"The small run ended early: {tried.why}.", cure=_next(tried)))
+        findings.append(Finding(what=f"The test run with small torque ended early: {tried.why}.", cure=_next(tried)))
     for one in seen:
         if one.sign == 0:
             least = f"{one.least:.3g} {one.unit}"

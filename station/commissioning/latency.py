@@ -146,8 +146,8 @@ def judged(tried: Tried, seen_ages: Sequence[Age], seen_lags: Sequence[Lag]) -> 
     """Say what is older, or lags otherwise, than the files say."""
     findings = [*_of_ages(seen_ages), *_of_lags(seen_lags)]
     if not tried.complete:
-        cure = "Mend that first; a wrong direction is found by: lostmotion bench direction."
-        findings.append(Finding(what=f"The small run ended early: {tried.why}.", cure=cure))
+        cure = "Correct this first; a wrong direction is found by: lostmotion bench direction."
+        findings.append(Finding(what=f"The test run with small torque ended early: {tried.why}.", cure=cure))
     return tuple(findings)
 
 

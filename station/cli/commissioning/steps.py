@@ -261,7 +261,7 @@ def _safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
     def look() -> str:
         by_hand.step()
         if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - begun > STALE_MS):
-            return f"{wires.remote_io.where} is silent: emergency stop and guard are not known"
+            return f"{wires.remote_io.where} does not answer: emergency stop and guard are not known"
         if not device.replies:
             return ""
         opened = [name for name in names if not device.values[device.place(name)]]
@@ -302,7 +302,7 @@ def end(bench: OnWires, done: StepDone, blocks: list[Block], said: tuple[object,
         blocks += _next(bench, following)
     elif not done.passed:
         blocks += [
-            "Mend it, then see which step is due first; a change may make an earlier one due:",
+            "Correct this. Then see which step is due first; a change may make an earlier one due:",
             f"  lostmotion bench status --bench {bench.path}",
         ]
     else:

@@ -161,7 +161,9 @@ def _run(bench: OnWires, recipe: str, plan: Plan, data: Path, by: str | None, *,
     refuse_records(data / FOLDER, "--data")
     tell = teller(as_json=as_json)
     gain = "" if plan.gain_per_s is None else f", gain {plan.gain_per_s:g} 1/s"
-    tell(f"small run: lock verified at {plan.proof:.0%}, then {plan.peak:.0%} of the rated torque{gain}")
+    tell(
+        f"test run with small torque: lock verified at {plan.proof:.0%}, then {plan.peak:.0%} of the rated torque{gain}"
+    )
     return try_out(bench, recipe, plan, data, by, tell)
 
 

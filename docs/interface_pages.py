@@ -90,14 +90,15 @@ def rest() -> str:
     )
     for part, rows in parts.items():
         text += f"\n## {ANCHOR.get(part, part).capitalize()}\n\n"
+        may = any(_who_may(path) for _, path, _ in rows)
         text += table(
-            ("request", "does", "asked with", "who may", "answers"),
+            ("request", "does", "asked with", *(("who may",) if may else ()), "answers"),
             (
                 (
                     f"`{method.upper()} {path}`",
                     row["summary"],
                     _asked_with(row, document),
-                    _who_may(path),
+                    *((_who_may(path),) if may else ()),
                     ", ".join(sorted(row["responses"])),
                 )
                 for method, path, row in rows

@@ -24,7 +24,7 @@ from analysis.torque_ratio.quadrant_fit import fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.scatter import alike
-from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured
+from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured, once
 from analysis.validity.settled_lines import (
     SIDES,
     SettledLines,
@@ -66,6 +66,7 @@ class Lines(NamedTuple):
         return [self.by_quadrant[f"load_{side}"].slope for side in SIDES]
 
 
+@once
 def lines_of(found: Measured) -> Lines | str:
     """Return the torque lines of a trace, or why it has none.
 
@@ -112,7 +113,7 @@ def torque_agreement(found: Measured) -> Reading | str:
         ratios.append(torque_out[loading] / (method.ratio * torque_in[loading]))
     under_load = np.concatenate(ratios)
     if not under_load.size:
-        return "the peak torque is below half the reference torque"
+        return "needs a peak torque of at least half the reference torque"
     ratio = float(np.median(under_load))
     return Reading(100.0 * abs(ratio - 1.0), f"T_out / (ratio · T_in) is {ratio:.3g} under load")
 
@@ -131,7 +132,7 @@ def efficiency_high(found: Measured) -> Reading | str:
 
 def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Reading | str:
     if found.method.loading == "output":
-        return "the input is locked: the efficiency cannot be measured"
+        return "needs a locked output; this run locks the input"
     lines = lines_of(found)
     if isinstance(lines, str):
         return lines
@@ -141,6 +142,7 @@ def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Readin
     return Reading(share, words)
 
 
+@once
 def shown_lines(found: Measured) -> tuple[SettledLines, str] | str:
     """Return what both torques show, and where; or why they do not.
 

@@ -219,7 +219,9 @@ class Supervisor:
                 armed = True
                 ring.send(Command.START)
             if not armed and now - started > ARM_TIMEOUT_S:
-                raise BenchFaultError(f"the scan process did not start within {ARM_TIMEOUT_S:.0f} s")
+                raise BenchFaultError(
+                    f"the scan process did not start within {ARM_TIMEOUT_S:.0f} s. Close other programs and run again"
+                )
             self._pass_on(ring, process, armed=armed)
             if self._attend is not None and ring.written:
                 self._attend(ring)

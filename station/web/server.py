@@ -20,6 +20,7 @@ from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
 from station.web.pages.certificates import add_certificates
+from station.web.pages.jog import add_jog
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
 from station.web.pages.quality import add_quality_page
@@ -93,6 +94,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_pages(station)
     add_certificates(station)
     add_maintenance(station)
+    add_jog(station)
     add_results(station)
     add_run_page(station)
     add_quality_page(station)
@@ -150,8 +152,7 @@ def serve(served: Served) -> None:
             )  # fmt: skip
             if sender is not None:
                 sender.start()
-            # When it starts, NiceGUI asks every object that the collector knows for its class, which one of canopen
-            # refuses. What is loaded by now stays for good.
+            # What is loaded by now stays for good: no later collection has to look through it.
             gc.freeze()
             uvicorn.Server(config).run(sockets=[listener])
     finally:

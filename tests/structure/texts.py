@@ -57,6 +57,9 @@ def texts() -> list[Seen]:
         for path in paths
         if "migrations" not in path.parts  # statements for the database
     }
+    constants = dict(one for tree in trees.values() for one in _constants(tree))
+    for tree in trees.values():
+        _Filled(constants | dict(_constants(tree))).visit(tree)
     shared = {key: one for tree in trees.values() for key, one in _refusals(tree).items()}
     found: dict[str, Seen] = {}
     for name, tree in trees.items():
@@ -69,6 +72,26 @@ def texts() -> list[Seen]:
 def drawn(seed: int, among: list[Seen]) -> list[Seen]:
     """Return fifty texts drawn by a seed, in the order of their places."""
     return sorted(random.Random(seed).sample(among, DRAWN), key=lambda one: one.place)  # noqa: S311 - a draw for readers
+
+
+def _constants(tree: ast.Module) -> Iterator[tuple[str, ast.Constant]]:
+    """Yield the sentences that a module has by name, such as a next step that several errors end with."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            text = _words(node.value)
+            if len(text.split()) > 1 and LEFT_OPEN not in text:
+                yield node.targets[0].id, ast.Constant(text)
+
+
+class _Filled(ast.NodeTransformer):
+    """Puts sentences in the place of their names."""
+
+    def __init__(self, constants: dict[str, ast.Constant]) -> None:
+        self._constants = constants
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        there = self._constants.get(node.id) if isinstance(node.ctx, ast.Load) else None
+        return node if there is None else ast.copy_location(ast.Constant(there.value), node)
 
 
 def _refusals(tree: ast.Module) -> dict[str, list[str]]:
@@ -158,6 +181,8 @@ def _words(node: ast.expr) -> str:
     """Return the text of a literal, an f-string, or a sum of both; nothing for anything else."""
     if isinstance(node, ast.Constant):
         return node.value if isinstance(node.value, str) else ""
+    if isinstance(node, ast.FormattedValue) and isinstance(node.value, ast.Constant):
+        return _words(node.value)
     if isinstance(node, ast.JoinedStr):
         return "".join(_words(part) or LEFT_OPEN for part in node.values)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):

@@ -82,7 +82,7 @@ def run(
     judged: Annotated[
         list[str] | None,
         typer.Option(
-            "--judged", metavar="SHA256", help="Refuse a recipe or bench file of another SHA-256; repeatable."
+            "--judged", metavar="SHA256", help="Allow only a recipe or bench file with this SHA-256; repeatable."
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -161,7 +161,8 @@ def recover(
     by_signal: Annotated[
         bool,
         typer.Option(
-            "--by-signal", help="Without a terminal, as the station does it: SIGUSR1 answers yes, SIGINT leaves it."
+            "--by-signal",
+            help="Answer by signals instead of a terminal: SIGUSR1 is yes, SIGINT leaves the bench as it is.",
         ),
     ] = False,
     operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Who recovers the bench.")] = None,

@@ -27,7 +27,7 @@ from station.run.way_back.recoveries import recoveries, was_recovered
 FOLDER = "jogs"
 
 NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
-"""How a run or a jog may end so that the bench has to be recovered before anything turns."""
+"""How a run may end so that the bench has to be recovered before anything turns."""
 
 
 @dataclass(frozen=True)
@@ -109,11 +109,9 @@ def why_no_jog(data: Path, job: Job) -> str:
         return "The way back from a fault is under way. Wait for its end."
     if job.bench.bench.embedded:
         return ""  # its virtual bench ended with the run before
-    left_so = [one for one in (run, next(reversed(jogs(data).newest(1)), None)) if one is not None]
-    for one in left_so:
-        if one.state() in NEEDS_WAY_BACK and not was_recovered(data, one):
-            return f"{one.id} ended with '{one.state()}'. Recover the bench first: the unit may be wound up."
-    return ""
+    if run is not None and run.state() in NEEDS_WAY_BACK and not was_recovered(data, run):
+        return f"Run {run.id} ended with '{run.state()}'. Recover the bench first: the unit may be wound up."
+    return ""  # a jog leaves the lock open, however it ends, so nothing is wound up behind it
 
 
 def _is_on(record: RunRecord) -> bool:

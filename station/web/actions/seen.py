@@ -50,6 +50,12 @@ def recovery(call: Call, _given: Values) -> Plain:
     return {"stage": "starting" if way_back.starting() and now.stage != "running" else now.stage, "recovery": now.run}
 
 
+def jog(call: Call, _given: Values) -> Plain:
+    """Whether the bench is jogged, in which record, and which key is held."""
+    standing = call.station.jogging.standing()
+    return {"on": standing.on, "jog": standing.now.run, "held": standing.held}
+
+
 def dry_run(call: Call, _given: RecipeTried) -> Plain:
     """Which text is tried, and how far that is."""
     now = call.station.dry_runs.now()

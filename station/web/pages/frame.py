@@ -29,6 +29,7 @@ PAGES = {
     "quality": "/quality",
     "recipes": "/recipes",
     "maintenance": "/maintenance",
+    "jog": "/jog",
     "certificates": "/certificates",
 }
 """The pages by their names in the bar."""

@@ -43,7 +43,7 @@ MARKS = {DONE: "✓", IN_HAND: "▶", TO_COME: "○", IN_THE_WAY: "■"}
 
 BEGIN, ACKNOWLEDGE, LEAVE = "begin_recovery", "acknowledge_fault", "leave_recovery"
 BUTTONS = {
-    BEGIN: "Begin the way back",
+    BEGIN: "Begin the recovery",
     ACKNOWLEDGE: "All is checked: acknowledge",
     LEAVE: "Leave the bench as it is",
 }

@@ -41,7 +41,7 @@ SAME_SCAN_S = 2.0
 """A code that comes twice within this is one scan, unless the first was refused."""
 
 CAPS_LOCK_ON = "Caps Lock is on: it changes what the scanner sends. Switch it off, then scan the unit again."
-SCANNER_TESTED = "The scanner is read as it should be. Scan the unit."
+SCANNER_TESTED = "The scanner works. Scan the unit."
 PUT_AWAY = "The bad unit is in the NOK box"
 RETEST_REASONS = ("seating of the unit", "result not decidable", "technician asked for it")
 
@@ -240,7 +240,7 @@ def _shown(now: Now) -> Shown:
 def _why(now: Now, say: Words) -> str:
     """Return what stands below the tile: why a start was refused, the reasons of a verdict, the metrics."""
     if now.refused:
-        return f"<b>{escape(say('The run was refused.'))}</b> {escape(say(now.refused))}"
+        return f"<b>{escape(say('The run was not started.'))}</b> {escape(say(now.refused))}"
     if now.altered:
         return "<br>".join(escape(one) for one in now.altered)
     if now.result is None:

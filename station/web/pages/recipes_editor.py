@@ -136,7 +136,7 @@ class _Editor:
                 ).props("outlined dense")
                 self._changes = ui.html(sanitize=False)
             with ui.tab_panel(made["Dry run"]):
-                self._try = ui.button("Try in virtual time", on_click=self._start_dry_run).props("no-caps outline")
+                self._try = ui.button("Try on the virtual bench", on_click=self._start_dry_run).props("no-caps outline")
                 self._tried = ui.html(sanitize=False).props('aria-live="polite"')
             with ui.tab_panel(made["History"]):
                 ui.html(_history_html(self._history, opened.name), sanitize=False)
@@ -175,7 +175,7 @@ class _Editor:
             ui.label(state if saved or found is None else f"{state}, changed and not saved").classes("lm-recipe-state")
             if found is not None and found.state is State.RELEASED and self._may("save_recipe"):
                 ui.button(
-                    "New revision from this",
+                    "Copy to a new revision",
                     on_click=lambda: ui.navigate.to(f"{address_of(found.name, found.revision)}?new=1"),
                 ).props("no-caps outline")
             if self._may_write():
@@ -231,7 +231,7 @@ class _Editor:
             count = len(looked.messages)
             where = next((f", the first in {one.where}" for one in looked.messages if one.line), "")
             self._load.set_text(
-                f"✕ {count} {'message' if count == 1 else 'messages'}{where}. There is no load to show."
+                f"✕ {count} {'message' if count == 1 else 'messages'}{where}. The load curve cannot be shown."
             )
         else:
             share = looked.peak_nm / looked.rated_nm
@@ -349,7 +349,7 @@ def _dry_run_html(now: DryRun, stage: str) -> str:
     word = shown.word if result.state == "complete" else result.state.upper()
     reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(result)[:4])
     tile = f'<div class="lm-tile lm-small {shown.style}">{shown.shape}<b>{escape(word)}</b></div>'
-    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>Tried in {now.took_s:.0f} s.</p>"
+    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>The try took {now.took_s:.0f} s.</p>"
 
 
 def _history_html(history: History, name: str) -> str:

@@ -193,7 +193,9 @@ class StationDatabase:
             self._lock = _held(data / LOCK) if serving else None
             os.close(os.open(self.path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600))
         except OSError as error:
-            raise StationError(f"{self.path}: cannot be opened: {error.strerror}. Choose another --data") from error
+            raise StationError(
+                f"{self.path}: cannot be opened: {error.strerror}. Choose another folder with --data"
+            ) from error
         self._engine = create_engine(f"sqlite:///{self.path}", connect_args={"timeout": BUSY_S})
         event.listen(self._engine, "connect", _set_up)
         event.listen(self._engine, "begin", _begin)
@@ -205,7 +207,7 @@ class StationDatabase:
     def _bring_up_to_date(self, connection: Connection) -> None:
         version = int(connection.exec_driver_sql("PRAGMA user_version").scalar_one())
         if version > len(STEPS):
-            raise StationError(f"{self.path}: is of a newer lostmotion (version {version}). Use that one")
+            raise StationError(f"{self.path}: was written by a newer lostmotion (version {version}). Use that version")
         for statement in STEPS[version:]:
             connection.exec_driver_sql(statement)
         connection.exec_driver_sql(f"PRAGMA user_version = {len(STEPS)}")
@@ -246,7 +248,7 @@ def _held(path: Path) -> int:
     except OSError as error:
         os.close(handle)
         raise StationError(
-            f"{path.parent}: another 'lostmotion serve' serves this folder. Stop it, or name another --data"
+            f"{path.parent}: another 'lostmotion serve' serves this folder. Stop it, or name another folder with --data"
         ) from error
     return handle
 

@@ -175,7 +175,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         })  # fmt: skip
 
     @app.get(
-        "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the way back after a fault",
+        "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the recovery after a fault",
         tags=["bench"], **answers(200, 401, 503),
     )  # fmt: skip
     def bench(token: CookieToken = None) -> Response:

@@ -178,6 +178,8 @@ VALUES = {
     "ask_release": {"name": "n", "revision": 1, "sha256": "0" * 64},
     "release_recipe": {"name": "n", "revision": 1, "sha256": "0" * 64},
     "acknowledge_fault": {"recovery": "R"},
+    "begin_jog": {"model": "P1", "speed": 1.0},
+    "press_device": {"down": True},
     "leave_recovery": {"recovery": "R"},
 }
 

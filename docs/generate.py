@@ -18,6 +18,7 @@ from definitions.jog import PHASES, PROTECTIONS
 from definitions.program import ROLES
 from definitions.protections import DRIVE_PROTECTIONS
 from definitions.states import STATES
+from docs.interface_pages import command_options, record_files, rest
 from docs.markdown import NOTE, table
 from docs.metric_page import metrics
 from docs.option_pages import bench_options, recipe_options
@@ -243,6 +244,9 @@ PAGES: dict[str, Callable[[], str]] = {
     "profile-options.md": profile_options,
     "safety.md": safety,
     "checks.md": checks,
+    "command-options.md": command_options,
+    "rest.md": rest,
+    "record-files.md": record_files,
 } | {f"schema/{file}": partial(schema_of, file) for file in FILES}
 
 if __name__ == "__main__":

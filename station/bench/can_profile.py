@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-
-import cantools
-from cantools.database.can import Database, Message, Signal
+from typing import TYPE_CHECKING
 
 from definitions.number_formats import SIZES
 from definitions.profiles.can import CAN_BYTES, LAST_IDENTIFIER, CanField, CanFrame, CanFrameFile, CanProfile
@@ -18,6 +16,9 @@ from drivers.config import CanSensorConfig
 from recipes import Problem, RecipeError, parse_document
 from recipes.schema.channel_schema import CanSensor
 from station.bench.files import File
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message, Signal
 
 DBC = ".dbc"
 """Ending of a profile that is a DBC file."""
@@ -66,6 +67,10 @@ def _of_file(path: Path, frame: CanFrameFile, node_id: int | None) -> CanFrame:
 
 def _messages(file: File, named: Collection[str]) -> list[Message]:
     """Return the messages of a DBC file that have a named signal, in the file's order."""
+    # Loaded where a bench has such a file: most have none.
+    import cantools  # noqa: PLC0415
+    from cantools.database.can import Database  # noqa: PLC0415
+
     try:
         found = cantools.database.load_string(file.content.decode("utf-8", "replace"), "dbc")
     except Exception as error:  # a bent file ends in whatever the parser stumbles over: KeyError, ValueError, its own

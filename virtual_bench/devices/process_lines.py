@@ -69,9 +69,10 @@ class Hands:
         *lines, self._rest = (self._rest + chunk).split(b"\n")
         for line in lines:
             if line.strip():
-                self._hear(line.decode(errors="replace").split())
+                self.hear(line.decode(errors="replace").split())
 
-    def _hear(self, words: list[str]) -> None:
+    def hear(self, words: list[str]) -> None:
+        """Do what a line says; one that says nothing known is logged."""
         try:
             target, verb, *more = words
             if more == ["end"]:
@@ -90,10 +91,17 @@ class ParentInput:
     """Our standard input: lines about the controller; when the parent dies, however it dies, its end closes."""
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, stop: asyncio.Event, tell: Callable[[str, int, int], None], log: LogLine
+        self,
+        loop: asyncio.AbstractEventLoop,
+        stop: asyncio.Event,
+        tell: Callable[[str, int, int], None],
+        log: LogLine,
+        hands: Hands | None = None,
     ) -> None:
+        """Hear a parent; hands: those of somebody at the bench, whose doings the parent passes on."""
         self._loop, self._stop = loop, stop
         self._tell, self._log = tell, log
+        self._hands = hands
         self._rest = b""
 
     def read(self) -> None:
@@ -107,9 +115,12 @@ class ParentInput:
             self._hear(line)
 
     def _hear(self, line: bytes) -> None:
-        """Take a line about the controller (its state, scan of entry, newest scan) or a fault that the station did."""
+        """Take a line about the controller (its state, scan of entry, newest scan), a hand, or what the station did."""
         try:
             told = json.loads(line)
+            if "hand" in told and self._hands is not None:
+                self._hands.hear(str(told["hand"]).split())
+                return
             if "acted" in told:
                 self._log(ACTED, str(told["acted"]), value=told["value"], clock_ns=int(told["clock_ns"]))
                 return

@@ -180,6 +180,31 @@ def recover(
     )
 
 
+def jog(
+    recipe: RecipeArgument,
+    bench: BenchOption = None,
+    data: DataOption = DEFAULT_DATA,
+    speed: Annotated[
+        float, typer.Option("--speed", metavar="SHARE", help="Share of the largest speed of a jog, up to 1.")
+    ] = 1.0,
+    unit: UnitOption = None,
+    operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Who jogs.")] = None,
+    by_lines: Annotated[
+        bool,
+        typer.Option("--by-lines", help="Without a terminal, as the station does it: keys are lines of the input."),
+    ] = False,
+) -> None:
+    """Jog: turn the shaft slowly while a key is held and the enabling device is pressed.
+
+    Hold + or - to turn, q ends it. The recipe says which unit is on the bench. Nothing is measured.
+    On the virtual bench e presses the enabling device, r releases it.
+    Exit code: 0 ended with the drive off, 2 bad input, 4 bench fault.
+    """
+    from station.cli.measure import jog as command_jog
+
+    raise typer.Exit(command_jog.jog(recipe, bench, data, speed=speed, operator=operator, unit=unit, by_lines=by_lines))
+
+
 def conclude(
     name: Annotated[
         str | None, typer.Argument(metavar="[RUN]", help="Run id or part of it, serial number, folder, or 'last'.")

@@ -185,7 +185,7 @@ class _Quality:
     async def build(self) -> None:
         """Lay the page out; the figures come one after another."""
         ui.colors(primary=LINE)
-        bar(self._session, "quality")
+        bar(self._station, self._session, "quality")
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
         with ui.element("main").classes("lm-page lm-quality"):
             with ui.tabs().props("dense no-caps align=left inline-label") as tabs:

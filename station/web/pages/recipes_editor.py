@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import secrets
 import time
 from functools import partial
 from html import escape
@@ -24,12 +23,11 @@ from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_
 from station.records.recipe_revisions import History, Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
-from station.web.actions.perform import perform
 from station.web.actions.row import Answer
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
 from station.web.languages import ENGLISH, words_of
-from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
+from station.web.pages.frame import SESSION_EVERY_S, act, bar, session_of_page, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.quality_figures import Options
 from station.web.pages.recipes_diff import diff_html
@@ -96,7 +94,7 @@ class _Editor:
             self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
             self._found = None
         ui.colors(primary=LINE_INK)
-        bar(self._session, "recipes")
+        bar(self._station, self._session, "recipes")
         with ui.element("main").classes("lm-page"):
             self._head = ui.element("div").classes("lm-recipe-head")
             self._refused = ui.label().classes("lm-refused").props('role="alert"')
@@ -297,8 +295,7 @@ class _Editor:
         self._changes.set_content(diff_html(before, self._text))
 
     async def _perform(self, action: str, values: dict[str, JsonValue]) -> Answer:
-        session, key = self._session, secrets.token_hex(16)
-        answer = await asyncio.to_thread(perform, self._station, action, session.token, session.csrf, key, values)
+        answer = await act(self._station, self._session, action, values)
         self._say([one.text for one in answer.refused])
         return answer
 

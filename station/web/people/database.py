@@ -125,6 +125,18 @@ AUDIT = Table(
     Column("sha256", String(64), nullable=False),
 )  # fmt: skip
 
+BEGUN = Table(
+    "begun", METADATA,
+    Column("number", Integer, primary_key=True),
+    Column("at", String(40), nullable=False),
+    Column("name", String(64), nullable=False),
+    Column("action", String(40), nullable=False),
+    Column("detail", Text, nullable=False),
+    Column("pid", Integer, nullable=False),
+    Column("birth", String(40), nullable=False),
+)  # fmt: skip
+"""Actions that are being done, and by which process: one whose process ended in it is told in the audit trail."""
+
 MES_UNITS = Table(
     "mes_units", METADATA,
     Column("serial", String(200), primary_key=True),

@@ -66,7 +66,7 @@ MODBUS_MISTAKES = [
     (_set("read", "table", "coil"), "found type u16 in table coil; allowed is bit"),
     (_set("identity", "value", 65536), "allowed for u16: at most 65535"),
     (_set("identity", "text", "AB"), "needs the key value, without text"),
-    (_set("read", "fields", 3, "scale", 0.0), "the scale is 0"),
+    (_set("read", "fields", 4, "scale", 0.0), "the scale is 0"),
     (_set("read", "fields", -1, "scale", -1.0), "a counter has no scale and no zero. Delete them"),
     (_set("write", {"table": "input", "address": 0, "fields": []}), "Input should be 'holding'"),
     (

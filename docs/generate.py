@@ -22,6 +22,7 @@ from docs.interface_pages import command_options, record_files, rest
 from docs.markdown import NOTE, table
 from docs.metric_page import metrics
 from docs.option_pages import bench_options, recipe_options
+from docs.profile_page import profile_options
 from docs.schemas import FILES, schema_of
 from drivers.servo_drive.cia402 import CONTROL_WORDS
 from recipes.compiler.budgets import BUDGETS
@@ -240,6 +241,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "recipe-options.md": recipe_options,
     "fault-vocabulary.md": fault_vocabulary,
     "bench-options.md": bench_options,
+    "profile-options.md": profile_options,
     "safety.md": safety,
     "checks.md": checks,
     "command-options.md": command_options,

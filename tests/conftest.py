@@ -21,6 +21,11 @@ pytest_plugins = ("command_fixtures",)
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Before numpy is loaded: on small matrices a second thread only waits, and doubles the processor time of the fits."""
 
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    [str(ROOT / "tests" / "without_pandas"), *filter(None, [os.environ.get("PYTHONPATH")])]
+)
+"""The processes that tests start have no pandas either: see there."""
+
 settings.register_profile("tests", deadline=None)
 settings.load_profile("tests")
 """How long an example takes says how busy the machine is, and nothing of what the test is about."""

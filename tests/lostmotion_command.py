@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -87,6 +88,7 @@ def here(*args: str) -> Ran:
 
 def forked(*args: str) -> Ran:
     """Run `lostmotion ARGS` to its end in a fork of this process, where everything is loaded already."""
+    _load()
     with tempfile.TemporaryFile("w+", encoding="utf-8") as said:
         pid = os.fork()
         if pid == 0:
@@ -99,6 +101,14 @@ def forked(*args: str) -> Ran:
         os.waitpid(pid, 0)
         said.seek(0)
         return Ran(*json.load(said))
+
+
+@cache
+def _load() -> None:
+    """Load here what every fork would load anew: two seconds of processor time each."""
+    from station.cli.measure import standby  # noqa: PLC0415 - most tests need no command
+
+    standby.load()
 
 
 class Running:

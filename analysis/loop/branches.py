@@ -37,6 +37,11 @@ class Branch:
     angle_arcmin: FloatArray
 
     @cached_property
+    def rising_arcmin(self) -> FloatArray:
+        """Wind-up that never falls with the torque: at each point the largest up to there."""
+        return np.asarray(np.maximum.accumulate(self.angle_arcmin))
+
+    @cached_property
     def _ends_nm(self) -> tuple[float, float]:
         return float(self.torque_nm[0]), float(self.torque_nm[-1])
 
@@ -65,7 +70,7 @@ class Branch:
         if not self.covers(low, high):
             asked = f"{low:.4g}" if low == high else f"{low:.4g}…{high:.4g}"
             raise AnalysisError(
-                f"the branch covers {self.torque_nm[0]:.4g}…{self.torque_nm[-1]:.4g} N·m and is asked for "
+                f"the branch covers {self.torque_nm[0]:.4g}…{self.torque_nm[-1]:.4g} N·m; needed is a value at "
                 f"{asked} N·m; load the unit further or lower the reference torque"
             )
         return interpolate(self.torque_nm, self.angle_arcmin, wanted)
@@ -80,12 +85,21 @@ class Branch:
 
 def interpolate(x: FloatArray, y: FloatArray, wanted: FloatArray) -> FloatArray:
     """Linear interpolation, continued straight beyond the ends with the slope of the last percent of the points."""
+    return _interpolate(x, y, wanted, wanted.min(), wanted.max())
+
+
+def interpolate_rising(x: FloatArray, y: FloatArray, wanted: FloatArray) -> FloatArray:
+    """As `interpolate`, at rising places."""
+    return _interpolate(x, y, wanted, wanted[0], wanted[-1])
+
+
+def _interpolate(x: FloatArray, y: FloatArray, wanted: FloatArray, least: float, most: float) -> FloatArray:
     result = np.asarray(np.interp(wanted, x, y))
     reach = max(1, x.size // 100)
-    if wanted.min() < x[0]:
+    if least < x[0]:
         beyond = wanted < x[0]
         result[beyond] = y[0] + _slope(x, y, 0, reach) * (wanted[beyond] - x[0])
-    if wanted.max() > x[-1]:
+    if most > x[-1]:
         beyond = wanted > x[-1]
         result[beyond] = y[-1] + _slope(x, y, -1, -1 - reach) * (wanted[beyond] - x[-1])
     return result

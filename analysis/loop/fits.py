@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from analysis.loop.branches import Branch, interpolate
+from analysis.loop.branches import Branch, interpolate_rising
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
 from definitions.metrics import FIT_POINTS
@@ -37,10 +37,10 @@ class MeanCurve:
     @property
     def gaps_arcmin(self) -> tuple[float, float]:
         """Gap at the negative and at the positive seam: outside minus middle."""
-        below, above = np.array([-self.break_nm]), np.array([self.break_nm])
+        below, above = -self.break_nm, self.break_nm
         return (
-            float((polynomial(self.negative, below) - polynomial(self.middle, below))[0]),
-            float((polynomial(self.positive, above) - polynomial(self.middle, above))[0]),
+            _value(self.negative, below) - _value(self.middle, below),
+            _value(self.positive, above) - _value(self.middle, above),
         )
 
     @property
@@ -133,7 +133,7 @@ def fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> F
     # as np.linspace, which takes as long as the rest of the fit: a budget makes thousands of these
     torque = _GRID * ((high_nm - low_nm) / (FIT_POINTS - 1)) + low_nm
     torque[-1] = high_nm
-    angle = interpolate(branch.torque_nm[first:behind], branch.angle_arcmin[first:behind], torque)
+    angle = interpolate_rising(branch.torque_nm[first:behind], branch.angle_arcmin[first:behind], torque)
     scaled = (_least_squares(degree) @ angle).tolist()
     # from x in -1…1 to torque: x = offset + slope·T
     slope = 2.0 / (high_nm - low_nm)
@@ -157,8 +157,21 @@ def _least_squares(degree: int) -> FloatArray:
 
 
 def polynomial(coefficients: FloatArray, torque_nm: FloatArray | float) -> FloatArray:
-    """Value of a polynomial with rising powers."""
-    return np.asarray(np.polynomial.polynomial.polyval(torque_nm, coefficients))
+    """Value of a polynomial with rising powers, to the last bit that of numpy's polyval, which looks at more first."""
+    return np.asarray(_horner(coefficients, torque_nm))
+
+
+def _value(coefficients: FloatArray, torque_nm: float) -> float:
+    """Value of a polynomial at one torque."""
+    return float(_horner(coefficients, torque_nm))
+
+
+def _horner(coefficients: FloatArray, torque_nm: FloatArray | float) -> FloatArray | float:
+    *lower, highest = coefficients.tolist()
+    found: FloatArray | float = highest + torque_nm * 0.0
+    for coefficient in reversed(lower):
+        found = coefficient + found * torque_nm
+    return found
 
 
 REGION_BORDERS = (0.2, 0.8)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 from analysis.loop.alignment import MOST_ROUNDS, Skew, align, skew_of_cycles
 from analysis.loop.branches import Blocks, binned, branch_records, monotone
@@ -52,6 +54,11 @@ class Measured:
     recorded: Trace
     interruptions: Sequence[Interruption] = ()
     """Stretches of the branches that are left out of the loops; `blocks` and `pairs` have them still."""
+
+    @cached_property
+    def read(self) -> dict[str, Any]:
+        """What several checks read of it, by name: each is made when it is first asked for."""
+        return {}
 
 
 def measure(trace: Trace, method: Method, *, with_ratio: bool = False) -> Measured:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import wraps
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from analysis.loop.measured import Measured
 from analysis.uncertainty.figures import TORQUES, SensorFigures, TorqueChannel
@@ -123,6 +123,8 @@ class Reading(NamedTuple):
     left_open: LeftOpen | None = None
 
 
+Found = TypeVar("Found")
+
 Figure = Callable[[Evidence], Reading | str]
 """What a check looks at: its figure, or in words why it does not apply."""
 
@@ -135,6 +137,19 @@ def of_measured(figure: Callable[[Measured], Reading | str]) -> Figure:
         return NOT_EVALUATED if evidence.measured is None else figure(evidence.measured)
 
     return read
+
+
+def once(read: Callable[[Measured], Found]) -> Callable[[Measured], Found]:
+    """Make what several checks read of an evaluated trace once: it is kept with the trace."""
+
+    @wraps(read)
+    def kept(found: Measured) -> Found:
+        if read.__qualname__ not in found.read:
+            found.read[read.__qualname__] = read(found)
+        known: Found = found.read[read.__qualname__]
+        return known
+
+    return kept
 
 
 def of_span(found: Measured, arcmin: float, words: str = "") -> Reading:

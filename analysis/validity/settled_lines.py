@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -65,7 +64,7 @@ class SettledLines(NamedTuple):
 
 Fits = Mapping[str, RatioFit]
 Lines = Mapping[str, RatioFit] | Mapping[str, TorqueLine]
-Figure = Callable[[Fits], float]
+Figure = Callable[[Lines], float]
 
 
 def straighter(trace: Trace, calibration: Sequence[Run], cycles: Sequence[Run]) -> tuple[Sequence[Run], str]:
@@ -165,18 +164,14 @@ def told(by_share: Sequence[Fits], figure: Figure) -> Told:
 
 def _standard_uncertainty(fits: Fits, figure: Figure) -> float:
     """Standard uncertainty of a figure by the scatter of the points about their lines, by moving each line."""
+    lines = {name: TorqueLine(fit.offset_nm, fit.slope) for name, fit in fits.items()}
     parts = []
     for name, fit in fits.items():
         along = (fit.u_offset_nm, fit.correlation * fit.u_slope)
         across = (0.0, fit.u_slope * math.sqrt(max(0.0, 1.0 - fit.correlation**2)))
         for offset_nm, slope in (along, across):
             high, low = (
-                figure(
-                    {
-                        **fits,
-                        name: replace(fit, offset_nm=fit.offset_nm + way * offset_nm, slope=fit.slope + way * slope),
-                    }
-                )
+                figure(lines | {name: TorqueLine(fit.offset_nm + way * offset_nm, fit.slope + way * slope)})
                 for way in (1.0, -1.0)
             )
             parts.append((high - low) / 2.0)

@@ -10,6 +10,7 @@ from typer.main import get_command
 
 from docs import generate
 from docs.option_pages import BENCH_SECTIONS, RECIPE_SECTIONS, RECIPE_STEPS
+from docs.profile_page import KINDS, profile_options, sections
 from recipes.schema.bench_schema import Bench
 from recipes.schema.calibration_schema import FixturePoint
 from recipes.schema.recipe_schema import Recipe
@@ -58,3 +59,11 @@ def test_every_section_of_a_file_is_on_the_page_of_its_options(
 ) -> None:
     told_in_the_text_of_its_section = {FixturePoint}
     assert set(sections_in(model)) - {model} - told_in_the_text_of_its_section == set(shown.values())
+
+
+def test_every_section_of_a_profile_is_on_the_page_of_its_options() -> None:
+    titles = re.findall(r"^### (.*)$", profile_options(), re.MULTILINE)
+    for model, shipped in KINDS.values():
+        assert {where for _, where in sections(model)} <= set(titles)
+        assert (ROOT / "drivers" / "profiles" / shipped).is_file()
+    assert "read_also (each)" in titles

@@ -47,7 +47,7 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         raise StationError(f"{place}: there is no such file or folder")
     files = eds_files(place)
     if not files:
-        raise StationError(f"{place}: no file in it ends with {' or '.join(ENDINGS)}")
+        raise StationError(f"{place}: this folder has no file that ends with {' or '.join(ENDINGS)}")
     drafts, unreadable = _drafts(files, place)
     _write(drafts, out)
     if as_json:
@@ -124,7 +124,7 @@ def compare(bench_name: str, *, as_json: bool) -> int:
     bench = load_bench(path)
     if bench.bench.embedded:
         hint = "Start `lostmotion virtual-bench`, and name a bench file with its ports"
-        raise StationError(f"{path}: the embedded virtual bench is there only while a run uses it. {hint}")
+        raise StationError(f"{path}: the embedded virtual bench exists only during a run. {hint}")
     profile = drive_profile(FileAt(find_profile(bench.drive.profile, path)))
     can, drive = can_config(bench), drive_config(bench, profile)
     with alone_on(bench.bench.name, can):
@@ -151,7 +151,7 @@ def compare(bench_name: str, *, as_json: bool) -> int:
 def _say_compared(compared: list[Compared], missing: list[str]) -> None:
     for one in compared:
         hint = f"; {one.next_step}" if one.next_step else ""
-        typer.echo(f"{one.outcome:15} {one.place}  {one.meaning}: found {one.found}, wanted {one.wanted}{hint}")
+        typer.echo(f"{one.outcome:15} {one.place}  {one.meaning}: found {one.found}, expected {one.wanted}{hint}")
     for text in missing:
         typer.echo(text)
     counts = {

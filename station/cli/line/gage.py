@@ -153,7 +153,8 @@ def _of_listed(
     for row, name in enumerate(names, start=1):
         if name not in by_run:
             raise StationError(
-                f"{file}: row {row}, column run: found '{name:.60}'; no such run with a value of {stored.name}"
+                f"{file}: row {row}, column run: found '{name:.60}'; no stored run with this id has a value of "
+                f"{stored.name}. Correct the id"
             )
         rows.append(by_run[name])
     twice = next((name for name, count in Counter(one.run_id for one in rows).items() if count > 1), None)

@@ -47,13 +47,7 @@ def prepare(recipe: str = "", bench: str = "") -> Callable[[], int]:
     seen = program_seen()
     ahead = {SCAN: start_ahead(SCAN)}
     ahead |= _rehearsed(recipe, bench or None)
-    for name in LOADED:
-        import_module(name)
-    load_ahead()
-    command_line()
-    software()
-    for kind in (Manifest, Result, Timing):
-        adapter(kind)
+    load()
     for one in ahead.values():
         one.wait_until_ready(READY_WITHIN_S)
 
@@ -67,6 +61,17 @@ def prepare(recipe: str = "", bench: str = "") -> Callable[[], int]:
         os.execv(sys.executable, [sys.executable, "-m", "station", *sys.argv[1:]])  # noqa: S606 - our own program
 
     return run
+
+
+def load() -> None:
+    """Load what a run needs, and make what it makes once; those who fork for a run do so before."""
+    for name in LOADED:
+        import_module(name)
+    load_ahead()
+    command_line()
+    software()
+    for kind in (Manifest, Result, Timing):
+        adapter(kind)
 
 
 def _rehearsed(recipe: str, bench: str | None) -> dict[str, Ahead]:

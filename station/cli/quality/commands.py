@@ -33,12 +33,12 @@ BenchFilter = Annotated[
 ]
 SinceOption = Annotated[
     str | None,
-    typer.Option("--since", metavar="DATE", help="Only runs from then on: 2026-01-31 or 2026-01-31T08:00."),
+    typer.Option("--since", metavar="DATE", help="Only runs from this time on: 2026-01-31 or 2026-01-31T08:00."),
 ]
-UntilOption = Annotated[str | None, typer.Option("--until", metavar="DATE", help="Only runs before then, as --since.")]
-VirtualOption = Annotated[
-    bool, typer.Option("--virtual", help="Units of the virtual bench. Default: real units, never both together.")
+UntilOption = Annotated[
+    str | None, typer.Option("--until", metavar="DATE", help="Only runs before this time, written as for --since.")
 ]
+VirtualOption = Annotated[bool, typer.Option("--virtual", help="Units of the virtual bench instead of real units.")]
 NewestOption = Annotated[
     int, typer.Option("--newest", metavar="N", min=3, help="Number of newest first attempts to use.")
 ]
@@ -104,7 +104,7 @@ def pareto(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """What hindered a lot, commonest first: metrics that failed by side, alarms, reasons of NOT DECIDABLE."""
+    """Causes of lost yield in a lot, most frequent first: failed metrics by side, alarms, reasons of NOT DECIDABLE."""
     from station.cli.quality import quality
 
     raise typer.Exit(quality.print_causes(data, _lot(recipe, model, bench, since, until, virtual), as_json=as_json))
@@ -128,7 +128,7 @@ def capability(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Cp, Cpk, Pp and Ppk of every metric with a limit, over the side that judges, with confidence intervals."""
+    """Cp, Cpk, Pp and Ppk of every metric with a limit, for its worse side, with confidence intervals."""
     from station.cli.quality import quality
 
     lot = _lot(recipe, model, bench, since, until, virtual, newest)
@@ -301,7 +301,9 @@ def report(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write to.")],
     loops: Annotated[
         int,
-        typer.Option("--loops", metavar="N", min=0, max=1000, help="Newest loops to draw; each is evaluated again."),
+        typer.Option(
+            "--loops", metavar="N", min=0, max=1000, help="Number of newest loops to draw; each is evaluated again."
+        ),
     ] = 30,
     locale: Annotated[
         str,

@@ -89,7 +89,7 @@ def recipes_save(
 
 @recipes_app.command("ask")
 def recipes_ask(name: RecipeName, revision: RevisionArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
-    """Ask that a draft be released."""
+    """Ask for the release of a draft."""
     _done(data, who, "ask_release", _as_read(data, name, revision))
 
 
@@ -129,7 +129,7 @@ def users_add(
 
 @users_app.command("reset")
 def users_reset(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
-    """Open an account again with a first password, whatever closed or locked it."""
+    """Reopen a closed or locked account with a new first password."""
     _done(data, who, "reset_person", {"name": name}, password=f"first password of {name}")
 
 
@@ -141,7 +141,7 @@ def users_disable(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT
 
 @users_app.command("badge")
 def users_badge(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
-    """Give a person a badge: its number is scanned or typed, and a PIN of 4 to 12 digits."""
+    """Give a person a badge: its number is scanned or typed. It also needs a PIN of 4 to 12 digits."""
     _done(data, who, "assign_badge", {"name": name}, badge="badge", pin="PIN")
 
 

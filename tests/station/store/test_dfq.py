@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import io
+import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
-import aqdefreader
 import pytest
 from lostmotion_command import here
 from stored_runs import metric, store_run
@@ -17,6 +17,10 @@ from station.quality.dfq.check import DfqError, DfqFile, checked_dfq
 from station.quality.dfq.fields import ENCODING, FIELDS, IN_A_VALUE, LIMITS
 from station.quality.dfq.write import dfq_of_lot
 from station.store.quality.lot import Lot, production
+
+with pytest.MonkeyPatch.context() as patch:
+    patch.setattr(sys, "path", [one for one in sys.path if Path(one).name != "without_pandas"])
+    import aqdefreader
 
 LOT = Lot(recipe="inverse")
 FROM = 10

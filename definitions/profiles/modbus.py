@@ -127,6 +127,9 @@ class ReadBlock:
             )
         for field in self.fields:
             _check_table(field.name, field.type, self.table)
+            twin = next((one for one in self.fields if one is not field and _same_bit(one, field)), None)
+            if twin is not None:
+                raise ValueError(f"{field.name} and {twin.name} are the same bit; each contact has an input of its own")
             if field.offset + _places(field.type) > self.count:
                 what = "bits" if self.table in COIL_TABLES else "registers"
                 raise ValueError(
@@ -187,6 +190,12 @@ class ModbusProfile:
 
     def __post_init__(self) -> None:
         _check_names([field.name for block in (self.read, *self.read_also) for field in block.fields])
+
+
+def _same_bit(one: ReadField, other: ReadField) -> bool:
+    """Tell whether two fields are one and the same bit of a register, or the same coil or discrete input."""
+    is_bit = one.bit is not None or one.type == BIT
+    return is_bit and (one.offset, one.bit, one.type) == (other.offset, other.bit, other.type)
 
 
 def _check_names(names: list[str]) -> None:

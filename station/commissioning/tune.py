@@ -110,7 +110,7 @@ def judged(gain_per_s: float, tuned: Tuned) -> tuple[Finding, ...]:
                 what=what, cure="Look for play and loose couplings: the torque swings at every gain that was tried."
             ),
         )
-    cure = f"Write 'torque_control: {{gain: {tuned.proposed_per_s:.2g}}}' into the bench file, then do this step again."
+    cure = f"Write 'torque_control: {{gain: {tuned.proposed_per_s:.2g}}}' into the bench file."
     return (Finding(what=what, cure=cure),)
 
 

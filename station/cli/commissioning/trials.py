@@ -141,11 +141,14 @@ def timing(bench_name: str, recipe: str, seconds: float, by: str | None, *, as_j
     findings = []
     if share > MISSED_ALLOWED:
         what = f"{report.missed} of {report.periods} periods missed, {share:.2%}; {MISSED_ALLOWED:.1%} allowed."
-        findings.append(Finding(what=what, cure="Run: lostmotion doctor, then do this step again."))
+        findings.append(
+            Finding(what=what, cure="Run: lostmotion doctor. It says what holds the scan up and how to mend it.")
+        )
     late, work = report.lateness_us, report.work_us
     figures = (
         Figure(name="periods", value=report.periods),
         Figure(name="missed", value=report.missed),
+        Figure(name="missed, allowed", value=int(MISSED_ALLOWED * report.periods)),
         Figure(name="wake-up latency, 99 %", value=round(late.p99, 1), unit="µs"),
         Figure(name="work of a scan, 99 %", value=round(work.p99, 1), unit="µs"),
     )

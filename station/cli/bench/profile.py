@@ -57,9 +57,11 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         for one in drafts:
             _say_draft(one, out)
         for text in unreadable:
-            typer.echo(text)
+            typer.echo(f"# {text}")
         if len(files) > 1:
-            typer.echo(f"{len(drafts)} of {len(files)} files drafted")
+            usable = sum(not one.refused for one in drafts)
+            rest = f"{len(drafts) - usable} cannot be used, {len(unreadable)} could not be read"
+            typer.echo(f"# {len(files)} files: {usable} usable, {rest}")
     return EXIT_UNUSABLE if unreadable or any(one.refused for one in drafts) else 0
 
 
@@ -98,13 +100,13 @@ def _write(drafts: list[Draft], out: Path | None) -> None:
 
 def _say_draft(one: Draft, out: Path | None) -> None:
     if out is None:
-        typer.echo(one.text)
+        typer.echo(f"---  # {one.source}\n{one.text}")
     else:
         typer.echo(f"{one.source}: drafted {out / one.name}.yaml")
     for heading, texts in (
         ("cannot be used", one.refused),
         ("this drive lacks", one.lacks),
-        ("the file does not tell", one.open_places),
+        ("to check", one.open_places),
     ):
         for text in texts:
             typer.echo(f"# {heading}: {text}")

@@ -102,6 +102,20 @@ def gage(
     return say(document, [*blocks, *of_sides, *values.notes()], as_json=as_json)
 
 
+def judged_study(data: Path, ask: Ask, by: str, level: float = 0.95) -> tuple[GageDesign, GageStudy]:
+    """Return the study of stored runs on the side that judges, with the tolerance of their recipe.
+
+    Raises:
+        StationError, AnalysisError: `by` is none of `BY`, or the design is not complete.
+
+    """
+    if by not in BY:
+        raise StationError(f"--by: found {by!r}; allowed are {', '.join(BY)}")
+    sides = [_studied(_of_runs(one, by), one, None, level) for one in values_of_sides(data, ask)]
+    _, (design, _, anova, _), _ = worse_side(sides)
+    return design, anova
+
+
 Study = tuple[GageDesign, float | None, GageStudy, AverageRange]
 
 

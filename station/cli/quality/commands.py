@@ -208,17 +208,29 @@ def trend(
 
 @quality_app.command("type1")
 def type1(
-    serial: Annotated[str, typer.Option("--serial", metavar="SN", help="Part of known value, as a master part.")],
+    serial: Annotated[
+        str,
+        typer.Option(
+            "--serial", metavar="SN", help="Serial number of a part with a known value, such as a master part."
+        ),
+    ],
     metric: WantedMetric,
     reference: Annotated[
-        float, typer.Option("--reference", metavar="X", help="Its known value, in the metric's unit.")
+        float, typer.Option("--reference", metavar="X", help="Known value of the part, in the unit of the metric.")
     ],
     tolerance: Annotated[
         float | None,
         typer.Option("--tolerance", metavar="X", help="Upper minus lower limit. Default: the recipe's."),
     ] = None,
     share: Annotated[
-        float, typer.Option("--share", metavar="P", min=1.0, max=100.0, help="Share of the tolerance, in per cent.")
+        float,
+        typer.Option(
+            "--share",
+            metavar="P",
+            min=1.0,
+            max=100.0,
+            help="Share of the tolerance that the spread is compared with [%].",
+        ),
     ] = 20.0,
     side: SideOption = None,
     branch: BranchOption = None,
@@ -324,3 +336,64 @@ def report(
 
     lot = _lot(recipe, model, bench, since, until, virtual, newest)
     raise typer.Exit(batch.write_report(data, lot, out, loops, locale, as_json=as_json))
+
+
+@quality_app.command()
+def validation(
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="New folder to write the pack to.", show_default=False)
+    ] = None,
+    bench: Annotated[
+        str | None, typer.Option("--bench", metavar="FILE", help="Bench file of the bench, or a shipped bench.")
+    ] = None,
+    tests: Annotated[
+        list[Path] | None,
+        typer.Option("--tests", metavar="XML", help="Report of the tests, by 'pytest --junitxml'; repeatable."),
+    ] = None,
+    self_test: Annotated[
+        bool,
+        typer.Option("--self-test", help="Measure virtual units of known verdict, and replay them: some minutes."),
+    ] = False,
+    type1: Annotated[
+        list[str] | None,
+        typer.Option("--type1", metavar="SN:ID:X", help="Part, metric and known value of a type 1 study; repeatable."),
+    ] = None,
+    gage: Annotated[
+        list[str] | None,
+        typer.Option("--gage", metavar="ID", help="Metric of a gage study of the stored runs; repeatable."),
+    ] = None,
+    by: Annotated[
+        str, typer.Option("--by", metavar="WHAT", help="What stands for the operator there: day, bench or operator.")
+    ] = "operator",
+    evidence: Annotated[
+        list[Path] | None,
+        typer.Option("--evidence", metavar="FILE", help="File for a person to read, kept in the pack; repeatable."),
+    ] = None,
+    recipe: RecipeFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    check: Annotated[
+        Path | None,
+        typer.Option("--check", metavar="DIR", help="Make nothing: check that a pack is as it was made."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Validation pack for a customer's auditor: installation, operation, performance, filled from this installation.
+
+    Exit code: 0 when everything is met, 1 when something is not met or open, 2 bad input.
+    """
+    from station.cli.quality import validation as command
+    from station.errors import StationError
+    from station.quality.validation.performance import known_part
+
+    if check is not None:
+        raise typer.Exit(command.check(check, as_json=as_json))
+    if out is None:
+        raise StationError("quality validation: found no --out; name a new folder to write the pack to")
+    parts = tuple(known_part(one) for one in type1 or ())
+    lot = _lot(recipe, None, None, since, until, virtual)
+    files = tuple(tests or ()), tuple(evidence or ())
+    wanted = command.Wanted(bench, *files, parts, tuple(gage or ()), by, lot, self_test)
+    raise typer.Exit(command.make(data, out, wanted, as_json=as_json))

@@ -6,13 +6,25 @@ import pytest
 from sqlalchemy import select, update
 from station_support import PASSWORD, client_of
 
-from station.web.people import audit
+from station.web.people import audit, badges
 from station.web.people.accounts import WRONG_TRIES
 from station.web.people.database import BADGE_SALT, BADGES, PEOPLE
 from station.web.settings import Settings
 from station.web.station import Station
 
 BADGE, PIN = "B-100042", "8305"
+OF_THE_STATION = (badges.PASSES, badges.MEMORY_KIB, badges.LANES)
+
+
+@pytest.fixture(autouse=True)
+def quick_digests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A number is looked up at each entry: how slowly is not what these tests are about."""
+    monkeypatch.setattr(badges, "MEMORY_KIB", 8 * badges.LANES)
+
+
+def test_a_number_is_hashed_as_slowly_as_is_recommended() -> None:
+    """OWASP, Argon2id with the least memory."""
+    assert OF_THE_STATION == (2, 19_456, 1)
 
 
 def with_badge(station: Station, role: str = "operator") -> None:

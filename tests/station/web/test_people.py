@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+import subprocess
+import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +14,7 @@ from pathlib import Path
 import pytest
 from lostmotion_command import here
 from sqlalchemy import delete, select, update
-from station_support import FIRST, PASSWORD, client_of, station_in
+from station_support import FIRST, OF_THE_STATION, PASSWORD, client_of, station_in
 
 from station.errors import StationError
 from station.web.people import accounts, audit
@@ -35,6 +37,16 @@ def database(tmp_path: Path) -> StationDatabase:
 
 def entered(database: StationDatabase, name: str, password: str) -> accounts.Session | EntryRefusedError:
     return enter(database, name, password)
+
+
+def test_a_password_is_hashed_as_slowly_as_is_recommended() -> None:
+    """RFC 9106, Argon2id with little memory: 3 passes over 64 MiB."""
+    kept = OF_THE_STATION.hash(PASSWORD)
+    assert kept.startswith("$argon2id$v=19$m=65536,t=3,p=4$")
+    assert len(kept.split("$")[-1]) >= 43, "of 32 bytes"
+    code = "from station.web.people import accounts as a; print(a._HASHER.hash('x'), a.NOBODY)"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert [one.rsplit("$", 2)[0] for one in told] == [kept.rsplit("$", 2)[0]] * 2, "a process that no test has changed"
 
 
 def test_the_first_start_makes_one_account_whose_password_is_to_be_changed(database: StationDatabase) -> None:
